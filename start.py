@@ -1,7 +1,7 @@
-"""Everything from a bare Python and a clone: ``python3 start.py demo`` or ``python3 start.py test``.
+"""Everything from a bare Python and a clone: ``python3 start.py demo``, ``test`` or ``test --all``.
 
 Makes the environment ``.venv`` beside this file, installs specan into it, then runs the main job on the
-sample recordings (demo) or the tests (test). On Windows: ``py start.py demo``.
+sample recordings (demo) or the tests (test; with --all those that take long as well). On Windows: ``py start.py demo``.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ OLDEST = (3, 11)
 
 def main(arguments: list[str]) -> int:
     """Run one of the two jobs; the exit code is that of what was run."""
-    if arguments not in (["demo"], ["test"]):
-        print("Usage: python3 start.py demo | python3 start.py test", file=sys.stderr)
+    if arguments not in (["demo"], ["test"], ["test", "--all"]):
+        print("Usage: python3 start.py demo | python3 start.py test [--all]", file=sys.stderr)
         return 2
     if sys.version_info < OLDEST:
         found = ".".join(map(str, sys.version_info[:3]))
         print(f"specan needs Python 3.11 or newer, and this is {found}.", file=sys.stderr)
         return 2
-    return demo() if arguments == ["demo"] else test()
+    return demo() if arguments == ["demo"] else test(everything="--all" in arguments)
 
 
 def demo() -> int:
@@ -41,10 +41,10 @@ def demo() -> int:
     return code
 
 
-def test() -> int:
-    """The tests, on two processes."""
+def test(everything: bool) -> int:
+    """The tests, on two processes; those that are marked `long` only where everything is asked for."""
     install("[test]")
-    return run("-m", "pytest", "-n", "2")
+    return run("-m", "pytest", "-n", "2", *([] if everything else ["-m", "not long"]))
 
 
 def install(extras: str) -> None:

@@ -53,7 +53,7 @@ from specan.dsp.weighting import power_weighting
 start = time.process_time()
 spectrum = recorded(BandEnergyAccumulator(rows, rate))
 index = bands.band_range(20.0, 20000.0 if rate > 45000 else 0.4 * rate, {fraction})
-levels = spectrum.band_mean_square(index, {fraction})
+levels = spectrum.band_mean_square(bands.Bands.octaves({fraction}, index))
 totals = [spectrum.through(lambda f: power_weighting(f, w)) for w in "ABC"]
 cpu = time.process_time() - start
 """
@@ -62,7 +62,7 @@ from specan.dsp import bands
 from specan.dsp.band_history import BandHistoryAccumulator
 from specan.dsp.history_filters import band_filter, weighting_filter
 index = bands.band_range(20.0, 20000.0 if rate > 45000 else 0.4 * rate, {fraction})
-filters = [band_filter(int(k), {fraction}) for k in index] + [weighting_filter(w) for w in "ABCZ"]
+filters = [band_filter(*bands.Bands.octaves({fraction}, int(k))) for k in index] + [weighting_filter(w) for w in "ABCZ"]
 start = time.process_time()
 n = round(seconds * rate)
 recorded(BandHistoryAccumulator(rows, rate, n, filters, 0.125, None, np.arange(1, seconds * 8) / 8))

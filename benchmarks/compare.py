@@ -50,7 +50,7 @@ LEVELS = {
         "from specan.dsp import bands\nfrom specan.dsp.band_energy import BandEnergyAccumulator\n"
         "from specan.dsp.weighting import power_weighting\nimport scipy.fft, scipy.special",
         "found = fed(BandEnergyAccumulator(len(x), rate))\n"
-        "found.band_mean_square(np.arange(-17, -17 + len(mid)), 3)\n"
+        "found.band_mean_square(bands.Bands.octaves(3, np.arange(-17, -17 + len(mid))))\n"
         "[found.through(lambda f: power_weighting(f, w)) for w in 'ABC']",
     ),
     "scipy sosfilt": (
@@ -94,7 +94,8 @@ OURS = (
     "from specan.dsp.band_history import BandHistoryAccumulator\n"
     "from specan.dsp.history_filters import band_filter, weighting_filter\n"
     "index = bands.band_range(20.0, mid[-1], {fraction})\n"
-    "filters = [band_filter(int(k), {fraction}) for k in index] + [weighting_filter(w) for w in '{totals}']",
+    "filters = [band_filter(band) for band in bands.Bands.octaves({fraction}, index)]\n"
+    "filters += [weighting_filter(w) for w in '{totals}']",
     "times = np.arange(1, 8 * x.shape[1] / rate) / 8\n"
     "fed(BandHistoryAccumulator(len(x), rate, x.shape[1], filters, 0.125, None, times))",
 )
@@ -221,12 +222,12 @@ def growth(rate: float) -> list[tuple[int, float, float]]:
     """Channels, seconds and CPU seconds of 1/3 octave levels."""
     code = (
         "import json, sys, time\nimport numpy as np\nimport scipy.fft, scipy.special\n"
-        "from specan.dsp.band_energy import BandEnergyAccumulator\n"
+        "from specan.dsp import bands\nfrom specan.dsp.band_energy import BandEnergyAccumulator\n"
         "rate, rows, left = float(sys.argv[1]), int(sys.argv[2]), int(float(sys.argv[3]) * float(sys.argv[1]))\n"
         "pool = np.random.default_rng(1).standard_normal((rows, 1 << 16))\n"
         "start, energy = time.process_time(), BandEnergyAccumulator(rows, rate)\n"
         "while left > 0:\n    energy.add(pool[:, :left])\n    left -= pool.shape[1]\n"
-        "energy.result().band_mean_square(np.arange(-17, 14), 3)\n"
+        "energy.result().band_mean_square(bands.Bands.octaves(3, np.arange(-17, 14)))\n"
         "print(time.process_time() - start)\n"
     )
     found = []

@@ -4,6 +4,8 @@
 
 Mutants lie in batches of `--together` beside a good recording. A batch must end, every mutant must
 have a result or stand in `skipped.txt`, and the lines of the good recording must be those of a batch without mutants.
+Every verb is then given mutants, and must answer or say what is wrong; and good channels beside a bad one,
+whose results must be those that they have alone.
 """
 
 from __future__ import annotations
@@ -19,8 +21,12 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from specan.data.recording import Recording
 
 # Values that a damaged length, count, offset or property takes.
 _NUMBERS = (
@@ -233,6 +239,175 @@ def fuzz(kind: str, count: int, seed: int, together: int, place: Path) -> tuple[
     return total, faults
 
 
+RATE, SECONDS = 8000, 2
+# Analyses, the signal that they are for, and what of their result belongs to a channel.
+VERBS: dict[str, tuple[str, str, dict]] = {
+    "octave": ("knock", "level_dB", {}),
+    "fft": ("noise", "density", {"lines": 400}),
+    "spectrogram": ("noise", "level_dB", {}),
+    "frf": ("noise", "response", {}),
+    "rms": ("knock", "rms", {}),
+    "tones": ("tone", "magnitude", {}),
+    "orders": ("turning", "amplitude", {"orders": (1, 2)}),
+    "calibrate": ("calibrator", "sensitivity", {}),
+    "impulse": ("noise", "samples", {}),
+    "decay": ("knock", "t20_s", {}),
+    "info": ("knock", "", {}),
+    "export": ("knock", "", {}),
+}
+# What is tried of those that are commands only; {out} is a place to write to.
+COMMANDS = {
+    "info": (("--levels", "--json"), ("--all",)),
+    "export": tuple(("--to", form, "-o", f"{{out}}.{form}") for form in ("csv", "wav", "uff")),
+}
+RATES = ("nan", "inf", "-inf", "0", "-51200", "1", "44099", "1e300", "5e-324", "x", "")
+
+
+def good_channels(signal: str) -> dict[str, tuple[np.ndarray, str, str]]:
+    """Samples, role and unit of channels that a verb can do something with."""
+    rng, t = np.random.default_rng(1), np.arange(RATE * SECONDS) / RATE
+    white = rng.standard_normal(t.size)
+    mic = {
+        "knock": np.where(t > 0.1, white * 10 ** (-3 * (t - 0.1) / 0.5), 0.0),
+        "noise": 2 * np.roll(white, 3) + 0.01 * rng.standard_normal(t.size),
+        "tone": 2 * np.sin(2 * np.pi * 250 * t),
+        "turning": np.sin(2 * np.pi * 50 * t),
+        "calibrator": 0.07 * np.sin(2 * np.pi * 1000 * t) + 1e-5 * white,
+    }[signal]
+    beside = {
+        "noise": ("Vibrometer", (white, "vibrometer", "m/s")),
+        "tone": ("Vibrometer", (np.sin(2 * np.pi * 250 * t), "vibrometer", "m/s")),
+        "turning": ("Tacho", (5.0 * ((t * 50) % 1 < 0.5), "tacho", "V")),
+    }
+    other = dict([beside[signal]]) if signal in beside else {}
+    return {"Mic": (mic, "microphone", "V" if signal == "calibrator" else "Pa"), **other}
+
+
+def bad_channels() -> dict[str, np.ndarray]:
+    """Samples that nothing can be made of: constant, not finite, out of range, too few."""
+    white = np.random.default_rng(2).standard_normal(RATE * SECONDS)
+    one = np.arange(white.size) == 7
+    return {
+        "constant": np.full(white.size, 0.3),
+        "zeros": np.zeros(white.size),
+        "NaN": np.full(white.size, np.nan),
+        "one NaN": np.where(one, np.nan, white),
+        "one infinity": np.where(one, np.inf, white),
+        "huge": 1e300 * white,
+        "tiny": 1e-300 * white,
+        **{f"{n} samples": white[:n] for n in (0, 1, 2, 17, 500)},
+    }
+
+
+def of_mic(verb: str, channels: dict[str, tuple[np.ndarray, str, str]]) -> np.ndarray:
+    """What a verb finds for the channel "Mic"."""
+    import specan
+    from specan.data.channel import Channel
+    from specan.data.recording import ArraySource
+
+    _, name, settings = VERBS[verb]
+    described = tuple(
+        Channel(
+            label, unit=unit, role=role, sampling_rate=RATE, n_samples=samples.size,
+            raw_unit="V" if unit == "V" else "", properties={"PulsesPerRevolution": 1} if role == "tacho" else {},
+        )
+        for label, (samples, role, unit) in channels.items()
+    )  # fmt: skip
+    source = ArraySource([samples for samples, _, _ in channels.values()])
+    if verb in COMMANDS:
+        return of_mic_by_command(verb, specan.Recording("fuzz", described, source))
+    found = getattr(specan, verb)(specan.Recording("fuzz", described, source), **settings)
+    if verb == "calibrate":
+        return np.array([c.sensitivity for c in found.channels if c.channel == "Mic"])
+    row = [getattr(c, "name", c) for c in found.channels].index("Mic")
+    return np.asarray(getattr(found, name))[row]
+
+
+def of_mic_by_command(verb: str, recording: Recording) -> np.ndarray:
+    """The levels that `info` finds for the channel "Mic", or its samples as they are exported."""
+    from specan.analysis.quality import rms_and_quality
+    from specan.analysis.section import of_one_rate
+    from specan.io.export_file import Excerpt, write_excerpt
+
+    place = [channel.name for channel in recording.channels].index("Mic")
+    if verb == "info":
+        rms, quality = rms_and_quality(recording)[place]
+        return np.array([rms, quality.minimum, quality.maximum, len(quality.flags)])
+    chosen = of_one_rate(recording, ())[0]
+    excerpt = Excerpt(recording, chosen, 0, min(channel.n_samples for channel in chosen))
+    with tempfile.TemporaryDirectory() as name:
+        write_excerpt(excerpt, "csv", Path(name) / "a.csv", ".")
+        with (Path(name) / "a.csv").open(encoding="utf-8", newline="") as file:
+            head, *rows = (row for row in csv.reader(file) if row and not row[0].startswith("#"))
+    column = next(k for k, title in enumerate(head) if title.startswith("Mic"))
+    return np.array([float(row[column]) for row in rows])
+
+
+def by_command(*words: str) -> list[str]:
+    """What is wrong with how a command ends: with anything but a result or a message."""
+    import click
+    from click.testing import CliRunner
+
+    from specan.errors import SpecanError
+    from specan_cli.main import main as command
+
+    try:
+        with np.errstate(all="ignore"):
+            CliRunner().invoke(command, list(words), catch_exceptions=False, standalone_mode=False)
+    except SpecanError as error:
+        return [f"{' '.join(words)}: {error}"] if error.exit_code == 4 else []
+    except click.ClickException:
+        return []
+    except Exception as error:
+        return [f"{' '.join(words)}: {type(error).__name__}: {error}"]
+    return []
+
+
+def beside_bad_channels(verb: str, bad: dict[str, np.ndarray]) -> list[str]:
+    """Where a channel has another result, or none, because another one is bad."""
+    good, faults = good_channels(VERBS[verb][0]), []
+    alone = of_mic(verb, good)
+    for what, samples in bad.items():
+        victim = {"Bad": (samples, "microphone", good["Mic"][2])}
+        for channels in ({**victim, **good}, {**good, **victim}):
+            try:
+                with np.errstate(all="ignore"):
+                    found = of_mic(verb, channels)
+                same = found.shape == alone.shape and np.allclose(found, alone, 1e-6, 1e-9, equal_nan=True)
+                if not same:
+                    faults.append(f"{verb} beside {what}: the good channel has another result")
+            except Exception as error:
+                faults.append(f"{verb} beside {what}: {type(error).__name__}: {error}")
+    return faults
+
+
+def through_verbs(files: dict[str, bytes], place: Path) -> list[str]:
+    """Verbs that end with anything but a result or a message on one mutant."""
+    import specan
+    from specan.errors import SpecanError
+
+    faults = []
+    place.mkdir(exist_ok=True)
+    for name, data in files.items():
+        (place / name).write_bytes(data)
+    for name in (name for name in files if name[:2] == "a."):
+        for verb, ways in COMMANDS.items():
+            for way in ways:
+                more = (word.format(out=place / f"{name}-out") for word in way)
+                faults += by_command(verb, str(place / name), *more)
+    for verb in ("read", *(verb for verb in VERBS if verb not in COMMANDS)):
+        for name in (name for name in files if name[:2] == "a."):
+            try:
+                with np.errstate(all="ignore"):
+                    getattr(specan, verb)(place / name)
+            except SpecanError as error:
+                if "does not know" in str(error) or error.exit_code == 4:
+                    faults.append(f"{verb}: {error}")
+            except Exception as error:
+                faults.append(f"{verb}: {type(error).__name__}: {error}")
+    return faults
+
+
 def _rows(path: Path) -> list[list[str]]:
     with path.open(encoding="utf-8", newline="\n") as file:
         return list(csv.reader((line for line in file if not line.startswith("#")), delimiter="\t"))
@@ -243,6 +418,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     for kind, count in (("tdms", 3000), ("text", 2000), ("wav", 800)):
         parser.add_argument(f"--{kind}", type=int, default=count)
+    parser.add_argument(
+        "--verbs", type=int, default=200, help="mutants of each kind that every verb is given"
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--together", type=int, default=100)
     chosen = parser.parse_args()
@@ -254,6 +432,19 @@ def main() -> int:
             total, faults = fuzz(kind, getattr(chosen, kind), chosen.seed, chosen.together, Path(place))
         wrong += len(faults)
         print(f"{kind}: {dict(total)}, {len(faults)} faults, {time.process_time() - begin:.0f} CPU s")
+        with tempfile.TemporaryDirectory() as place:
+            for number, files in zip(range(chosen.verbs), mutants(kind, chosen.verbs, chosen.seed + 1)):
+                for text in through_verbs(files, Path(place) / str(number)):
+                    wrong += 1
+                    print(f"{kind} mutant {number}: {text}", file=sys.stderr)
+    for rate in RATES:
+        for text in by_command("conformance", "--sampling-rate", rate):
+            wrong += 1
+            print(text, file=sys.stderr)
+    for verb in VERBS:
+        for text in beside_bad_channels(verb, bad_channels()):
+            wrong += 1
+            print(text, file=sys.stderr)
     return 1 if wrong else 0
 
 

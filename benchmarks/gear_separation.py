@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.model import Model
-from specan.models.planetary_gear.build import build
-from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
+from specan.planetary_gear.model.build import build
+from specan.planetary_gear.study.order_lines import OrderLinesObservation, declared_errors, response_errors
 
 RIG = Path(__file__).parents[1] / "sample_data" / "planetary_gear" / "rig.toml"
 NOISE = 1e-4  # m/s^2, standard uncertainty of either part of a line
@@ -61,7 +61,7 @@ UNKNOWNS = (
 
 def observations(model: Model, plan: Plan, noise: float) -> list[OrderLinesObservation]:
     """Lines of the model at each torque, as a study would have them."""
-    known = model.order_lines
+    known = model.for_kinds["orders"]
     assert known is not None
     mine = np.isin(known.harmonic, plan.harmonics)
     found = []

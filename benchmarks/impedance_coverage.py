@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from specan.impedance.surface_impedance import FUNCTIONS, Impedance, impedance
-from specan.impedance.wall_admittance import wall_fit
 from specan.models.catalogue import load_model
-from specan.models.room.places import wall_areas
+from specan.room.model.places import wall_areas
+from specan.room.study.open_recordings import open_data
+from specan.room.wall_impedance.surface_impedance import FUNCTIONS, Impedance, impedance
+from specan.room.wall_impedance.wall_admittance import wall_fit
 from specan.schema import read_toml
-from specan.study.data.open_recordings import open_data
 from specan.study.observation import DataFile, MeasuredFiles
 from specan.study.selection.candidates import base_problem
 from truth.room import Truth, simulate, write

@@ -25,7 +25,7 @@ import numpy as np
 from room_search import drawn
 
 from specan.models.catalogue import load_model
-from specan.study.data.open_recordings import open_data
+from specan.room.study.open_recordings import open_data
 from specan.study.diagnose import mistake_beside
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem

@@ -229,8 +229,8 @@ def fmu_model() -> None:
 
     import fmpy
 
+    from specan.fmu.process import FmuProcess
     from specan.models.catalogue import load_model
-    from specan.models.fmu.process import FmuProcess
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

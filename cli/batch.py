@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from specan.analysis.batch.settings import BatchSettings
 
 
+REPORT = "report.html"
 SHOWN = 20  # failures named on the screen
 
 
@@ -48,12 +49,12 @@ SHOWN = 20  # failures named on the screen
     help="Sampling rate of all files, instead of those in the files.",
 )
 @click.option("--lines", type=int, help="Lines of a transfer function up to fs/2.56 [default: 3200].")
-@click.option("--fraction", type=click.Choice(FRACTIONS), help="1/N octave [default: 3].")
+@click.option("--fraction", type=click.Choice(FRACTIONS), help="1/N octave, or critical bands [default: 3].")
 @weighting_option("Weighting of the band levels of sound pressure [default: Z].")
 @click.option("--jobs", type=int, help="Number of processes [default: chosen from the amount of data].")
 @click.option("--cluster", metavar="ADDRESS", help="Work on a dask cluster: tcp://host:8786.")
 @click.option("--verify", is_flag=True, help="Compare every byte to detect changed files.")
-@click.option("--report", "with_report", is_flag=True, help="Write report.html, one page to pass on.")
+@click.option("--report", "with_report", is_flag=True, help="Write report.html, a summary on one page.")
 @click.option("--json", "as_json", is_flag=True, help="Print a summary as JSON.")
 def command(
     directories: tuple[Path, ...],
@@ -63,22 +64,23 @@ def command(
     excitation: str | None,
     sampling_rate: float | None,
     lines: int | None,
-    fraction: int | None,
+    fraction: int | str | None,
     weighting: str | None,
     with_report: bool,
     as_json: bool,
     **how: Any,
 ) -> int:
-    """Analyse every recording (*.tdms, *.wav) below DIR and write sine.txt, noise.txt and the other tables.
+    """Analyse every recording below DIR and write sine.txt, noise.txt and the other tables.
 
     Calibrations that lie in DIR are applied: a calibration.toml, or recordings of a calibrator.
 
-    A batch that was interrupted goes on where it was when the same command is given again.
+    Repeat the command to resume a batch that was interrupted.
 
     \b
     specan batch sample_data/recordings/sine -o results --report
     """
-    from specan.analysis.batch.run import run_batch
+    from specan.analysis.batch.inputs import check_own
+    from specan.analysis.batch.run import STORE, run_batch
     from specan.analysis.batch.settings import read_settings
 
     chosen = read_settings(
@@ -91,13 +93,15 @@ def command(
             "octave": {"fraction": fraction, "weighting": weighting},
         },
     )
+    if with_report:
+        check_own(output / REPORT, output / STORE)
     try:
         report = run_batch(directories, output, chosen, **how, progress=progress_line(), warn=say)
     except KeyboardInterrupt:
-        say("What is done is kept: the same command goes on from here.")
+        say("Finished results are kept; repeat the command to resume.")
         raise
     if report.resumed:
-        say(f"{report.resumed} results of an earlier run hold and were kept.")
+        say(f"{report.resumed} results of an earlier run are unchanged and were reused.")
     page = _write_report(report, chosen, output) if with_report else None
     failed = report.of_kind("failed")
     for result in failed[:SHOWN]:
@@ -111,6 +115,7 @@ def command(
                 "done": done,
                 "aside": aside,
                 "failed": {result.label: result.reason for result in failed},
+                "calibration": report.calibration,
                 "tables": [str(path) for path in report.tables],
                 "report": None if page is None else str(page),
                 "settings": chosen.model_dump(mode="json"),
@@ -118,7 +123,9 @@ def command(
             }
         )
     else:
-        click.echo(f"{done} analysed, {aside} put aside, {len(failed)} failed.")
+        click.echo(f"{done} analysed, {aside} skipped, {len(failed)} failed.")
+        for line in report.calibration:
+            click.echo(f"Calibration: {line}.")
         table("", ["table", "rows"], [[p.name, n] for p, n in zip(report.tables, report.rows, strict=True)])
         click.echo(f"Written to {output}." if page is None else f"Written to {output}; the page is {page}.")
     if failed:
@@ -127,12 +134,17 @@ def command(
 
 
 def _write_report(report: BatchReport, settings: BatchSettings, output: Path) -> Path:
+    from specan.analysis.batch.inputs import check_own, remember_own
+    from specan.analysis.batch.run import STORE
     from specan.io.output_file import text_file
     from specan.report.batch_report import batch_report
 
-    page = output / "report.html"
+    page = output / REPORT
+    content = batch_report(report, settings)
+    check_own(page, output / STORE)
     with text_file(page) as file:
-        file.write(batch_report(report, settings))
+        file.write(content)
+    remember_own(page, output / STORE)
     return page
 
 

@@ -19,7 +19,7 @@ from specan_cli.output import (
     table,
     to_standard_output,
 )
-from specan_cli.recording_verb import given
+from specan_cli.recording_verb import expand, given
 
 if TYPE_CHECKING:
     from specan.data.calibration import Calibration, ChannelCalibration
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @click.option(
     "-o",
     "--output",
-    type=OutputFile(),
+    type=OutputFile(".toml"),
     default=Path("calibration.toml"),
     show_default=True,
     help="The calibration to write.",
@@ -106,6 +106,7 @@ def command(
     insertion = dict(zip(("u_insertion_dB", "u_insertion_deg"), u_insertion))
     settings = parse(CalibrationSettings, given(**options, **insertion), "calibrate")
     check_directory(output)
+    files = tuple(found.path for found in expand(files))
     common = os.path.commonpath([path.resolve().parent for path in files])
     insertions, failures = [], []
     for path in files:

@@ -10,6 +10,7 @@ import click
 
 from specan_cli.options import EXCEEDED
 from specan_cli.output import (
+    TABLES,
     OutputFile,
     Verb,
     emit_json,
@@ -25,9 +26,9 @@ if TYPE_CHECKING:
 
 
 @click.command("conformance", cls=Verb)
-@click.option("--sampling-rate", "rate", type=click.FloatRange(min=44100.0), default=51200.0, show_default=True,
+@click.option("--sampling-rate", "rate", type=float, default=51200.0, show_default=True,
     metavar="HZ", help="Of the signals that are made for it.")  # fmt: skip
-@click.option("-o", "--output", type=OutputFile(), help="Write the table as text.")
+@click.option("-o", "--output", type=OutputFile(*TABLES), help="Write the table.")
 @click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
 def command(rate: float, output: Path | None, as_json: bool) -> int:
     """Try what IEC 61260-1, IEC 61672-1 and IEEE 1057 ask of an analyser.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -42,7 +41,7 @@ def command(
     from specan.api.recordings import decay
 
     found = decay(source.open(), **given(**options))
-    return deliver(found, write_text, lambda: show(found))
+    return deliver(found, lambda: show(found))
 
 
 def show(found: DecayTimes) -> None:
@@ -62,28 +61,6 @@ def show(found: DecayTimes) -> None:
         table("", header, lines)
     click.echo("--json and -o hold C50 and the centre time as well.")
     click.echo("u: standard deviation over positions in a diffuse field (ISO 3382-2:2008, 7.1).")
-
-
-def write_text(found: DecayTimes, path: Path) -> None:
-    """All bands, tab-separated, the channels one after the other."""
-    from specan.data.decay import VALUES
-    from specan.io import results_text as text
-
-    about = [
-        f"decay times of {found.label}, 1/{found.fraction} octave bands (ISO 3382-1:2009)",
-        "u: standard deviation over positions in a diffuse field (ISO 3382-2:2008, 7.1)",
-    ]
-    bands = range(found.nominal_hz.size)
-    tables = (
-        {
-            "channel": name,
-            "band_hz": [f"{f:g}" for f in found.nominal_hz],
-            **{key: text.significant(getattr(found, key)[row], 4) for key in VALUES},
-            "flags": [found.flags(row, band) for band in bands],
-        }
-        for row, name in enumerate(found.channels)
-    )
-    text.write_result(path, "decay", found, about, tables)
 
 
 def _number(value: float, form: str) -> str:

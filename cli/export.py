@@ -17,7 +17,7 @@ from specan_cli.output import (
     say_written,
     to_standard_output,
 )
-from specan_cli.recording_verb import Source, opening_options, say_notes, section_options
+from specan_cli.recording_verb import Source, opening_options, say_calibration, say_notes, section_options
 
 if TYPE_CHECKING:
     from specan.data.recording import Recording
@@ -62,14 +62,15 @@ def command(
 ) -> int:
     """Write the samples of a recording, in SI units, for other programs; or its transfer functions.
 
-    Sensitivities of a calibration are applied; phases and delays are to transfer functions, and not to samples.
+    Sensitivities of a calibration are applied; phase and delay corrections apply to transfer functions only.
 
     \b
     specan export sample_data/recordings/knock.tdms --to csv --channel "Mic 1" --decimal , -o knock.csv
     """
-    from specan.analysis.section import of_one_rate, section
+    from specan.analysis.section import aligned, of_one_rate, section
     from specan.errors import RequestError
     from specan.io.export_file import Excerpt, together, write_excerpt
+    from specan.result import counted
 
     if decimal != "." and form != "csv":
         raise RequestError(f"--decimal is for CSV, not for {form}", remedy="leave it out")
@@ -83,17 +84,18 @@ def command(
     recording = Source(file, opening).open()
     if reference is not None:
         return _transfer(recording, reference, channels, (start_s, stop_s), target, plot, as_json)
+    recording, starts = aligned(recording, of_one_rate(recording, channels)[0])
     chosen, notes = of_one_rate(recording, channels)
     start, stop = section(recording, chosen, start_s, stop_s)
     excerpt = Excerpt(recording, chosen, start, stop)
     write_excerpt(excerpt, form, target, decimal)
     draw(recording, plot, channels=chosen, start_s=start_s, stop_s=stop_s)
     late = tuple(
-        f"{c.name} carries a phase or delay correction, which samples in time do not show"
+        f"{c.label} carries a phase or delay correction, which samples in time do not show"
         for c in chosen
         if c.phase is not None or c.delay_s
     )
-    say_notes((*notes, *late[:1]), {"the file": recording.flags})
+    say_notes((*starts, *notes, *late[:1]), {"the file": recording.flags})
     if as_json:
         emit_json(
             {
@@ -101,15 +103,14 @@ def command(
                 "format": form,
                 "samples": excerpt.n,
                 "sampling_rate_hz": excerpt.rate,
-                "channels": [
-                    {"name": n, "unit": c.unit} for n, c in zip(excerpt.names(), chosen, strict=True)
-                ],
+                "channels": [{"name": c.label, "unit": c.unit} for c in chosen],
             }
         )
     elif not to_standard_output(target):
         click.echo(
-            f"{len(chosen)} channels, {excerpt.n} samples at {excerpt.rate:g} Hz, in {together(chosen)}."
+            f"{counted(len(chosen), 'channel')}, {excerpt.n} samples at {excerpt.rate:g} Hz, in {together(chosen)}."
         )
+        click.echo(f"Calibration: {recording.calibration_of([c.name for c in chosen])}.")
         say_written(target)
     return 0
 
@@ -145,5 +146,6 @@ def _transfer(
         )
     elif not to_standard_output(target):
         click.echo(f"{found.summary()}.")
+        say_calibration(found)
         say_written(target)
     return 0

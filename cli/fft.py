@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan import __version__
 from specan_cli.options import limit_option, weighting_option
 from specan_cli.output import plot_option, say_written, table, to_standard_output
 from specan_cli.recording_verb import (
@@ -19,11 +18,10 @@ from specan_cli.recording_verb import (
     given,
     quantity_option,
     recording_verb,
+    say_calibration,
     say_notes,
     section_options,
 )
-
-PIECE = 1 << 15  # lines of a table at once
 
 if TYPE_CHECKING:
     from specan.data.limits import Kept
@@ -94,12 +92,12 @@ def command(
     single = options["whole"] or options["averaging"] == "none"
     if limit is not None and spectrogram:
         raise RequestError("a spectrogram has no limits", remedy="leave out --limit or --spectrogram")
-    if single and not (spectrogram or deliver.as_json or deliver.plot is not None or limit is not None):
+    if single and not (spectrogram or deliver.wants_json or deliver.plot is not None or limit is not None):
         return _single(recording, options, peaks, deliver.output)
     found = _spectrogram(recording, columns, options) if spectrogram else fft(recording, **given(**options))
     kept = [] if limit is None else _held(found, limit)
     flags = getattr(found, "flags", ())
-    return deliver(found, write_text, lambda: show(found, peaks), flags=flags, limit=limit, kept=kept)
+    return deliver(found, lambda: show(found, peaks), flags=flags, limit=limit, kept=kept)
 
 
 def _held(found: Spectrum | Spectrogram, limit: Path) -> list[Kept]:
@@ -114,19 +112,18 @@ def _held(found: Spectrum | Spectrogram, limit: Path) -> list[Kept]:
 
 def _single(recording: Recording, options: dict[str, Any], peaks: int, output: Path | None) -> int:
     """A single block, which may be the whole recording: shown and written channel by channel."""
-    from specan.analysis.section import weightable
-    from specan.analysis.spectrum import FourierSpectrum, phase_of_lines, single_blocks, with_phase
-    from specan.io.results_text import write_table
+    from specan.analysis.spectrum import FourierSpectrum, chosen, phase_of_lines, single_blocks, with_phase
+    from specan.data.calibration import stated
+    from specan.io.results_text import write_result
     from specan.schema import parse
 
     settings = parse(FourierSpectrum, given(**options), "fft")
-    reference = None if settings.reference is None else recording.channel(settings.reference)
-    channels, _ = weightable(recording, settings.channels, settings.weighting, like=reference)
+    _, _, channels, _ = chosen(recording, settings)
     parts = single_blocks(recording, settings)
     sheet: list[list[str]] = []
     about: list[Spectrum] = []  # without their lines
 
-    def texts(wanted: bool) -> Iterator[str]:
+    def tables(wanted: bool) -> Iterator[dict[str, Any]]:
         for part, lines in parts:
 
             def phase(_: Any, k: int, lines: Any = lines) -> float:
@@ -138,19 +135,21 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, output: P
                 "density": part.density[:, :1].copy(),
                 "frequency_hz": part.frequency_hz[:1].copy(),
             }
-            about.append(replace(part, has_mirror=part.has_mirror[:1].copy(), **short))
-            yield from _text(with_phase(part, lines)) if wanted else ()
+            about.append(stated(replace(part, has_mirror=part.has_mirror[:1].copy(), **short), recording))
+            yield from with_phase(part, lines).tables() if wanted else ()
             del part, lines, phase
 
     if output is None:
-        list(texts(False))
+        list(tables(False))
     else:
-        blocks = texts(True)
+        blocks = tables(True)
         first = next(blocks)
-        named = [(c.name, c.target_unit) for c in channels]
-        write_table(output, _header(about[0], named), _columns(about[0]), chain([first], blocks))
+        labels, units = tuple(c.label for c in channels), tuple(c.target_unit for c in channels)
+        whole = replace(about[0], channels=labels, units=units)
+        write_result(whole, output, chain([first], blocks))
     if not to_standard_output(output):
         table(_title(about[0]), _sheet_header(about[0]), sheet)
+        say_calibration(about[0])
         say_written(output)
     flags = {name: words for part in about for name, words in zip(part.channels, part.flags)}
     say_notes(about[0].notes, flags)
@@ -226,6 +225,8 @@ def highest(values: Any, count: int) -> list[int]:
     """Lines of the highest local maxima, highest first; the highest line of all where there is none."""
     import numpy as np
 
+    from specan.data.spectrum import PIECE
+
     best, kept = np.empty(0, dtype=np.intp), np.empty(0)
     for first in range(0, len(values), PIECE):  # a long spectrum has half a million maxima
         last = min(first + PIECE, len(values))
@@ -241,70 +242,3 @@ def highest(values: Any, count: int) -> list[int]:
             best, kept = best[high], kept[high]
     ordered = best[np.argsort(-kept, kind="stable")]
     return [int(k) for k in ordered[:count]] or [0]
-
-
-def write_text(found: Spectrum | Spectrogram, path: Path) -> None:
-    """All lines, tab-separated, the channels one after the other."""
-    from specan.io.results_text import write_table
-
-    header = _header(found, list(zip(found.channels, found.units)))
-    write_table(path, header, _columns(found), _text(found))
-
-
-def _columns(found: Spectrum | Spectrogram) -> list[str]:
-    from specan.data.spectrum import Spectrogram
-
-    time = ["time_s"] if isinstance(found, Spectrogram) else []
-    phase = [] if time else ["phase_deg"]
-    return ["channel", *time, "frequency_hz", found.scale.scaling, "level_dB", *phase]
-
-
-def _header(found: Spectrum | Spectrogram, named: list[tuple[str, str]]) -> list[str]:
-    """Lines above the table; `named` are the channels with their units."""
-    from specan.data.spectrum import Spectrogram
-
-    scale = found.scale
-    return [
-        f"specan {__version__} fft",
-        f"{'spectrogram' if isinstance(found, Spectrogram) else 'spectra'} of {found.label}",
-        ", ".join(f"{name} in {scale.unit_of(unit)}, {scale.level_text(unit)}" for name, unit in named),
-        f"window {scale.window}: coherent gain {scale.coherent_gain:.6g} (allowed for), noise bandwidth "
-        f"{scale.enbw_hz:.6g} Hz",
-        f"settings: {found.settings}",
-        *found.notes,
-    ]
-
-
-def _text(found: Spectrum | Spectrogram) -> Iterator[str]:
-    """The table in pieces: a long spectrum as text is ten times as large as its numbers."""
-    from specan.data.spectrum import Spectrogram
-    from specan.io import results_text as text
-
-    scale, count = found.scale, len(found.frequency_hz)
-    for row, name in enumerate(found.channels):
-        if isinstance(found, Spectrogram):
-            frequencies = text.frequencies(found.frequency_hz)
-            for column, time in enumerate(text.fixed(found.time_s, 4)):
-                density = found.density[row, column]
-                yield text.table_lines(
-                    {
-                        "channel": name,
-                        "time_s": time,
-                        "frequency_hz": frequencies,
-                        scale.scaling: scale.values(density, found.has_mirror),
-                        "level_dB": scale.level_dB(density, found.units[row]),
-                    }
-                )
-            continue
-        for first in range(0, count, PIECE):
-            piece = slice(first, first + PIECE)
-            density = found.density[row, piece]
-            yield text.table_lines(
-                {
-                    "channel": name,
-                    "frequency_hz": found.frequency_hz[piece],
-                    scale.scaling: scale.values(density, found.has_mirror[piece]),
-                    "level_dB": scale.level_dB(density, found.units[row]),
-                    "phase_deg": "" if found.phase_deg is None else found.phase_deg[row, piece],
-                }
-            )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -65,10 +64,16 @@ def command(
     specan frf sample_data/recordings/noise/noise_24_microphones.tdms --at 250 --plot frf.png
     """
     from specan.api.recordings import frf
+    from specan.errors import RequestError
 
     found = frf(source.open(quantity), align=not no_align, **given(**options))
     found = found.between(fmin, float("inf") if fmax is None else fmax)
-    return deliver(found, write_text, lambda: show(found, at_hz), flags=found.flags, unwrapped=unwrap)
+    if outside := [f"{f:g}" for f in at_hz if not found.frequency_hz[0] <= f <= found.frequency_hz[-1]]:
+        raise RequestError(
+            f"--at {', '.join(outside)} Hz is outside the lines",
+            expected=f"{found.frequency_hz[0]:g} to {found.frequency_hz[-1]:g} Hz",
+        )
+    return deliver(found, lambda: show(found, at_hz), flags=found.flags, unwrapped=unwrap)
 
 
 def show(found: FrequencyResponse, at_hz: tuple[float, ...]) -> None:
@@ -113,35 +118,3 @@ def show(found: FrequencyResponse, at_hz: tuple[float, ...]) -> None:
     if at_hz:
         header[1] = "Hz"
     table(title, header, rows)
-
-
-def write_text(found: FrequencyResponse, path: Path) -> None:
-    """All lines, tab-separated, the channels one after the other."""
-    from specan.data.frequency_response import COMMON, LINES
-    from specan.io import results_text as text
-    from specan.result import picked
-
-    doubts = found.line_flags
-
-    def flags(row: int, line: int) -> str:
-        own = found.flags[row]
-        return " ".join([*own, *(w for w, mask in doubts.items() if mask[row, line] and w not in own)])
-
-    about = [
-        f"transfer functions of {found.label}: {found.estimator} over {found.reference} ({found.reference_unit})",
-        "magnitude in " + ", ".join(f"{u} ({n})" for n, u in zip(found.channels, found.units)),
-        "phase in degrees: exp(+j w t), response over reference",
-        "u: standard uncertainty of noise and leakage, u_leakage: its part of leakage; u_common: that of calibration "
-        "and delay",
-    ]
-    lines = picked(found, f"magnitude phase_deg {LINES} {COMMON}")
-    tables = (
-        {
-            "channel": name,
-            "frequency_hz": found.frequency_hz,
-            **{key: values[row] for key, values in lines.items()},
-            "flags": [flags(row, line) for line in range(found.frequency_hz.size)],
-        }
-        for row, name in enumerate(found.channels)
-    )
-    text.write_result(path, "frf", found, about, tables)

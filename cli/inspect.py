@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.output import say
-from specan_cli.recording_verb import opening_options
+from specan_cli.recording_verb import given, opening_options
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="A second recording, shown together with the first.",
 )
-@click.option("--address", default="127.0.0.1", show_default=True, help="Where to listen.")
+@click.option("--address", default="127.0.0.1", show_default=True, help="Network address of the page.")
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=0, help="Port of the page.  [default: a free one]"
 )
@@ -46,10 +46,10 @@ def command(
     effects: tuple[Path, ...],
     opening: dict[str, Any],
 ) -> int:
-    """Look at one recording, or at a study, in the browser of this machine.
+    """Show a recording or a study in the browser.
 
-    The page is served to this machine only, and holds nothing but what it was opened for. Its settings are in
-    its address. It ends with Ctrl-C.
+    The page is served to this machine only and shows nothing else. Its address contains its settings. Ctrl-C
+    ends it.
 
     \b
     specan inspect sample_data/recordings/knock.tdms
@@ -70,31 +70,27 @@ def command(
 
 
 def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Callable[[Document], None]:
+    from specan.api.recordings import read
     from specan.errors import InputError
     from specan.inspect.opened import Opened, watched
-    from specan.io.open import open_recording
-    from specan_cli import fft, frf, octave, orders, rms
 
     _require_bokeh()
     from specan.inspect.kept_bands import KeptBands
     from specan.inspect.recording_page import RecordingPage
 
     paths = [place] if overlay is None else [place, overlay]
-    opened = Opened(tuple(watched(open_recording(path, **opening), path) for path in paths))
+    arguments = [
+        text
+        for name, value in given(**opening).items()
+        for text in (f"--{name.replace('_', '-')}", str(value))
+    ]
+    opened = Opened(tuple(watched(read(path, **opening), path) for path in paths), tuple(arguments))
     if not opened.keys:
         raise InputError(f"{place} has no channel with samples and a sampling rate")
     kept = KeptBands()
-    writers = {
-        "octave": octave.write_text,
-        "fft": fft.write_text,
-        "frf": frf.write_text,
-        "levels": rms.write_text,
-        "spectrogram": fft.write_text,
-        "orders": orders.write_text,
-    }
 
     def fill(document: Document) -> None:
-        RecordingPage(document, opened, kept, writers)
+        RecordingPage(document, opened, kept)
 
     return fill
 
@@ -135,7 +131,7 @@ def _serve(fill: Callable[[Document], None], address: str, port: int, browser: b
     click.echo(url)
     if address not in ("127.0.0.1", "localhost", "::1"):
         say(f"Note: everybody who reaches {address} can look at this page.")
-    if browser and not open_browser(url):
+    if browser and not open_browser(server.first_url):
         say("No browser was found: open the address above in one.")
     say("Ctrl-C ends it.")
     try:

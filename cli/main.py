@@ -30,15 +30,15 @@ VERBS: dict[str, tuple[str, str]] = {
     "decay": ("decay", "Reverberation times, clarity, definition (ISO 3382)."),
     "rms": ("rms", "RMS, level, peak, crest factor, equivalent and percentile levels."),
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
-    "batch": ("batch", "Everything in a directory of recordings, as text tables."),
+    "batch": ("batch", "All analyses of a directory of recordings, as text tables."),
     "inspect": ("inspect", "One recording, or a study, on an interactive page in the browser."),
-    "export": ("export", "Samples for other tools: CSV, UFF58, WAV, Parquet."),
+    "export": ("export", "Samples written for other tools: CSV, UFF58, WAV, Parquet."),
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
     "simulate": ("simulate", "Predictions of a model as a table, a look-up map, a recording or a figure."),
     "study": ("study", "Compare a model with measurements: where it fails, what is missing, what to add."),
     "conformance": ("conformance", "Clauses of IEC 61260-1, IEC 61672-1, IEEE 1057: expected, found."),
     "demo": ("demo", "The sample data of the examples, written to a directory."),
-    "completion": ("completion", "Tab completion for bash, zsh, fish and PowerShell."),
+    "completion": ("completion", "Tab completion for bash, zsh and fish."),
 }
 
 CLOSED_PIPE = 141  # as a shell reports it: 128 + SIGPIPE
@@ -59,7 +59,8 @@ class LazyGroup(click.Group):
         if cmd_name not in self.verbs:
             return None
         module, _, name = self.verbs[cmd_name][0].partition(":")
-        command: click.Command = getattr(importlib.import_module(f"specan_cli.{module}"), name or "command")
+        home = module if "." in module else f"specan_cli.{module}"
+        command: click.Command = getattr(importlib.import_module(home), name or "command")
         from specan_cli.output import add_options
 
         add_options(command)
@@ -134,8 +135,6 @@ def run() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a name may hold what the terminal cannot show
             stream.reconfigure(errors="backslashreplace")
-    if os.environ.get(COMPLETE, "").startswith("powershell"):
-        importlib.import_module("specan_cli.completion")
     try:
         sys.exit(main(prog_name="specan", standalone_mode=False) or 0)
     except click.exceptions.Exit as done:
@@ -212,28 +211,28 @@ def first_steps(here: Path) -> str:
     <BLANKLINE>
     First steps:
       specan info RECORDING.tdms           what is in a recording
-      specan inspect RECORDING.tdms        look at it in the browser
-      specan batch DIRECTORY -o results    everything in a directory, as text tables
-      specan model list                    models to hold against a measurement
+      specan inspect RECORDING.tdms        show it in the browser
+      specan batch DIRECTORY -o results    analyse a directory, write text tables
+      specan model list                    models to compare with a measurement
     Each verb shows an example with --help.
     """
     recordings, studies = _found(here)
     steps = []
     if studies:
         steps.append((f"specan study compare {studies[0]}", "where the model of this study fails"))
-        steps.append((f"specan inspect {studies[0]}", "look at the study in the browser"))
+        steps.append((f"specan inspect {studies[0]}", "show the study in the browser"))
     one = recordings[0] if recordings else "RECORDING.tdms"
     if recordings or not studies:
         place = "." if recordings else "DIRECTORY"
         steps += [
             (f"specan info {one}", "what is in a recording"),
-            (f"specan inspect {one}", "look at it in the browser"),
-            (f"specan batch {place} -o results", "everything in a directory, as text tables"),
+            (f"specan inspect {one}", "show it in the browser"),
+            (f"specan batch {place} -o results", "analyse a directory, write text tables"),
         ]
     if not studies:
-        steps.append(("specan model list", "models to hold against a measurement"))
+        steps.append(("specan model list", "models to compare with a measurement"))
     width = max(len(command) for command, _ in steps)
-    here_are = f" ({len(recordings)} recordings lie here)" if len(recordings) > 1 else ""
+    here_are = f" ({len(recordings)} recordings here)" if len(recordings) > 1 else ""
     lines = [f"  {command:<{width}}    {text}" for command, text in steps]
     return "\n".join([f"\nFirst steps{here_are}:", *lines, "Each verb shows an example with --help."])
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.group("model")
 def command() -> None:
-    """Look at the models: their quantities, effects, parameters and sources.
+    """Show the models: their quantities, effects, parameters and sources.
 
     \b
     specan model list
@@ -94,7 +94,7 @@ def new(file: Path) -> None:
     from specan_cli.model_template import TEMPLATE, table_to_try
 
     if file.suffix != ".py":
-        raise RequestError(f"{file} is no Python file", remedy="give it a name that ends in .py")
+        raise RequestError(f"{file} is not a Python file", remedy="give it a name that ends in .py")
     table_file = file.with_suffix(".csv")
     if table_file.exists():
         raise RequestError(f"{table_file} exists already", remedy="choose another name")
@@ -120,7 +120,7 @@ def _write_new(file: Path, text: str) -> None:
 @command.command("rig")
 @click.argument("name")
 def rig_template(name: str) -> None:
-    """Print a commented rig file for a model: limits, uncertainties, and what else it wants to know.
+    """Print a commented rig file for a model: limits, uncertainties, and further settings.
 
     \b
     specan model rig worm-gear > rig.toml
@@ -137,10 +137,10 @@ def rig_template(name: str) -> None:
 @click.option("--rig", type=click.Path(path_type=Path), help="A rig file [default: the model's example].")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None:
-    """Check a model of your own, or effects: neutral, commuting, finite, found again when planted.
+    """Check a model of your own, or effects: neutral, independent of order, finite, recovered from simulated data.
 
     A model of your own is checked whole: its units, that it is finite over its limits, that some measurement
-    determines each parameter, and which effects none could tell apart. It may then be run by studies on this machine.
+    determines each parameter, and which effects none could distinguish. It may then be run by studies on this machine.
 
     \b
     specan model check worm-gear belt_loss.py
@@ -163,7 +163,9 @@ def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None
         emit_json({"passed": [effect.name for effect in effects]})
         return
     for effect in effects:
-        click.echo(f"{effect.name} keeps the rules: neutral, commutes, finite, and found again when planted.")
+        click.echo(
+            f"{effect.name} passes: neutral, independent of order, finite, recovered from simulated data."
+        )
 
 
 def _check_whole(model: Model, file: Path, as_json: bool) -> None:
@@ -186,13 +188,13 @@ def _check_whole(model: Model, file: Path, as_json: bool) -> None:
             f"Some measurement within the limits determines each parameter: {', '.join(found.parameters)}."
         )
     for name in found.effects:
-        click.echo(f"{name} keeps the rules: neutral, commutes, finite, and found again when planted.")
+        click.echo(f"{name} passes: neutral, independent of order, finite, recovered from simulated data.")
     for name in found.hidden:
-        click.echo(f"Note: the parameters of the base do all that {name} does; no measurement can show it.")
+        click.echo(f"Note: the parameters of the base do the same as {name}; no measurement can detect it.")
     for one, other in found.alike:
-        click.echo(f"Note: no measurement within the limits tells {one} from {other}.")
+        click.echo(f"Note: no measurement within the limits distinguishes {one} from {other}.")
     if len(found.effects) > 1 and not found.alike and not found.hidden:
-        click.echo("Some measurement within the limits tells each of these effects from the others.")
+        click.echo("Some measurement within the limits distinguishes each of these effects from the others.")
     for note in found.notes:
         click.echo(f"Note: {note}.")
 
@@ -258,7 +260,7 @@ def _print_effect(effect: Mapping[str, Any]) -> None:
         ),
         "Needs": ", ".join(effect["needs"]),
         "Looks like": ", ".join(effect["aliases"]),
-        "Told apart by": effect["separate_by"],
+        "Distinguished by": effect["separate_by"],
         "Reference": effect["reference"],
     }
     _print_lines(lines)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.options import FRACTIONS, level_options, limit_option, weighting_option
+from specan_cli.options import FRACTIONS, limit_option, velocity_option, weighting_option
 from specan_cli.output import plot_option, table
 from specan_cli.recording_verb import (
     Delivery,
@@ -42,7 +42,7 @@ class _Averaging(click.ParamType):
 
 
 @recording_verb("octave", "all levels")
-@click.option("--fraction", type=click.Choice(FRACTIONS), help="1/N octave.  [default: 3]")
+@click.option("--fraction", type=click.Choice(FRACTIONS), help="1/N octave, or critical bands.  [default: 3]")
 @weighting_option("Weighting of the band levels; A, B and C for sound pressure only.  [default: Z]")
 @click.option(
     "--averaging",
@@ -62,8 +62,18 @@ class _Averaging(click.ParamType):
     metavar="N",
     help="Also the level of an exponential average exceeded during N % of the time; repeatable.",
 )
-@click.option("--fmin", type=float, metavar="HZ", help="From the band that contains it.  [default: 20]")
-@click.option("--fmax", type=float, metavar="HZ", help="To the band that contains it.  [default: 20000]")
+@click.option(
+    "--fmin",
+    type=float,
+    metavar="HZ",
+    help="Lowest band: the one that contains this frequency.  [default: 20]",
+)
+@click.option(
+    "--fmax",
+    type=float,
+    metavar="HZ",
+    help="Highest band: the one that contains this frequency.  [default: 20000]",
+)
 @click.option("--band", type=float, metavar="HZ", help="One band: the one that contains HZ.")
 @section_options
 @quantity_option
@@ -73,7 +83,12 @@ class _Averaging(click.ParamType):
     metavar="FILE",
     help="Subtract the levels of this recording of the background.",
 )
-@level_options("linear averages")
+@velocity_option()
+@click.option(
+    "--settling",
+    type=click.Choice(["counted", "left-out"]),
+    help="Treatment of the cut at the section's ends, for linear averages and maxima.  [default: counted]",
+)
 @limit_option()
 @plot_option()
 @click.option("--history", is_flag=True, help="Draw the first channel against time.")
@@ -107,7 +122,7 @@ def command(
         found = without_background(found, octave(Source(background, source.opening).open(quantity), **whole))
     kept = [] if limit is None else _held(found, limit)
     return deliver(
-        found, write_text, lambda: show(found), flags=found.flags, limit=limit, kept=kept,
+        found, lambda: show(found), flags=found.flags, limit=limit, kept=kept,
         view="history" if history else "",
     )  # fmt: skip
 
@@ -131,9 +146,11 @@ def show(found: BandLevels) -> None:
     """A row a band and a column a channel; the overall levels below."""
     import numpy as np
 
+    from specan.data.band_levels import division_name
+
     held = f", {found.hold} hold" if found.hold else ""
     title = (
-        f"{found.label}: 1/{found.fraction} octave levels, {found.weighting} weighting, {found.averaging} "
+        f"{found.label}: {division_name(found.fraction)} levels, {found.weighting} weighting, {found.averaging} "
         f"averaging{held}, {found.start_s:g} s to {found.start_s + found.duration_s:g} s"
     )
     click.echo(title)
@@ -189,37 +206,3 @@ def _common_words(flags: list[tuple[str, ...]], known: list[tuple[str, ...]]) ->
 
 def _decibels(level: float) -> str:
     return "" if level != level else f"{level:.2f}"
-
-
-def write_text(found: BandLevels, path: Path) -> None:
-    """All levels, tab-separated, the channels one after the other."""
-    from specan.data.band_levels import percentile_name
-    from specan.io import results_text as text
-
-    percentiles, all_totals = found.percentile_dB or {}, found.percentile_overall_dB or {}
-
-    def columns(row: int) -> dict[str, Any]:
-        totals = {w: v[row] for w, v in found.overall_dB.items() if v[row] == v[row]}
-        flags = [found.band_flags(row, band) for band in range(found.exact_hz.size)]
-        return {
-            "channel": found.channels[row],
-            "band_hz": [*(f"{f:g}" for f in found.nominal_hz), *(f"total-{w}" for w in totals)],
-            "level_dB": [*found.level_dB[row], *totals.values()],
-            "u_dB": [*text.levels(found.u_dB), *[""] * len(totals)],
-            **{
-                f"{percentile_name(n)}_dB": [*values[row], *(all_totals[n][w][row] for w in totals)]
-                for n, values in percentiles.items()
-            },
-            "flags": [*flags, *(found.overall_flags(row, w) for w in totals)],
-        }
-
-    units = zip(found.channels, found.units, found.references)
-    about = [
-        f"1/{found.fraction} octave levels of {found.label}, {found.weighting} weighting, {found.averaging} averaging",
-        "level_dB: " + ", ".join(f"{n} in dB re {r.text} ({u})" for n, u, r in units),
-        "u_dB: standard deviation of stationary noise",
-        f"settling: {found.settling}",
-    ]
-    if percentiles:
-        about.append("LN_dB: level exceeded during N % of the time; max_dB, min_dB: largest and smallest")
-    text.write_result(path, "octave", found, about, map(columns, range(len(found.channels))))

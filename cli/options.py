@@ -11,26 +11,16 @@ import click
 if TYPE_CHECKING:
     from specan.data.limits import Kept
 
-FRACTIONS = [1, 3, 6, 12, 24]  # of an octave
+FRACTIONS = [1, 2, 3, 6, 12, 24, "bark"]  # of an octave, or critical bands
 
 
-def level_options(what: str) -> Callable[[Any], Any]:
-    """The options ``--velocity-reference`` and ``--settling``."""
-
-    def add(command: Callable[..., Any]) -> Any:
-        settling = click.option(
-            "--settling",
-            type=click.Choice(["left-out", "counted"]),
-            help=f"The cut at the ends of the section, in {what}.  [default: left-out]",
-        )
-        reference = click.option(
-            "--velocity-reference",
-            type=click.Choice(["1 nm/s", "50 nm/s"]),
-            help="0 dB of velocity.  [default: 1 nm/s]",
-        )
-        return reference(settling(command))
-
-    return add
+def velocity_option() -> Callable[[Any], Any]:
+    """The option ``--velocity-reference``."""
+    return click.option(
+        "--velocity-reference",
+        type=click.Choice(["1 nm/s", "50 nm/s"]),
+        help="0 dB of velocity.  [default: 1 nm/s]",
+    )
 
 
 def weighting_option(text: str) -> Callable[[Any], Any]:
@@ -63,7 +53,7 @@ def show_limit(limit: Path | None, kept: Sequence[Kept]) -> None:
     label = "" if limit is None else limit.name
     for one in kept:
         if one.passed:
-            text = f"passed, {-one.excess_dB:.2f} dB to spare at {one.place}"
+            text = f"passed, {-one.excess_dB:.2f} dB below the limit at {one.place}"
         else:
             text = f"FAILED, {one.excess_dB:.2f} dB beyond the limit at {one.place}"
         click.echo(f"Limits {label}: {one.channel}: {text} ({one.compared} compared)")

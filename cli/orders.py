@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 @click.option("--tacho", metavar="CH", help="The tacho.  [default: the recording's only one]")
 @click.option(
     "--pulses", "pulses_per_turn", type=float, metavar="N",
-    help="Pulses a turn of the tacho's shaft.  [default: property PulsesPerRevolution]",
+    help="Pulses per revolution of the tacho's shaft.  [default: property PulsesPerRevolution]",
 )  # fmt: skip
 @click.option(
     "--ratio", type=float, metavar="R",
@@ -29,24 +28,26 @@ if TYPE_CHECKING:
 @click.option(
     "--speed", "speed_hz", type=float, metavar="HZ", help="Known constant speed, instead of a tacho."
 )
-@click.option("--max-order", type=float, metavar="O", help="Highest order.  [default: what the rate holds]")
+@click.option(
+    "--max-order", type=float, metavar="O", help="Highest order.  [default: set by the sampling rate]"
+)
 @click.option("--turns", type=int, metavar="N", help="Turns of a block: lines lie 1/N apart.  [default: 8]")
 @click.option(
     "--average-turns", type=int, metavar="N", help="Turns of the synchronous average.  [default: 1]"
 )
 @click.option("--order", "orders", type=float, multiple=True, help="Amplitude of this order; repeatable.")
 @click.option(
-    "--mesh", type=float, metavar="O", help="Order of tooth meshing; its harmonics join the orders."
+    "--mesh", type=float, metavar="O", help="Order of tooth meshing; its harmonics are added to the orders."
 )
 @click.option("--harmonics", type=int, help="Harmonics of the mesh.  [default: 3]")
-@click.option("--sidebands", type=int, help="Orders to either side of each harmonic.  [default: 0]")
+@click.option("--sidebands", type=int, help="Sidebands on each side of each harmonic.  [default: 0]")
 @click.option(
     "--quantity",
     type=click.Choice(["displacement", "velocity", "acceleration"]),
     help="Convert vibration to this.",
 )
 @click.option("--envelope", metavar="LOW:HIGH", help="Analyse the envelope of this band, Hz.")
-@click.option("--kurtosis", is_flag=True, help="Kurtosis in octave bands, beside the rest.")
+@click.option("--kurtosis", is_flag=True, help="Also print the kurtosis in octave bands.")
 @click.option(
     "--peaks", type=click.IntRange(min=1), default=3, show_default=True, help="Highest lines printed."
 )
@@ -71,6 +72,7 @@ def command(
     specan orders run.tdms --tacho "Tacho sun" --ratio 3.75 --max-order 200 --map --plot map.png
     """
     from specan.api.recordings import orders
+    from specan.data.orders import OrderMap
 
     recording = source.open()
     found = orders(recording, **given(envelope_hz=_band(envelope), **options))
@@ -79,10 +81,13 @@ def command(
     def content() -> dict[str, Any]:
         return {**found.to_json(with_map=as_map), **({"kurtosis": impulsive} if impulsive else {})}
 
-    return deliver(
-        found, lambda found, path: write_text(found, path, as_map), lambda: show(found, peaks, impulsive),
+    code = deliver(
+        OrderMap(**vars(found)) if as_map else found, lambda: show(found, peaks, impulsive),
         content=content, view="map" if as_map else "",
     )  # fmt: skip
+    if found.lines is not None and deliver.writes_table and not as_map:
+        say("The table holds only the requested lines; omit them for the whole spectrum.")
+    return code
 
 
 def _band(text: str | None) -> tuple[float, float] | None:
@@ -169,38 +174,3 @@ def _show_lines(found: OrderSpectrum) -> None:
         ["channel", "order", "amplitude", "u", "u blocks", "phase deg"],
         rows,
     )
-
-
-def write_text(found: OrderSpectrum, path: Path, as_map: bool = False) -> None:
-    """The lines that were asked for, or the spectrum, or the map, tab-separated."""
-    from specan.io import results_text as text
-
-    about = [
-        f"{'map of orders' if as_map else 'orders'} of {found.label}",
-        ", ".join(f"{name} in {unit}" for name, unit in zip(found.channels, found.units)),
-        f"speed {found.tacho.speed_hz[1]:.6g} Hz, {found.turns} turns, blocks of {found.block_turns}",
-    ]
-
-    def columns(row: int) -> dict[str, Any]:
-        lines = found.lines
-        if as_map:
-            return {
-                "speed_hz": [speed for speed in text.fixed(found.speed_hz, 4) for _ in found.order],
-                "order": text.frequencies(found.order) * len(found.speed_hz),
-                "amplitude": found.map[:, row].ravel(),
-            }
-        if lines is None:
-            nothing = dict.fromkeys(("phase_deg", "u", "u_blocks"), "")
-            return {"order": found.order, "amplitude": found.amplitude[row], **nothing}
-        return {
-            "order": lines.order,
-            "amplitude": abs(lines.amplitude[row]),
-            "phase_deg": lines.phase_deg[row],
-            "u": lines.u[row],
-            "u_blocks": lines.u_scatter[row],
-        }
-
-    tables = ({"channel": name, **columns(row)} for row, name in enumerate(found.channels))
-    text.write_result(path, "orders", found, about, tables)
-    if found.lines is not None and not as_map:
-        say("The table holds the lines that were asked for; leave them out for the whole spectrum.")

@@ -193,10 +193,35 @@ _FORCE = "specan_cli.force"
 
 
 class OutputFile(click.Path):
-    """Type of an option that names a file to be written; ``-`` is standard output."""
+    """Type of an option that names a file to be written; ``-`` is standard output.
 
-    def __init__(self) -> None:
+    With `endings` a name that ends otherwise is refused: nobody finds tab-separated text in a workbook.
+    """
+
+    def __init__(self, *endings: str) -> None:
         super().__init__(path_type=Path)
+        self.endings = endings
+
+    def check_ending(self, path: Path) -> None:
+        """Refuse another ending.
+
+        Raises
+        ------
+        RequestError
+            It is one of a format that is not written.
+        """
+        from specan.errors import RequestError
+
+        ending = path.suffix.lower()
+        if self.endings and ending and ending not in self.endings:
+            raise RequestError(
+                f"{path} ends in {ending}, a format that this command cannot write",
+                expected=", ".join(self.endings),
+            )
+
+
+# What specan.io.results_text.write_table writes by the ending; without one, text.
+TABLES = (".txt", ".tsv", ".csv", ".xlsx", ".parquet")
 
 
 class Verb(Grouped):
@@ -216,15 +241,17 @@ class Verb(Grouped):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Refuse targets whose content must not be lost; then do the work."""
-        names = {p.name for p in self.params if isinstance(p.type, OutputFile)}
-        targets = [ctx.params[name] for name in sorted(names) if ctx.params.get(name) is not None]
-        for target in targets:
+        types = {p.name: p.type for p in self.params if isinstance(p.type, OutputFile)}
+        given = {name: ctx.params[name] for name in sorted(types) if ctx.params.get(name) is not None}
+        targets = list(given.values())
+        for name, target in given.items():
             refuse_unsafe(target, ctx)
+            types[name].check_ending(target)
         if _STANDARD_OUTPUT in targets and (ctx.params.get("as_json") or targets.count(_STANDARD_OUTPUT) > 1):
             from specan.errors import RequestError
 
             raise RequestError(
-                "standard output is asked for twice", expected="either --json or one file called '-'"
+                "standard output is requested twice", expected="either --json or one file called '-'"
             )
         return super().invoke(ctx)
 
@@ -286,3 +313,19 @@ def draw(found: Result, plot: Path | None, **options: Any) -> None:
         import specan
 
         specan.plot(found, plot, **options)
+
+
+def draw_beside(found: Result, plot: Path | None) -> None:
+    """The figure of a result that is printed as well: where there is nothing to draw, a line says so."""
+    if plot is None:
+        return
+    import specan
+    from specan.api.drawing import saved
+    from specan.errors import RequestError
+
+    try:
+        figure = specan.plot(found)
+    except RequestError as fault:
+        say(f"No figure: {fault}")
+        return
+    saved(figure, plot)

@@ -16,6 +16,7 @@ import click
 
 from specan_cli.options import limit_code, limit_content, show_limit
 from specan_cli.output import (
+    TABLES,
     OutputFile,
     Verb,
     collecting,
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from specan.data.limits import Kept
     from specan.data.recording import Recording
     from specan.io.open import Found
-    from specan.result import Result
+    from specan.result import RecordingResult, Result
     from specan.units import Quantity
 
 
@@ -50,7 +51,11 @@ def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     options = [
         click.option("--channel-table", type=click.Path(path_type=Path), help="Roles, units, sensitivities."),
-        click.option("--calibration", type=click.Path(path_type=Path), help="A calibration.toml to apply."),
+        click.option(
+            "--calibration",
+            type=click.Path(path_type=Path),
+            help="A calibration.toml to apply, or none.  [default: calibration.toml beside the file]",
+        ),
         click.option(
             "--sampling-rate", type=float, metavar="HZ", help="Sampling rate, instead of that in the file."
         ),
@@ -89,6 +94,12 @@ def given(**options: Any) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value is not None and value != ()}
 
 
+def say_calibration(found: Any) -> None:
+    """Which calibration the channels of a result have, below its table."""
+    if said := found.settings.get("calibration"):
+        click.echo(f"Calibration: {said}.")
+
+
 def say_notes(notes: tuple[str, ...], flags: dict[str, tuple[str, ...]]) -> None:
     """Notes and flags, on standard error."""
     for note in () if is_quiet() else notes:
@@ -110,14 +121,18 @@ class RecordingVerb(Verb):
 
     def invoke(self, ctx: click.Context) -> Any:
         """One file as it always was; several in turn."""
+        from numpy import errstate
+
         files = [one.path for one in expand(ctx.params[PARAMETER])]
-        if len(files) == 1:
-            ctx.params[PARAMETER] = files[0]
-            return super().invoke(ctx)
-        return self._several(ctx, files)
+        # What is not a number, or too large for one, is flagged in the result.
+        with errstate(all="ignore"):
+            if len(files) == 1:
+                ctx.params[PARAMETER] = files[0]
+                return super().invoke(ctx)
+            return self._several(ctx, files)
 
     def _several(self, ctx: click.Context, files: Sequence[Path]) -> int:
-        from specan.errors import InputError, RequestError
+        from specan.errors import NoSignalError, RequestError, SpecanError, unforeseen
 
         for name in ("output", "plot"):
             if ctx.params.get(name) is not None:
@@ -125,23 +140,26 @@ class RecordingVerb(Verb):
                     f"--{name} writes one recording, and there are {len(files)}",
                     remedy="name one, or take --json or specan batch",
                 )
-        done, failures, faults, code = [], [], [], 0
+        done, failures, faults, code = [], list[dict[str, str]](), list[Exception](), 0
         for path in files:
             ctx.params[PARAMETER] = path
             try:
                 with collecting(ctx) as content:
                     code = max(code, super().invoke(ctx) or 0)
-            except (InputError, RequestError) as fault:
+            except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
+                raise
+            except Exception as fault:  # that of one file costs no other its result
+                reason = str(fault) if isinstance(fault, SpecanError) else f"{path.name}: {unforeseen(fault)}"
                 faults.append(fault)
-                failures.append({"file": str(path), "reason": str(fault)})
-                say(f"Left out: {fault}")
+                failures.append({"file": str(path), "reason": reason})
+                say(f"Left out: {reason}")
                 continue
             done.append({**(content[0] if content else {}), "path": str(path)})
         if not done:
             raise faults[0]
         if ctx.params.get("as_json"):
             emit_json({"files": done, "failures": failures})
-        return 1 if failures else code
+        return 1 if any(not isinstance(fault, NoSignalError) for fault in faults) else code
 
 
 def expand(paths: Sequence[Path]) -> list[Found]:
@@ -153,14 +171,17 @@ def expand(paths: Sequence[Path]) -> list[Found]:
         A directory holds none.
     """
     from specan.errors import RequestError
-    from specan.io.open import Found, find_recordings
+    from specan.io.open import Found, find_recordings, suffixes
 
     found: list[Found] = []
     for path in paths:
         # os.path: Path.is_dir raises where a name is too long for the file system.
         inside = find_recordings([path]) if os.path.isdir(path) else [Found(path, path.name)]
         if not inside:
-            raise RequestError(f"the directory {path} holds no recording", expected="*.tdms or *.wav in it")
+            raise RequestError(
+                f"the directory {path} holds no recording",
+                expected=f"files that end in {', '.join(suffixes())}",
+            )
         found += inside
     return found
 
@@ -188,10 +209,19 @@ class Delivery:
     output: Path | None
     as_json: bool
 
+    @property
+    def writes_table(self) -> bool:
+        """Whether the table is written to a file."""
+        return self.output is not None and self.output.suffix.lower() != ".json"
+
+    @property
+    def wants_json(self) -> bool:
+        """Whether the whole result is asked for as JSON, on standard output or in a file."""
+        return self.as_json or (self.output is not None and not self.writes_table)
+
     def __call__(
         self,
-        found: Result,
-        write: Callable[[Any, Path], None],
+        found: RecordingResult,
         show: Callable[[], None],
         content: Callable[[], Any] | None = None,
         flags: Sequence[tuple[str, ...]] = (),
@@ -204,17 +234,35 @@ class Delivery:
         Nothing is printed to read where the text itself goes to standard output. `flags` are those of each channel,
         `kept` how each keeps to a `limit`, which is also what the exit code says.
         """
+        from specan.io.results_text import write_result
+
         draw(found, self.plot, **drawn)
-        if self.output is not None:
-            write(found, self.output)
+        if self.output is not None and self.output.suffix.lower() == ".json":
+            _write_json(self.output, found)
+        elif self.output is not None:
+            write_result(found, self.output)
         if self.as_json:
             emit_json({**(found.to_json() if content is None else content()), **limit_content(kept)})
         elif not to_standard_output(self.output):
             show()
+            say_calibration(found)
             show_limit(limit, kept)
             say_written(self.plot, self.output)
-        say_notes(found.notes, dict(zip(found.channels, flags)))  # type: ignore[attr-defined]
+        say_notes(found.notes, dict(zip(found.channels, flags)))
         return limit_code(kept)
+
+
+def _write_json(path: Path, found: Result) -> None:
+    import json
+
+    from specan import __version__
+    from specan.io.output_file import text_file
+
+    with text_file(path) as file:
+        json.dump(
+            {"written_by": f"specan {__version__}", **found.to_json()}, file, indent=2, ensure_ascii=False
+        )
+        file.write("\n")
 
 
 def recording_verb(name: str, what: str = "everything") -> Callable[[Any], click.Command]:
@@ -226,7 +274,12 @@ def recording_verb(name: str, what: str = "everything") -> Callable[[Any], click
     def make(function: Callable[..., int]) -> click.Command:
         own = function.__dict__.pop("__click_params__", [])
 
-        @click.option("-o", "--output", type=OutputFile(), help=f"Write {what} as text.")
+        @click.option(
+            "-o",
+            "--output",
+            type=OutputFile(*TABLES, ".json"),
+            help=f"Write {what} as text, or as .csv, .xlsx, .parquet or .json.",
+        )
         @click.option("--json", "as_json", is_flag=True, help=f"Print {what} as JSON.")
         @opening_options
         @wraps(function)

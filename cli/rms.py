@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.options import level_options, weighting_option
+from specan_cli.options import velocity_option, weighting_option
 from specan_cli.output import plot_option, table
 from specan_cli.recording_verb import Delivery, Source, given, recording_verb, section_options
 
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     help="Level exceeded during N % of the time; repeatable.  [default: 5, 10, 50, 90, 95]",
 )  # fmt: skip
 @section_options
-@level_options("equivalent levels")
+@velocity_option()
 @plot_option()
 def command(
     source: Source,
@@ -44,7 +43,7 @@ def command(
     from specan.api.recordings import rms
 
     found = rms(source.open(), **given(**options))
-    return deliver(found, write_text, lambda: show(found), flags=found.flags)
+    return deliver(found, lambda: show(found), flags=found.flags)
 
 
 def show(found: SignalLevels) -> None:
@@ -82,23 +81,6 @@ def show(found: SignalLevels) -> None:
     ]
     click.echo(f"Percentiles of {weighted}: LN is exceeded during N % of the time")
     table("", ["channel", *(f"L{n:g}" for n in found.percentile_dB)], rows)
-
-
-def write_text(found: SignalLevels, path: Path) -> None:
-    """One row a channel, tab-separated."""
-    from specan.io import results_text as text
-
-    names = {"channel": found.channels, "group": found.groups, "unit": found.units}
-    columns = {
-        **{name: text.words(values) for name, values in names.items()},
-        **{name: values for name, values in found.columns().items() if name not in names},
-    }
-    about = [
-        f"levels of {found.label}, {found.start_s:g} s to {found.start_s + found.duration_s:g} s, about the mean",
-        f"max, min and L of the {found.averaging} level, {found.weighting} weighted for Pa",
-        f"settling: {found.settling}",
-    ]
-    text.write_result(path, "rms", found, about, [columns])
 
 
 def _number(value: float, form: str = "{:.2f}") -> str:

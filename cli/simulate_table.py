@@ -2,48 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from specan.errors import RequestError
 from specan_cli.output import emit_json, say
 from specan_cli.output import table as print_table
 
 if TYPE_CHECKING:
-    from specan.models.chosen_model import ChosenModel, Columns
+    from specan.models.chosen_model import Columns
     from specan.models.model import Model
 
 POINTS = 7  # of each condition over the limits
 MOST_PRINTED = 60  # rows that a person reads on a terminal
 
 
-def run(model: Model, options: Mapping[str, Any]) -> None:
-    """Carry out the chosen for any model of tables."""
-    from specan.models.chosen_model import choose_model, simulated_table
+def table_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Options of a simulator that writes a table: its conditions, and how often each is read."""
+    for option in (
+        click.option("--repeats", type=click.IntRange(min=1), default=1, help="Readings of each condition."),
+        click.option(
+            "--conditions", type=click.Path(path_type=Path), help="Use the conditions of the rows of a table."
+        ),
+        click.option(
+            "--grid", multiple=True, metavar="COLUMN=VALUES",
+            help="Values of a condition: speed_rpm=1200,1500 or speed_rpm=300:3000:10 (ten values); repeatable.",
+        ),
+    ):  # fmt: skip
+        function = option(function)
+    return function
 
-    chosen = choose_model(model, options["effects"], options["without"])
-    simulate(chosen, options, simulated_table, dict.fromkeys(model.rig.limits, POINTS))
+
+@table_options
+def run(model: Model, options: Mapping[str, Any]) -> None:
+    """A table of what the model predicts, over the limits of its rig unless --grid or --conditions say otherwise."""
+    from specan.models.chosen_model import simulated_table
+
+    if "table" not in model.kinds:
+        raise RequestError(f"the model {model.name!r} cannot be simulated from the command line")
+    simulate(model, options, simulated_table, dict.fromkeys(model.rig.limits, POINTS))
 
 
 def simulate(
-    chosen: ChosenModel, options: Mapping[str, Any], make: Callable[..., Columns], points: Mapping[str, int]
+    model: Model, options: Mapping[str, Any], make: Callable[..., Columns], points: Mapping[str, int]
 ) -> None:
     """Write or print what `make` predicts over the conditions that were asked for."""
-    from specan.models.chosen_model import outside_validity
+    from specan.models.chosen_model import choose_model, outside_validity
+    from specan.models.groups import grouped
     from specan.result import records
 
-    if options["noise"] < 0:
-        raise RequestError(f"--noise is {options['noise']}", expected="a standard deviation, not below zero")
-    columns = _conditions(chosen, options, points)
+    columns, names = _conditions(model, options, points)
+    chosen = choose_model(grouped(model, names), options["effects"], options["without"])
     rows = make(chosen, columns, noise=options["noise"], repeats=options["repeats"], seed=options["seed"])
     for left in outside_validity(chosen, columns):
         say(
             f"Warning: {left.rows} rows have {left.quantity} outside {left.low:g} to {left.high:g} {left.unit}, "
             "where the effects' equations hold."
         )
+    for axis, words in names.items():
+        rows[axis] = np.array(words, dtype=object)[rows[axis].astype(int)]
     if options["output"]:
         write(options["output"], rows)
         say(f"{length(rows)} rows written to {options['output']}")
@@ -53,36 +74,51 @@ def simulate(
         _print(rows)
 
 
-def _conditions(chosen: ChosenModel, options: Mapping[str, Any], points: Mapping[str, int]) -> Columns:
-    """Rows of a table, or a grid over the limits with the axes that the user gives."""
+def _conditions(
+    model: Model, options: Mapping[str, Any], points: Mapping[str, int]
+) -> tuple[Columns, dict[str, tuple[str, ...]]]:
+    """Rows of a table, or a grid over the limits with the axes that the user gives; and the names in columns of names.
+
+    In the rows stands the number of a name.
+    """
     from specan.models.chosen_model import grid
 
-    model = chosen.assembly.model
     if options["conditions"]:
         from specan.study.data.table_file import read_table
         from specan.study.data.table_reader import ColumnNames
 
-        names = ColumnNames(options["conditions"], model, lenient=True)
-        table = read_table(options["conditions"], choose=names.choose)
-        names.convert(table)
-        given = table.columns
+        columns = ColumnNames(options["conditions"], model, lenient=True)
+        table = read_table(options["conditions"], choose=columns.choose, texts=model.groups)
+        columns.convert(table)
         known = {c.column for c in model.conditions.values()}
-        return {name: values for name, values in given.items() if name in known}
+        given = {name: values for name, values in table.columns.items() if name in known}
+        words: dict[str, Sequence[str]] = dict(table.words)
+        names = {axis: tuple(dict.fromkeys(said)) for axis, said in words.items()}
+        return given | {axis: _numbered(said, names[axis]) for axis, said in words.items()}, names
     axes = over_limits(model, points)
     if not axes and not options["grid"]:
         raise RequestError(
             f"the rig of {model.name} states no limits to run over", remedy="name conditions with --grid"
         )
+    names = {}
     for text in options["grid"]:
         column, _, values = text.partition("=")
-        axes[column.strip()] = _values(text, values)
-    return grid(model, axes)
+        column = column.strip()
+        if column in model.groups:
+            said = [word.strip() for word in values.split(",")]
+            names[column] = tuple(dict.fromkeys(said))
+            axes[column] = _numbered(said, names[column]).tolist()
+        else:
+            axes[column] = _values(text, values)
+    return grid(model, axes), names
+
+
+def _numbered(words: Sequence[str], names: Sequence[str]) -> Any:
+    return np.array([names.index(word) for word in words], dtype=float)
 
 
 def over_limits(model: Model, points: Mapping[str, int]) -> dict[str, Sequence[float]]:
     """Values of each condition over what the rig can run, in its column's unit."""
-    import numpy as np
-
     from specan.units import convert
 
     axes: dict[str, Sequence[float]] = {}
@@ -94,8 +130,6 @@ def over_limits(model: Model, points: Mapping[str, int]) -> dict[str, Sequence[f
 
 
 def _values(text: str, values: str) -> list[float]:
-    import numpy as np
-
     try:
         if ":" in values:
             low, high, count = values.split(":")
@@ -111,7 +145,13 @@ def write(path: Path, rows: Columns) -> None:
     """Write a table."""
     from specan.io.output_file import write_csv
 
-    write_csv(path, rows, ([f"{value:.9g}" for value in row] for row in zip(*rows.values(), strict=True)))
+    write_csv(path, rows, _cells(rows, ".9g"))
+
+
+def _cells(rows: Columns, form: str) -> Iterator[list[str]]:
+    """Numbers in a form, and names, row by row."""
+    for row in zip(*rows.values(), strict=True):
+        yield [value if isinstance(value, str) else format(value, form) for value in row]
 
 
 def length(rows: Columns) -> int:
@@ -120,7 +160,7 @@ def length(rows: Columns) -> int:
 
 
 def _print(rows: Columns) -> None:
-    shown = [[f"{value:.5g}" for value in row] for row in zip(*rows.values(), strict=True)]
+    shown = list(_cells(rows, ".5g"))
     print_table("", list(rows), shown[:MOST_PRINTED])
     if len(shown) > MOST_PRINTED:
         click.echo(f"... and {len(shown) - MOST_PRINTED} more rows; -o FILE writes all of them")

@@ -1,4 +1,4 @@
-"""``specan study``: hold a model against measurements, learn what is missing, add it, watch the error fall.
+"""``specan study``: compare a model with measurements, learn what is missing, add it, watch the error fall.
 
 Here is what its steps share: the options that they take and the tables that they print.
 """
@@ -9,6 +9,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,35 +24,41 @@ if TYPE_CHECKING:
     from specan.study.study import Study
 
 STEPS = {
-    "new": ("study_new", "Begin a study: a model, a rig, measurements."),
-    "compare": ("study_compare", "Fit the model and see where it fails."),
-    "diagnose": ("study_diagnose", "Which physical effect is missing."),
-    "propose": ("study_propose", "Laws for what no effect of the catalogue explains."),
-    "add": ("study_change:add", "Add an effect, refit, see what the errors do."),
-    "drop": ("study_change:drop", "Take an effect out again."),
+    "new": ("study_new", "Create a study from a model, a rig file and measurements."),
+    "compare": ("study_compare", "Fit the model and show where it fails."),
+    "diagnose": ("study_diagnose", "Find the missing physical effect."),
+    "propose": ("study_propose", "Search the residuals for a law."),
+    "add": ("study_change:add", "Add an effect and refit."),
+    "drop": ("study_change:drop", "Remove an effect and refit."),
     "history": ("study_history", "The error of every step, on fitted and on held-out data."),
-    "next": ("study_next", "Which measurement would decide."),
-    "impedance": ("study_impedance", "Room: surface impedance and absorption per wall and third octave."),
-    "report": ("study_report", "One self-contained page with figures."),
+    "next": ("study_next", "Propose the next measurement."),
+    "report": ("study_report", "Write a report: one HTML page with figures."),
 }
 
 
-class StudyGroup(LazyGroup):
-    """The steps of a study, in the order in which a user takes them."""
+ENTRY_POINTS = "specan.study_verbs"  # of installed packages: name = click command
 
-    verbs = STEPS
+
+class StudyGroup(LazyGroup):
+    """The steps of a study, in the order in which a user takes them, and those that models bring."""
+
+    @property
+    def verbs(self) -> Mapping[str, tuple[str, str]]:
+        """Verb to where it is and what it does."""
+        own = entry_points(group=ENTRY_POINTS)
+        return STEPS | {point.name: (point.value, point.load().get_short_help_str(90)) for point in own}
 
 
 @click.group("study", cls=StudyGroup)
 def command() -> None:
-    """Hold a model against measurements, step by step.
+    """Compare a model with measurements, step by step.
 
     \b
     specan study new my_study --model worm-gear --rig sample_data/worm_gear/rig.toml \\
       --measurement sample_data/worm_gear/table_8_loaded.csv --hold-out torque=60
     specan study compare my_study
     specan study diagnose my_study
-    specan study add my_study seal-drag --because "the idle runs ask for it"
+    specan study add my_study seal-drag --because "needed at idle"
     specan study history my_study
     """
     # Many small matrices: threads of the linear algebra would spin for nothing. Numpy is loaded after this.
@@ -82,6 +89,8 @@ def open_study(directory: Path, effects: Sequence[Path] = (), accept_changes: bo
     from specan.study.study import Study
 
     study = Study(directory, accept_changes, effects)
+    for line in study.history.ignored:
+        say(f"Warning: {line}.")
     for name in study.accepted:
         say(f"{name}: the changed data are accepted.")
     if not study.data.known:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 def change_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Study, effect, reason and figure of a step that changes the model."""
     for decorate in (
-        plot_option("measured and model as it is then"),
-        click.option("--because", default="", metavar="TEXT", help="Why, for the history."),
+        plot_option("measurement and changed model"),
+        click.option("--because", default="", metavar="TEXT", help="Reason, kept in the history."),
         click.argument("effect_name", metavar="EFFECT"),
         study_options,
     ):
@@ -36,7 +36,7 @@ def add(directory: Path, effect_name: str, effects: tuple[Path, ...], because: s
     (wall-impedance@z1), or a Python file with an effect of your own.
 
     \b
-    specan study add my_study seal-drag --because "idle runs ask for it"
+    specan study add my_study seal-drag --because "idle runs show more drag"
     """
     from specan.study.edit import add_effect
 
@@ -46,10 +46,9 @@ def add(directory: Path, effect_name: str, effects: tuple[Path, ...], because: s
 @click.command("drop", cls=Verb)
 @change_options
 def drop(directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, **shown: Any) -> None:
-    """Take EFFECT out of the model of DIR and refit. The steps before stay in the history.
+    """Remove EFFECT from the model of DIR and refit. The history keeps the earlier steps.
 
-    EFFECT may also be an effect file of your own that the study took in (my_effect.py): it is then no candidate
-    any more, whether it still works or not.
+    EFFECT may also be an effect file of the study (my_effect.py): it is then no longer a candidate.
 
     \b
     specan study drop my_study seal-drag
@@ -63,7 +62,7 @@ def drop(directory: Path, effect_name: str, effects: tuple[Path, ...], because: 
     if shown["as_json"]:
         emit_json({"dropped": dropped})
     else:
-        click.echo(f"{dropped} is no part of the study any more; the file itself stays.")
+        click.echo(f"{dropped} is removed from the study; the file itself is kept.")
 
 
 def _show(change: Change, as_json: bool, plot: Path | None) -> None:

@@ -30,9 +30,9 @@ def command(
     channel: str | None,
     accept_changes: bool,
 ) -> None:
-    """Fit the parameters that the model of DIR has and show where it fails.
+    """Fit the parameters of DIR's model and show where it fails.
 
-    Held-out data are not looked at.
+    Held-out data are not used.
 
     \b
     specan study compare my_study --plot compare.png
@@ -59,11 +59,26 @@ def _print(study: Study, found: Comparison) -> None:
     best, where = found.fit, found.localisation
     click.echo("Model: " + (", ".join(study.model_effects) or study.model.words.ideal))
     error_table("\nError on the fitted data", found.errors)
+    for one in found.path_gains:
+        click.echo(
+            f"\n{one['recording']}: gains of the path, fitted to these lines. Without them the RMS error is "
+            f"{one['rms_without']:.3g} {found.errors[0].unit}."
+        )
+        table(
+            "",
+            ["channel", "harmonic", "dB", "phase deg"],
+            [
+                [channel, harmonic, f"{level:+.2f}", f"{phase:+.1f}"]
+                for channel, harmonic, level, phase in zip(
+                    one["channel"], one["harmonic"], one["gain_dB"], one["phase_deg"], strict=True
+                )
+            ],
+        )
     click.echo("")
     parameter_table(found.parameters)
     if where is None:
         return
-    spent = " beside those of the repeats" if study.problem.pure_error_dof else ""
+    spent = " excluding those of the repeats" if study.problem.pure_error_dof else ""
     click.echo(
         f"\nReduced chi-square {best.reduced_chi2:.2f} ({best.n_effective:.0f} independent values, "
         f"{best.dof - study.problem.pure_error_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}; "
@@ -81,14 +96,14 @@ def _print(study: Study, found: Comparison) -> None:
     elif best.p_value > 1e-3 and outside:
         verdict = f"The model fits, but only with values outside what is known: {', and '.join(outside)}."
     elif best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):
-        verdict = "The model fits as a whole, and yet:"
+        verdict = "The model fits overall, but:"
     click.echo(verdict)
     if study.mistaken_set_up.text:
         click.echo(f"Check the set-up: {study.mistaken_set_up.sentence}.")
     if study.shown is not study.best:
         click.echo(
-            f"It fits best, reduced chi-square {study.best.reduced_chi2:.2f}, with instruments far beyond their "
-            "certificates; it is shown with instruments nearer to these."
+            f"The best fit (reduced chi-square {study.best.reduced_chi2:.2f}) needs instrument errors far beyond their "
+            "certificates. Shown is a fit with smaller ones."
         )
     for text in where.sentences():
         click.echo(f"  {text}")
@@ -96,7 +111,7 @@ def _print(study: Study, found: Comparison) -> None:
     if blocks:
         click.echo("")
         table(
-            "Where, the clearest first",
+            "Where the model fails, most significant first",
             ["conditions", "values", "z", "p", ""],
             [
                 [
@@ -110,7 +125,7 @@ def _print(study: Study, found: Comparison) -> None:
             ],
         )
     if best.p_value <= 1e-3:
-        click.echo(f"\nAsk what is missing: specan study diagnose {study.directory}")
+        click.echo(f"\nNext: specan study diagnose {study.directory}")
 
 
 def _print_recordings(study: Study, recorded: Sequence[FrfErrors]) -> None:
@@ -120,13 +135,15 @@ def _print_recordings(study: Study, recorded: Sequence[FrfErrors]) -> None:
         click.echo("")
         table(
             f"{one.recording}: model over measured, all {names}",
-            ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "the clearest, dB (95 %)"],
+            ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "largest, dB (95 %)"],
             _bands(one),
         )
+        if one.third.partial:
+            click.echo("(*: the lines cover only part of this third octave.)")
         frac = ", ".join(f"{c} {f:.4f}" for c, f in zip(one.channels, one.frac, strict=True) if f == f)
         click.echo(f"FRAC: {frac}")
     if recorded:
-        click.echo("(FRAC and CSAC see less than chi-square: they are shown, and decide nothing.)")
+        click.echo("(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)")
 
 
 def _bands(one: FrfErrors) -> list[list[str]]:
@@ -134,12 +151,12 @@ def _bands(one: FrfErrors) -> list[list[str]]:
     import numpy as np
 
     rows = []
-    for b, band in enumerate(one.bands):
+    for b, band in enumerate(one.band_texts):
         level, phase = one.level_dB[:, b], one.phase_deg[:, b]
         used = np.flatnonzero(np.isfinite(level))
         worst = used[np.argmax(np.abs(level[used]) / one.u_level_dB[used, b])]
         rows.append([
-            f"{band:g}", f"{level[used].mean():+.2f}", f"{level[used].min():+.2f}..{level[used].max():+.2f}",
+            band, f"{level[used].mean():+.2f}", f"{level[used].min():+.2f}..{level[used].max():+.2f}",
             f"{np.abs(phase[used]).mean():.1f}", f"{one.csac[b]:.4f}",
             f"{one.channels[worst]}: {level[worst]:+.2f} +-{2 * one.u_level_dB[worst, b]:.2f}",
         ])  # fmt: skip

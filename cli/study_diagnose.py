@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import Verb, draw, emit_json, plot_option, say, table
+from specan_cli.output import Verb, draw_beside, emit_json, plot_option, say, table
 from specan_cli.study import open_study, probability, study_options, told
 
 if TYPE_CHECKING:
@@ -16,7 +16,18 @@ if TYPE_CHECKING:
 
 SHOWN = 10  # rows of the table of candidates
 DETAILED = 3  # of them with their parameters
+EXPLANATIONS = 5  # whose probability is told in a sentence
+LEAST_PROBABLE = 0.01
 PLACES = 4  # where the model fails
+BY_PROBABILITY = (
+    "(error after: RMS once it is added. probable: among all explanations, nothing missing and something else "
+    "included.\nevidence: natural logarithm of how much more probable it makes the data than the model as it is does.)"
+)
+BY_CHANCE = (
+    "(error after: RMS once it is added. evidence: fall in BIC, above 6 is decisive. chance: probability of "
+    "such a fall\nwithout any effect, over all that were tried. left out: gain in chi-square on conditions "
+    "left out of the fit, positive is better.)"
+)
 SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell them apart
 
 
@@ -25,6 +36,11 @@ SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell
 @plot_option("the candidates in their order")
 @click.option("--bootstrap", is_flag=True, help="Family-wise probabilities by simulation (slower).")
 @click.option(
+    "--probabilities",
+    is_flag=True,
+    help="Tables: how probable each explanation is, a fault of the data and an unknown effect included.",
+)
+@click.option(
     "--jobs",
     type=click.IntRange(1),
     default=1,
@@ -32,16 +48,22 @@ SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell
     help="Number of processes for transfer functions, on Linux; the result is the same.",
 )
 def command(
-    directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None, bootstrap: bool, jobs: int
+    directory: Path,
+    effects: tuple[Path, ...],
+    as_json: bool,
+    plot: Path | None,
+    bootstrap: bool,
+    probabilities: bool,
+    jobs: int,
 ) -> None:
-    """Find out which effect the model of DIR is missing. Held-out data are not looked at.
+    """Find the effect that the model of DIR lacks. Held-out data are not used.
 
     \b
     specan study diagnose my_study --plot ranking.png
     """
     study = open_study(directory, effects)
     try:
-        found = study.diagnose(bootstrap=bootstrap, progress=told(), jobs=jobs)
+        found = study.diagnose(bootstrap=bootstrap, probabilities=probabilities, progress=told(), jobs=jobs)
     except KeyboardInterrupt as stopped:
         _say_stopped(stopped, directory)
         raise
@@ -49,7 +71,7 @@ def command(
         emit_json(found.to_json())
     else:
         _print(found, directory)
-    draw(found, plot)
+    draw_beside(found, plot)
 
 
 def _say_stopped(stopped: KeyboardInterrupt, directory: Path) -> None:
@@ -62,7 +84,7 @@ def _say_stopped(stopped: KeyboardInterrupt, directory: Path) -> None:
     rows = stopped.content["refitted"]
     roughly = " roughly, to few lines" if stopped.content["rough"] else ""
     say(
-        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted{roughly}, the likeliest first:"
+        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted{roughly}, most likely first:"
     )
     for row in rows[:SHOWN]:
         say(
@@ -79,8 +101,9 @@ def _print(found: Diagnosis, directory: Path) -> None:
     if found.reason:
         click.echo(f"{found.reason[:1].upper()}{found.reason[1:]}.")
     if found.error is not None:
-        click.echo(f"Error (RMS of {found.error.before.observable}): {found.error.text}.")
-    if found.verdict in ("effect", "group"):
+        click.echo("\n".join(found.error.sentences))
+    _print_probabilities(found)
+    if found.verdict in ("effect", "group") and found.ranking and found.ranking[0].p_value is not None:
         click.echo(
             f"Noise alone would give such an improvement with {probability(found.ranking[0].p_value)}."
         )
@@ -93,11 +116,13 @@ def _print(found: Diagnosis, directory: Path) -> None:
     if found.next_measurement:
         click.echo("")
         show_next(found.next_measurement)
-    if found.verdict in ("effect", "group"):
+    if found.verdict in ("effect", "group") and found.ranking:
         click.echo("")
-        for use in _uses(found.ranking[0]):
+        for use in found.ranking[0].names:
             shown = f'"{use}"' if " " in use else use
             click.echo(f"Try it: specan study add {directory} {shown}")
+    if found.verdict == "unknown-effect" and found.residual_law is not None:
+        click.echo(f"\nSearch the residuals for a law: specan study propose {directory}")
     _print_where(found)
     _print_statistics(found)
     _print_power(found)
@@ -105,11 +130,24 @@ def _print(found: Diagnosis, directory: Path) -> None:
         click.echo(f"Not testable: {effect} {why}")
 
 
+def _print_probabilities(found: Diagnosis) -> None:
+    """The likeliest explanations; all others together."""
+    from specan.study.verdict import percent
+
+    likely = [one for one in found.probabilities[:EXPLANATIONS] if one.probability >= LEAST_PROBABLE]
+    if not likely:
+        return
+    told = [f"{one.explanation} {percent(one.probability)}" for one in likely]
+    rest = 1 - sum(one.probability for one in likely)
+    told += [f"all others together {percent(rest)}"] if rest >= LEAST_PROBABLE else []
+    click.echo(f"How probable: {', '.join(told)}.")
+
+
 def _print_pulls(found: Diagnosis) -> None:
     if found.pulls:
         click.echo("")
         table(
-            "Values off what is known, in standard uncertainties",
+            "Values outside the known range, in standard uncertainties",
             ["parameter", "value", "known", "unit", "off by", ""],
             [
                 [
@@ -121,19 +159,23 @@ def _print_pulls(found: Diagnosis) -> None:
 
 
 def _print_where(found: Diagnosis) -> None:
-    """Where transfer functions are off: level or phase, and the mode that is near."""
-    places = [place for place in found.fails_at if place.get("most_at")][:PLACES]
+    """Where the model as it is is off: by how much, and of transfer functions which mode is near."""
+    places = [place for place in found.fails_at if place.get("most_at") or found.probabilities][:PLACES]
     if places:
-        click.echo("\nWhere the model as it is fails, the clearest first:")
+        click.echo("\nWhere the current model fails, most significant first:")
     for place in places:
-        click.echo(f"  {place['place']}: {place['text']}, {place['most_at']}")
+        near = f", {place['most_at']}" if place.get("most_at") else ""
+        where = place.get("place") or ", ".join(f"{n} = {v:g}" if isinstance(v, float) else f"{n} = {v}"
+                                                for n, v in place["where"].items())  # fmt: skip
+        click.echo(f"  {where}: {place['text']}{near}")
 
 
 def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
     """What to measure next: a table, one column for each reading; sentences where something else is to be done."""
-    tabled = [row for row in rows if row["conditions"] and row["predictions"]]
+    readings = [row for row in rows if row["conditions"] and row["predictions"]]
+    tabled = [row for row in readings if row.get("observable") == readings[0].get("observable")]
     if tabled:
-        unit = "" if tabled[0]["unit"] == "1" else f", {tabled[0]['unit']}"
+        unit = _in_unit(tabled[0]["unit"])
         lines: list[tuple[str, list[str]]] = [
             (
                 name,
@@ -151,7 +193,7 @@ def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
             ("furthest two, sigma apart", "separation_sigma"),
         ):
             lines.append((label, [f"{row[key]:.1f}" if row.get(key) else "" for row in tabled]))
-        lines.append(("tells apart", [_apart(row) for row in tabled]))
+        lines.append(("separates", [_apart(row) for row in tabled]))
         table(
             "What to measure next",
             ["", *map(str, range(1, len(tabled) + 1))],
@@ -174,29 +216,26 @@ def _apart(row: Mapping[str, Any]) -> str:
 def _print_statistics(found: Diagnosis) -> None:
     if found.ranking:
         now = None if found.error is None else found.error.before.level_dB
-        unit = "" if found.error is None or found.error.before.unit == "1" else f", {found.error.before.unit}"
+        unit = "" if found.error is None else _in_unit(found.error.before.unit)
+        others = {e.before.observable: e.before.unit for e in found.error.others} if found.error else {}
         levels = now is not None and all(r.level_after_dB is not None for r in found.ranking[:SHOWN])
+        told = _by_probability if found.ranking[0].probability is not None else _by_chance
         click.echo("")
         table(
-            "What was tried, the likeliest first",
+            "Effects tested, most likely first",
             [
                 "effects",
                 f"error after{unit}",
+                *(f"{name}{_in_unit(unit)}" for name, unit in others.items()),
                 *(["levels, dB"] if levels else []),
-                "evidence",
-                "chance",
-                "left out",
+                *told(None),
                 "",
             ],
-            [_row(r, now, levels) for r in found.ranking[:SHOWN]],
+            [_row(r, now, levels, told(r)) for r in found.ranking[:SHOWN]],
         )
-        click.echo(
-            "(error after: RMS once it is added. evidence: fall in BIC, above 6 is decisive. chance: probability of "
-            "such a fall\nwithout any effect, over all that were tried. left out: gain in chi-square on conditions "
-            "left out of the fit, positive is better.)"
-        )
+        click.echo(BY_PROBABILITY if told is _by_probability else BY_CHANCE)
         for ranked in found.ranking[:DETAILED]:
-            click.echo(f"{' + '.join(sorted(_uses(ranked)))}:")
+            click.echo(f"{' + '.join(ranked.names)}:")
             for name, p in ranked.parameters.items():
                 click.echo(f"  {name} = {_value(p)}")
     if found.lack_of_fit is not None:
@@ -208,20 +247,35 @@ def _print_statistics(found: Diagnosis) -> None:
         )
 
 
-def _uses(ranked: Ranked) -> list[str]:
-    """Effects with their places, as ``study add`` takes them."""
-    placed = [f"{name}@{place}" for name in ranked.effects for place in ranked.at.get(name, ())]
-    return [*placed, *(name for name in ranked.effects if name not in ranked.at)]
+def _in_unit(unit: str) -> str:
+    return "" if unit == "1" else f", {unit}"
 
 
-def _row(ranked: Ranked, now_dB: float | None, levels: bool) -> list[Any]:
+def _by_probability(ranked: Ranked | None) -> list[str]:
+    """Columns of a table's explanations; their names without one."""
+    if ranked is None:
+        return ["probable", "evidence"]
+    return [f"{100 * (ranked.probability or 0):.2g} %", f"{ranked.ln_evidence or 0:+.1f}"]
+
+
+def _by_chance(ranked: Ranked | None) -> list[str]:
+    """The same where sets are tested one by one."""
+    if ranked is None:
+        return ["evidence", "chance", "left out"]
+    p = ranked.p_value or 0.0
+    return [
+        f"{ranked.delta_bic or 0:,.1f}", f"{p:.1g}" if p >= 1e-12 else "<1e-12", f"{ranked.held_out_gain or 0:.1f}",
+    ]  # fmt: skip
+
+
+def _row(ranked: Ranked, now_dB: float | None, levels: bool, told: Sequence[str]) -> list[Any]:
     remark = "" if ranked.plausible else "outside"
     if ranked.at_bound:
         remark = f"{remark}, at its bound".lstrip(", ")
     fall = [f"{now_dB:.2g} to {ranked.level_after_dB:.2g}"] if levels else []
     return [
-        " + ".join(sorted(_uses(ranked))), f"{ranked.error_after:.3g}", *fall, f"{ranked.delta_bic:.1f}",
-        f"{ranked.p_value:.1g}" if ranked.p_value >= 1e-12 else "<1e-12", f"{ranked.held_out_gain:.1f}", remark,
+        " + ".join(ranked.names), f"{ranked.error_after:.3g}",
+        *(f"{rms:.3g}" for rms in ranked.others_after.values()), *fall, *told, remark,
     ]  # fmt: skip
 
 
@@ -236,9 +290,9 @@ def _print_power(found: Diagnosis) -> None:
     if seen:
         click.echo("")
         table(
-            "Smallest that these data would show",
+            "Smallest detectable effects",
             ["effect", "size", ""],
             [[n, f"{v['value']:.2g}", "" if v["unit"] == "1" else v["unit"]] for n, v in seen.items()],
         )
     if hidden:
-        click.echo("Invisible at any size in their range: " + ", ".join(hidden))
+        click.echo("Not detectable at any size in their range: " + ", ".join(hidden))

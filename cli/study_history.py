@@ -21,11 +21,13 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
     """
     from specan.study.history import History
     from specan.study.study_file import read_study_file
-    from specan_cli.output import emit_json, table
+    from specan_cli.output import emit_json, say, table
     from specan_cli.study import amount
 
     read_study_file(directory)
     history = History(directory)
+    for line in history.ignored:
+        say(f"Warning: {line}.")
     steps = history.steps
     if as_json:
         emit_json([step.as_dict() for step in steps])
@@ -35,8 +37,12 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
             held = "" if s.held_out_reduced_chi2 is None else f"{s.held_out_reduced_chi2:.2f}"
             chi2 = "" if s.reduced_chi2 is None else f"{s.reduced_chi2:.2f}"
             what = f"{s.action} {s.effect}".strip() + (f" ({s.because})" if s.because else "")
-            rows.append([s.step, what, amount(s.fit_error), chi2, amount(s.held_out_error), held])
-        metric = steps[-1].fit_error["metric"] if steps else "RMS"
+            fitted, aside = (
+                ", ".join(amount(e) for e in s.of_each(kind).values()) for kind in ("fit", "held_out")
+            )
+            rows.append([s.step, what, fitted, chi2, aside, held])
+        names = steps[-1].of_each("fit") if steps else ()
+        metric = f"RMS of {', '.join(names)}" if names else "RMS"
         table(
             f"{directory}: {metric}",
             ["step", "what", "fitted", "chi2/n", "held out", "chi2/n"],

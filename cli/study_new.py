@@ -20,7 +20,7 @@ FILE = click.Path(path_type=Path)
               help="Measured data to fit; repeatable.")  # fmt: skip
 @click.option("--column", "columns", multiple=True, metavar="NAME=HEADER",
               help="Header of a column of the model in the table, with its unit: \"speed_rpm=n [1/min]\"; repeatable. "
-              "Unknown columns are passed over then.")  # fmt: skip
+              "Unknown columns are ignored then.")  # fmt: skip
 @click.option("--group", "groups", multiple=True, metavar="NAME",
               help="A column of names, such as specimen: is a parameter different for each? Repeatable.")  # fmt: skip
 @click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
@@ -46,7 +46,7 @@ def command(
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    """Begin a study in DIR and say what was assumed.
+    """Create a study in DIR and list the assumptions.
 
     Measured files stay where they are; the study keeps their hash and notices when they change.
 
@@ -94,6 +94,7 @@ def _named_columns(given: tuple[str, ...]) -> dict[str, str]:
 
 
 def _show(begun: object, as_json: bool) -> None:
+    from specan.result import counted
     from specan.study.build_problem import calibration_priors, held_for_want_of_variation
     from specan.study.create import Begun
     from specan_cli.output import emit_json
@@ -127,7 +128,12 @@ def _show(begun: object, as_json: bool) -> None:
             }
         )
         return
-    click.echo(f"{study.directory}: {study.model.title}, {fitted} values to fit, {aside} put aside")
+    each = (
+        f" ({', '.join(f'{e.n} of {e.observable}' for e in study.errors)})" if len(study.errors) > 1 else ""
+    )
+    click.echo(
+        f"{study.directory}: {study.model.title}, {counted(fitted, 'value')} to fit{each}, {aside} held out"
+    )
     for note in study.model.notes:
         click.echo(f"  {note}")
     click.echo("Effects: " + (", ".join(study.model_effects) or f"none, {study.model.words.ideal}"))
@@ -156,5 +162,6 @@ def _show(begun: object, as_json: bool) -> None:
         )
     if study.mistaken_set_up.text:
         click.echo(f"\nCheck the set-up: {study.mistaken_set_up.sentence}.")
-    click.echo(f"\nStep 0 is kept ({step.fit_error['metric']} {amount(step.fit_error)}). ", nl=False)
-    click.echo(f"Go on with: specan study compare {study.directory}")
+    errors = ", ".join(f"{e['metric']} {amount(e)}" for e in step.of_each("fit").values())
+    click.echo(f"\nStep 0 is kept ({errors}). ", nl=False)
+    click.echo(f"Next: specan study compare {study.directory}")

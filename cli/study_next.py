@@ -6,18 +6,18 @@ from pathlib import Path
 
 import click
 
-from specan_cli.output import Verb, draw, emit_json, plot_option
+from specan_cli.output import Verb, draw_beside, emit_json, plot_option
 from specan_cli.study import open_study, study_options, told
 from specan_cli.study_diagnose import show_next
 
 
 @click.command("next", cls=Verb)
 @study_options
-@plot_option("what the rivals expect of each reading")
+@plot_option("what each explanation predicts")
 def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None) -> None:
-    """Propose the measurements, within the rig's limits, that best separate what could be missing.
+    """Propose the measurements, within the rig's limits, that best distinguish the possible explanations.
 
-    Of a room these are places for microphones: inside the box, off its walls, off those that are there.
+    For a room: microphone positions inside it, away from its walls and from the microphones in use.
 
     \b
     specan study next my_study
@@ -30,7 +30,7 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Pat
     elif found.rows:
         show_next(found.rows)
     else:
-        click.echo("Nothing is left to decide: no two explanations compete for these data.")
+        click.echo(f"{found.summary()[:1].upper()}{found.summary()[1:]}.")
         if study.model.words.what_else:
             click.echo(study.model.words.what_else.format(study=directory))
-    draw(found, plot)
+    draw_beside(found, plot)

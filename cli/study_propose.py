@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 @click.command("propose", cls=Verb)
 @study_options
 def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
-    """Look for laws in what the model of DIR leaves, and write them as effect files.
+    """Search the residuals of DIR for laws, and write them as effect files.
 
-    For an effect that no catalogue holds: powers, exponentials, saturation, onsets, resonances of the operating
-    variables and their products. Held-out data are not looked at.
+    For an effect outside the catalogue: powers, exponentials, saturation, onsets, resonances of the operating
+    variables and their products. Held-out data are not used.
 
     \b
     specan study propose my_study
@@ -38,9 +38,9 @@ def show(found: ProposedLaws, directory: Path) -> None:
     """The laws, what they do to the error, and what would distinguish them."""
     if not found.laws:
         click.echo(
-            f"No law. Noise explains what is left: over {found.tried} laws, p = {found.p_value:.2g}."
+            f"No law: noise explains the residuals ({found.tried} laws tried, p = {found.p_value:.2g})."
             if found.noise_explains
-            else f"No law of the {found.tried} that were tried predicts conditions that it was not fitted to."
+            else f"No law: none of the {found.tried} laws tried predicts conditions left out of its fit."
         )
         return
     count = len(found.laws)

@@ -14,7 +14,7 @@ from specan_cli.study import open_study, study_options
 @study_options
 @click.option("-o", "--output", required=True, type=OutputFile(), help="HTML file to write.")
 def command(directory: Path, effects: tuple[Path, ...], as_json: bool, output: Path) -> None:
-    """Write everything about DIR on one page: figures, verdict, history, what it rests on.
+    """Write a report of DIR on one page: figures, verdict, history, assumptions.
 
     The page needs no network and no other file.
 

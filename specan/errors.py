@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import importlib
 from collections.abc import Iterable
+from typing import Any
 
 
 class SpecanError(Exception):
@@ -64,10 +66,10 @@ def unforeseen(fault: BaseException) -> str:
     Examples
     --------
     >>> unforeseen(MemoryError())
-    'specan met something it does not know: MemoryError'
+    'Internal error: MemoryError'
     """
     said = f"{type(fault).__name__}: {fault}" if str(fault) else type(fault).__name__
-    return f"specan met something it does not know: {said}"
+    return f"Internal error: {said}"
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -83,3 +85,13 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if close:
         return f"did you mean {close[0]!r}?"
     return "known are " + ", ".join(known) if known else "none is known here"
+
+
+def library(name: str, extra: str) -> Any:
+    """A library that only some users need."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise RequestError(
+            f"{name} is not installed", expected="it for this format", remedy=f"pip install 'specan[{extra}]'"
+        ) from None

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -103,6 +103,64 @@ class Result:
         return specan.plot(self, **options)
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class RecordingResult(Result):
+    """The base of what a verb finds in a recording: values of its channels, and what holds for all of them.
+
+    Attributes
+    ----------
+    label : str
+        Which recording.
+    channels : tuple of str
+    notes : tuple of str
+        Sentences about the whole.
+    settings : mapping
+        Settings of the analysis.
+    """
+
+    verb: ClassVar[str] = ""
+
+    label: str
+    channels: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def values_over(self) -> dict[str, Any]:
+        """Arrays over `dimensions`."""
+        raise NotImplementedError
+
+    def facts(self) -> dict[str, Any]:
+        """What `content` says of all channels."""
+        raise NotImplementedError
+
+    def of_channels(self) -> dict[str, Any]:
+        """What `content` says of each channel; its name aside."""
+        raise NotImplementedError
+
+    def about(self) -> list[str]:
+        """Lines above the table in a text file."""
+        raise NotImplementedError
+
+    def tables(self) -> Iterable[dict[str, Any]]:
+        """Columns of the text file, of one channel or a part of it after the other."""
+        names = self.dimensions[1:]
+        axes = crossed(**{name: getattr(self, name) for name in names})
+        values = self.values_over()
+        for row, channel in enumerate(self.channels):
+            yield {"channel": channel, **axes, **{name: found[row].ravel() for name, found in values.items()}}
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each channel, and for each line or band of it."""
+        axes = {name: getattr(self, name) for name in self.dimensions[1:]}
+        values = {name: found.ravel() for name, found in self.values_over().items()}
+        return {**crossed(channel=self.channels, **axes), **values}
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        channels = records(channel=self.channels, **self.of_channels())
+        return {"file": self.label, **self.facts(), "channels": channels, **picked(self, "notes settings")}
+
+
 def picked(found: Any, names: str) -> dict[str, Any]:
     """Attributes by their names, which stand apart by blanks.
 
@@ -168,18 +226,17 @@ def crossed(**dimensions: Any) -> dict[str, Any]:
     return {name: grid.ravel() for name, grid in zip(dimensions, grids, strict=True)}
 
 
-def full_names(names: Sequence[str], groups: Sequence[str]) -> list[str]:
-    """Names of channels, with their group where a name is in several.
+def shortened(names: Sequence[str], most: int = 4) -> str:
+    """Names in one line; of many the first and the last.
 
     Examples
     --------
-    >>> full_names(["Mic 1", "Mic 1", "Mic 2"], ["A", "B", "B"])
-    ['A/Mic 1', 'B/Mic 1', 'Mic 2']
+    >>> shortened(["Mic 1", "Mic 2"]), shortened([f"Mic {n}" for n in range(1, 25)])
+    ('Mic 1, Mic 2', 'Mic 1 ... Mic 24, 24 channels')
     """
-    return [
-        f"{group}/{name}" if list(names).count(name) > 1 and group else name
-        for name, group in zip(names, groups, strict=True)
-    ]
+    if len(names) <= most:
+        return ", ".join(names)
+    return f"{names[0]} ... {names[-1]}, {len(names)} channels"
 
 
 def counted(number: int, what: str) -> str:

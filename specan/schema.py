@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import stat
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -121,10 +123,26 @@ def _spoken(keys: Sequence[str | int]) -> str:
     return " ".join(words)
 
 
+def regular(path: Path) -> Path:
+    """The path of a file; a pipe would be waited for, and a device has no end.
+
+    Raises
+    ------
+    RequestError
+        It is one of those.
+    """
+    with suppress(OSError, ValueError):  # whoever opens it says what is wrong
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+            what = "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
+            raise RequestError(f"{path} is {what}", expected="a file", remedy="write it to a file first")
+    return path
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file into plain values; a fault names the file and the line."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return tomllib.loads(regular(path).read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise RequestError(f"the file {path} does not exist", remedy="check the path") from None
     except (OSError, UnicodeDecodeError) as fault:

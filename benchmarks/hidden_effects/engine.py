@@ -11,7 +11,6 @@ from typing import Any
 
 from hidden_effects.cases import Case
 from specan.models import Model, Use
-from specan.models.worm_gear.build import build
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.fit import fit
@@ -22,6 +21,7 @@ from specan.study.selection.refits import EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, score_pairs
 from specan.study.selection.search import Search
 from specan.units import convert
+from specan.worm_gear.model.build import build
 from truth.worm_gear import TruthCase
 
 STARTS = 3  # signatures of a candidate from which it is refitted to noise-free data

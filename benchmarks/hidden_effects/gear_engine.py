@@ -11,14 +11,14 @@ import numpy as np
 
 from hidden_effects.gear_cases import Case
 from specan.models import Model, Use
-from specan.models.planetary_gear.build import build
-from specan.study.data.open_orders import open_data
+from specan.planetary_gear.model.build import build
+from specan.planetary_gear.study.open_orders import open_data
+from specan.planetary_gear.study.order_lines import OrderLinesObservation
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import held_out_error
 from specan.study.estimation.problem import Problem
 from specan.study.observation import DataFile, MeasuredFiles
-from specan.study.observation.order_lines import OrderLinesObservation
 from specan.study.selection.candidates import base_problem
 from truth.planetary_gear import Gear
 from truth.planetary_gear.recorded import Run

@@ -14,8 +14,8 @@ from hidden_effects.room_cases import Case
 from specan.errors import ComputationError
 from specan.io.open import open_recording
 from specan.models import Use
+from specan.room.study.estimate_frf import observe_recording
 from specan.study.create import begin
-from specan.study.data.estimate_frf import observe_recording
 from specan.study.edit import add_effect
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import HeldOut

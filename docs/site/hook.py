@@ -33,6 +33,8 @@ def on_files(files: Files, config: Any) -> Files:
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Links out of `docs`, and the exit codes that only the tests read."""
     source = page.file.src_uri
+    if source.startswith("decisions/"):
+        page.meta["search"] = {"exclude": True}  # for developers, who read them as a whole
     text = re.sub(r"  # exit code \d+$", "", markdown, flags=re.MULTILINE)
     return _moved(text, posixpath.dirname(f"docs/{source}"), source) if source not in PAGES.values() else text
 

@@ -54,8 +54,10 @@ def feed(recording: Recording, accumulators: Sequence[Reader]) -> None:
         rate = accumulator.channels[0].sampling_rate
         together[rate, accumulator.start, accumulator.stop].append(accumulator)
     for (_, start, stop), group in together.items():
-        wanted = {id(c) for accumulator in group for c in accumulator.channels}
-        channels = [c for c in recording.channels if id(c) in wanted]
+        known = {id(c): k for k, c in enumerate(recording.channels)}
+        every = {id(c): c for accumulator in group for c in accumulator.channels}
+        # In the order of the file, and those that begin later than in the file behind them.
+        channels = sorted(every.values(), key=lambda c: known.get(id(c), len(known)))
         position = {id(c): i for i, c in enumerate(channels)}
         rows = [[position[id(c)] for c in accumulator.channels] for accumulator in group]
         whole = list(range(len(channels)))

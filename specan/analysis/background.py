@@ -106,9 +106,10 @@ def _row(levels: BandLevels, row: int, background: BandLevels) -> int:
     if wanted in places:
         return places.index(wanted)
     # The group may be called otherwise in another recording.
-    names = [place[1:] for place in places]
-    if names.count(wanted[1:]) == 1:
-        return names.index(wanted[1:])
+    names = [(name.removeprefix(f"{group}/"), unit) for group, name, unit in places]
+    alike = wanted[1].removeprefix(f"{wanted[0]}/"), wanted[2]
+    if names.count(alike) == 1:
+        return names.index(alike)
     raise RequestError(
         f"the background {background.label} has no channel {wanted[1]!r} in {wanted[2]}",
         expected=", ".join(background.channels),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,9 @@ from specan.analysis.octave_settings import OctaveSettings
 from specan.data.band_levels import BandLevels, LevelHistory, OtherSettling
 from specan.data.channel import Channel
 from specan.data.levels import Quality
-from specan.dsp import bands
 from specan.dsp.band_energy import EnergySpectrum
 from specan.dsp.band_history import Histories
+from specan.dsp.bands import Bands
 from specan.dsp.record_ends import Fade
 from specan.dsp.weighting import WEIGHTINGS
 from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
@@ -27,18 +28,19 @@ skirts of their filters let through: in these the ends are counted. (The class 1
 that are themselves faded over 2 / bandwidth.)"""
 LINEAR_SETTLING = {
     "left-out": "about the mean; the section is faded in and out over an eighth of it, 0.5 s at most, so that the cut "
-    "at its ends is left out",
-    "counted": "about the mean; filters at rest at the start of the section; all energy at their outputs, ring-out "
-    "after its end included, over the length of the section",
+    "at its ends is left out of the bands",
+    "counted": "about the mean; filters at rest at the start of the section; all energy at the outputs of the bands, "
+    "ring-out after its end included, over the length of the section",
 }
 READING_SETTLING = (
     "filters and time weighting at rest at the start of the section, 5 time constants + 3/B to settle; "
     "the reading is that at its end"
 )
-MAX_SETTLING = (
-    "filters and time weighting at rest at the start of the section; for the maximum the time weighting begins after "
-    "6/B of each band, 0.09 s with A, B and C"
-)
+MAX_SETTLING = {
+    "counted": "filters and time weighting at rest at the start of the section; the maximum is over all of it",
+    "left-out": "filters and time weighting at rest at the start of the section; for the maximum of a band the time "
+    "weighting begins after 6/B",
+}
 MIN_SETTLING = (
     "filters and time weighting at rest at the start of the section; the minimum leaves out the first "
     "5 time constants + 3/B of each band"
@@ -66,47 +68,46 @@ def band_levels(
     settings : OctaveSettings
         The fraction, weighting and range to use; `averaging` does not count.
     """
-    index = settings.bands(spectrum.sampling_rate)
-    duration = spectrum.n_samples / spectrum.sampling_rate
-    lower, upper = bands.band_edges(index, settings.fraction)
-    counted, left_out = (
-        _levels_of(each, channels, settings, index) for each in (spectrum, spectrum.between_ends())
-    )
-    narrow = (upper - lower) * Fade.of(spectrum.n_samples, spectrum.sampling_rate).samples < (
+    found = settings.bands(spectrum.sampling_rate)
+    duration, width = spectrum.n_samples / spectrum.sampling_rate, found.upper - found.lower
+    with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold anything
+        counted, left_out = (
+            _levels_of(each, channels, settings, found) for each in (spectrum, spectrum.between_ends())
+        )
+        with_cut = _totals(replace(spectrum, cut={}), channels, settings)
+    narrow = width * Fade.of(spectrum.n_samples, spectrum.sampling_rate).samples < (
         LEAST_FADE_CYCLES * spectrum.sampling_rate
     )
-    left_out = (np.where(narrow, counted[0], left_out[0]), left_out[1])
-    averaged = np.full(index.size, duration)
+    left_out = (np.where(narrow, counted[0], left_out[0]), counted[1])
+    averaged = np.full(len(found), duration)
     if settings.settling == "left-out" and spectrum.inner is not None:
         averaged[~narrow] = spectrum.independent / spectrum.sampling_rate
     shown, other = (counted, left_out) if settings.settling == "counted" else (left_out, counted)
     return BandLevels(
-        **_common(index, channels, settings, label, file_flags, quality, notes),
+        **_common(found, channels, settings, label, file_flags, quality, notes),
         averaging="linear",
         hold=None,
         level_dB=shown[0],
-        u_dB=scatter_of_noise(upper - lower, averaged),
+        u_dB=scatter_of_noise(width, averaged),
         overall_dB=shown[1],
         duration_s=duration,
         sampling_rate=spectrum.sampling_rate,
         settling=LINEAR_SETTLING[settings.settling],
-        other=OtherSettling("left-out" if settings.settling == "counted" else "counted", *other),
+        # A weighting's share of the cut is known and taken off totals in either case.
+        other=OtherSettling(_exchanged(settings), other[0], with_cut),
     )
 
 
 def _levels_of(
-    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: OctaveSettings, index: NDArray[np.int64]
+    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: OctaveSettings, found: Bands
 ) -> tuple[Real, dict[str, Real]]:
     """Levels of the bands and of the whole."""
     quantity = _as_quantity(channels, spectrum.frequencies)
     weights = None if settings.weighting == "Z" else spectrum.weights(settings.weighting)
     if quantity is not None:
         weights = quantity if weights is None else weights * quantity
-    with np.errstate(invalid="ignore", over="ignore"):
-        mean_square = spectrum.band_mean_square(index, settings.fraction, weights)
-        overall = _overall(spectrum, channels, quantity, index, settings.fraction)
-    zero = _zero(channels, settings)
-    return level(mean_square, zero[:, None]), {name: level(values, zero) for name, values in overall.items()}
+    mean_square = spectrum.band_mean_square(found, weights)
+    return level(mean_square, _zero(channels, settings)[:, None]), _totals(spectrum, channels, settings)
 
 
 def weighted_levels(
@@ -133,19 +134,22 @@ def weighted_levels(
     times : array
         Of the other readings, in s from the beginning of the recording.
     """
-    index = settings.bands(sampling_rate)
-    n = index.size
+    found = settings.bands(sampling_rate)
+    n = len(found)
     zero = _zero(channels, settings)
+    counted, left_out = histories.maximum, histories.later_maximum
+    highest, other = (counted, left_out) if settings.settling == "counted" else (left_out, counted)
     shown, settling = {
         None: (histories.readings[:, :, -1], READING_SETTLING),
-        "max": (histories.maximum, MAX_SETTLING),
+        "max": (highest, MAX_SETTLING[settings.settling]),
         "min": (histories.minimum, MIN_SETTLING),
     }[settings.hold]
     usable = _usable(channels, overall)
-    lower, upper = bands.band_edges(index, settings.fraction)
     shown_dB = level(shown, zero[:, None])
     readings_dB = level(histories.readings[:, :, :-1], zero[:, None, None])
-    exceeded = _exceeded(histories, times - settings.start_s, settings.percentiles)
+    exceeded = _exceeded(histories, highest, times - settings.start_s, settings.percentiles)
+    other_dB, highest_dB = level(other, zero[:, None]), level(highest, zero[:, None])
+    other_dB[:, n:] = level(histories.with_cut[0][:, n:], zero[:, None])  # totals leave the cut out
     exceeded_dB = {percent: level(values, zero[:, None]) for percent, values in exceeded.items()}
 
     def totals(levels_dB: Real) -> dict[str, Real]:
@@ -154,16 +158,19 @@ def weighted_levels(
     # An exponential average of time constant tau scatters like a linear one over 2 tau.
     averaged = min(2.0 * settings.time_constant, duration)
     return BandLevels(
-        **_common(index, channels, settings, label, file_flags, quality, notes),
+        **_common(found, channels, settings, label, file_flags, quality, notes),
         averaging=settings.averaging_name,
         hold=settings.hold,
         level_dB=shown_dB[:, :n],
-        u_dB=scatter_of_noise(upper - lower, averaged),
+        u_dB=scatter_of_noise(found.upper - found.lower, averaged),
         overall_dB=totals(shown_dB),
         duration_s=duration,
         sampling_rate=sampling_rate,
         settling=settling,
         unsettled=histories.settled_s[:n] > duration,
+        other=OtherSettling(_exchanged(settings), other_dB[:, :n], totals(other_dB))
+        if settings.hold == "max"
+        else None,
         history=LevelHistory(
             time_s=times,
             level_dB=readings_dB[:, :n],
@@ -171,22 +178,30 @@ def weighted_levels(
                 w: np.where(usable[w][:, None], readings_dB[:, n + k], np.nan) for k, w in enumerate(overall)
             },
             interval_s=settings.reading_interval(duration),
+            max_dB=highest_dB[:, :n],
+            overall_max_dB=totals(highest_dB),
         ),
         percentile_dB={p: v[:, :n] for p, v in exceeded_dB.items()} or None,
         percentile_overall_dB={p: totals(v) for p, v in exceeded_dB.items()} or None,
     )
 
 
-def _exceeded(histories: Histories, elapsed: Real, percentiles: Sequence[float]) -> dict[float, Real]:
+def _exchanged(settings: OctaveSettings) -> str:
+    return "left-out" if settings.settling == "counted" else "counted"
+
+
+def _exceeded(
+    histories: Histories, highest: Real, elapsed: Real, percentiles: Sequence[float]
+) -> dict[float, Real]:
     """Mean squares (channels, filters) exceeded during so many percent of the time, with the extremes.
 
     Each filter's readings count from the time on at which it has settled: five time constants and 3/B.
     """
     if not percentiles:
         return {}
-    found = {0.0: histories.maximum}
+    found = {0.0: highest}
     for percent in sorted(set(percentiles)):
-        found[percent] = np.full(histories.maximum.shape, np.nan)
+        found[percent] = np.full(highest.shape, np.nan)
         for number, settled in enumerate(histories.settled_s):
             readings = histories.readings[:, number, :-1][:, elapsed >= settled]
             if readings.shape[1]:
@@ -225,7 +240,7 @@ def quality_flags(
 
 
 def _common(
-    index: NDArray[np.int64],
+    found: Bands,
     channels: Sequence[Channel],
     settings: OctaveSettings,
     label: str,
@@ -233,19 +248,18 @@ def _common(
     quality: Sequence[Quality] | None,
     notes: Sequence[str],
 ) -> Mapping[str, Any]:
-    lower, upper = bands.band_edges(index, settings.fraction)
     return {
         "label": label,
-        "channels": tuple(channel.name for channel in channels),
+        "channels": tuple(channel.label for channel in channels),
         "groups": tuple(channel.group for channel in channels),
         "units": tuple(channel.target_unit for channel in channels),
         "references": tuple(channel_reference(channel, settings) for channel in channels),
         "fraction": settings.fraction,
         "weighting": settings.weighting,
-        "exact_hz": bands.mid_frequencies(index, settings.fraction),
-        "nominal_hz": np.array([bands.nominal_frequency(int(k), settings.fraction) for k in index]),
-        "lower_hz": lower,
-        "upper_hz": upper,
+        "exact_hz": found.mid,
+        "nominal_hz": found.nominal,
+        "lower_hz": found.lower,
+        "upper_hz": found.upper,
         "start_s": settings.start_s,
         "flags": quality_flags(channels, file_flags, quality),
         "notes": tuple(notes),
@@ -272,24 +286,19 @@ def _as_quantity(channels: Sequence[Channel], frequencies: Real) -> Real | None:
     return np.stack([np.square(2 * np.pi * frequencies) ** channel.derivatives for channel in channels])
 
 
-def _overall(
-    spectrum: EnergySpectrum,
-    channels: Sequence[Channel],
-    quantity: Real | None,
-    index: NDArray[np.int64],
-    fraction: int,
+def _totals(
+    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: OctaveSettings
 ) -> dict[str, Real]:
-    """Mean square of the whole signal, with each weighting."""
-    whole = spectrum.alternating_mean_square
+    """Levels of the whole signal, with each weighting."""
+    whole, quantity = spectrum.alternating_mean_square, _as_quantity(channels, spectrum.frequencies)
     if quantity is not None:
         # Integration makes drift infinite: from the lowest band upwards, for channels that need it.
-        above = spectrum.frequencies >= bands.band_edges(index[0], fraction)[0]
+        above = spectrum.frequencies >= settings.bands(spectrum.sampling_rate).lower[0]
         converted = np.add.reduce(spectrum.nodes * quantity * above, axis=1)
         whole = np.where([channel.derivatives != 0 for channel in channels], converted, whole)
     pressure = np.array([channel.target_unit == "Pa" for channel in channels])
     overall = {"Z": whole}
     for name in WEIGHTINGS:
         if name != "Z":
-            weighted = np.add.reduce(spectrum.nodes * spectrum.weights(name), axis=1)
-            overall[name] = np.where(pressure, weighted, np.nan)
-    return overall
+            overall[name] = np.where(pressure, spectrum.weighted(name), np.nan)
+    return {name: level(values, _zero(channels, settings)) for name, values in overall.items()}

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.analysis.section import reasons_apart
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
@@ -69,11 +70,12 @@ class CalibrationSettings(Settings):
 
 @dataclass(frozen=True)
 class Candidates:
-    """Channels that may be in the adapter, who named them (empty: nobody), and all microphones."""
+    """Channels that may be in the adapter, who named them (empty: nobody), all microphones, and what cannot be used."""
 
     channels: list[Channel]
     named_by: str
     microphones: list[Channel]
+    left_out: tuple[tuple[Channel, str], ...] = ()
 
     @property
     def rate(self) -> float:
@@ -111,18 +113,23 @@ def candidates_of(recording: Recording, settings: CalibrationSettings) -> Candid
         chosen = [_numbered(str(word).strip(), microphones, recording) for word in str(listed).split(",")]
     else:
         chosen, named_by = microphones, ""
-    for channel in chosen:
-        if channel.raw_unit not in ("", "V"):
-            raise InputError(
-                f"{recording.label}: the samples of {channel.name!r} are in {channel.raw_unit}",
-                expected="volts, from which a sensitivity in mV/Pa follows",
-            )
-        if channel.sampling_rate != chosen[0].sampling_rate:
-            raise InputError(
-                f"{recording.label}: {channel.name!r} and {chosen[0].name!r} have different sampling rates",
-                remedy="calibrate them from separate recordings",
-            )
-    return Candidates(chosen, named_by, microphones)
+    in_volts = [c for c in chosen if c.raw_unit in ("", "V") and c.sampling_rate > 0 and c.n_samples > 0]
+    if not in_volts:
+        raise InputError(
+            f"{recording.label}: the samples of {chosen[0].label!r} are in {chosen[0].raw_unit or 'no unit'}",
+            expected="volts, from which a sensitivity in mV/Pa follows",
+        )
+    reasons = [
+        f"has samples in {c.raw_unit}, not in V" if c.raw_unit not in ("", "V") else apart
+        for c, apart in zip(chosen, reasons_apart(chosen, in_volts[0].sampling_rate), strict=True)
+    ]
+    together = list(zip(chosen, reasons, strict=True))
+    return Candidates(
+        [c for c, reason in together if not reason],
+        named_by,
+        microphones,
+        tuple((c, reason) for c, reason in together if reason),
+    )
 
 
 def stated(recording: Recording, group: str, key: str) -> Any:
@@ -151,13 +158,13 @@ def _numbered(word: str, microphones: list[Channel], recording: Recording) -> Ch
     """The microphone that an entry of `CalibratedChannels` means: its name, its number, or its place."""
     for channel in microphones:
         digits = re.search(r"(\d+)\D*$", channel.name)
-        if word in (channel.name, digits[1] if digits else None):
+        if word in (channel.name, channel.path, digits[1] if digits else None):
             return channel
     if word.isdigit() and 1 <= int(word) <= len(microphones):
         return microphones[int(word) - 1]
     raise InputError(
         f"{recording.label}: CalibratedChannels names {word!r}",
-        expected="one of " + ", ".join(c.name for c in microphones),
+        expected="one of " + ", ".join(c.label for c in microphones),
     )
 
 
@@ -258,7 +265,7 @@ def _tone_of(
         ) from None
     fit = fit_sine(samples, rate, frequency)
     amplitude = float(abs(fit.phasors[0]))
-    return _Tone(channel, frequency, amplitude, bool(amplitude**2 / 2 > float(fit.residual_rms) ** 2))
+    return _Tone(channel, frequency, amplitude, bool(amplitude > np.sqrt(2) * float(fit.residual_rms)))
 
 
 def _reject_other_tone(
@@ -266,8 +273,8 @@ def _reject_other_tone(
 ) -> None:
     """Say so where the tone is on other channels, or at another frequency, than somebody stated."""
     heard = max((t.amplitude for t in tones if t.pure), default=0.0)
-    names = {c.name for c in found.channels}
-    rest = [c for c in found.microphones if c.name not in names and c.sampling_rate == found.rate]
+    names = {c.label for c in found.channels}
+    rest = [c for c in found.microphones if c.label not in names and c.sampling_rate == found.rate]
     if found.named_by == "CalibratedChannels" and rest:
         others = [t for t in _tones(recording, rest, (nominal,)) if t is not None and t.pure]
         loud = [t for t in others if t.amplitude > heard * 10 ** (HEARD_FROM_OUTSIDE_DB / 20)]
@@ -277,7 +284,7 @@ def _reject_other_tone(
             )
             raise InputError(
                 f"{recording.label}: the channels that CalibratedChannels names ({_listed(names_of(found.channels))}) "
-                f"{far}; the tone of {loud[0].frequency_hz:.6g} Hz is on {_listed([t.channel.name for t in loud])}",
+                f"{far}; the tone of {loud[0].frequency_hz:.6g} Hz is on {_listed([t.channel.label for t in loud])}",
                 expected="the tone on the channels that are named",
                 remedy="correct the property, or name the channels with --channel",
             )
@@ -287,7 +294,7 @@ def _reject_other_tone(
             loudest = max(anywhere, key=lambda tone: tone.amplitude)
             stated_by = "--frequency" if "--frequency" in why else "CalibratorFrequency_Hz"
             raise InputError(
-                f"{recording.label}: the tone is at {loudest.frequency_hz:.6g} Hz ({loudest.channel.name}), "
+                f"{recording.label}: the tone is at {loudest.frequency_hz:.6g} Hz ({loudest.channel.label}), "
                 f"and {stated_by} says {nominal:g} Hz",
                 expected=f"a tone within {NEAR:.0%} of what is stated",
                 remedy=f"give --frequency {loudest.frequency_hz:.0f} if that is the calibrator",
@@ -296,7 +303,7 @@ def _reject_other_tone(
 
 def names_of(channels: Sequence[Channel]) -> list[str]:
     """Names of the channels."""
-    return [c.name for c in channels]
+    return [c.label for c in channels]
 
 
 def _listed(names: Sequence[str]) -> str:

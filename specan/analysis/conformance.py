@@ -9,24 +9,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.levels import Levels
 from specan.analysis.octave import Octave
-from specan.analysis.octave_settings import Fraction
 from specan.analysis.tone import Tone
 from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording
 from specan.dsp import bands
-from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio, class_1_limits
+from specan.dsp.bands import BREAKPOINTS, FRACTIONS, Fraction, breakpoint_ratio, class_1_limits
 from specan.dsp.weighting import weighting_level
+from specan.errors import RequestError
 
 Real = NDArray[np.float64]
 
 FILTERS, METERS, RECORDERS = "IEC 61260-1:2014", "IEC 61672-1:2013", "IEEE 1057-2017"
+RATES = (44100.0, 1e6)  # in Hz
 _FADE = 3.0  # a tone is faded over this, times the inverse of the bandwidth: cut off, it would be wider than the limits
 _CYCLES = 25
 # IEC 61672-1:2013, table 4: duration in ms of a 4 kHz burst, maximum F and S levels and exposure level, re the
@@ -72,13 +72,24 @@ class Check:
 def checks(rate: float = 51200.0) -> Iterator[Check]:
     """All requirements that are tried, at one sampling rate in Hz.
 
+    Raises
+    ------
+    RequestError
+        The rate does not hold the audio range, or takes more memory than a computer has.
+
     Examples
     --------
     >>> one = Check("IEC 61260-1:2014", "5.12", "effective bandwidth", 0.0, 0.1, -0.4, 0.4, "dB")
     >>> one.passed
     True
     """
-    for fraction in get_args(Fraction):
+    low, high = RATES
+    if not low <= rate <= high:
+        raise RequestError(
+            f"the sampling rate is {rate:g} Hz",
+            expected=f"{low:g} to {high:g} Hz, which hold the audio range",
+        )
+    for fraction in FRACTIONS:
         yield from _attenuation(fraction, rate)
         yield _bandwidth(fraction, rate)
         yield _summation(fraction, rate)
@@ -233,15 +244,15 @@ def _burst(frequency: float, seconds: float, length: float, rate: float, sign: f
 
 def _bursts(rate: float) -> Iterator[Check]:
     """5.9 and table 4."""
-    steady = Levels(settling="counted")(_recording(rate, _tone(4000.0, 2.0, rate))).equivalent_dB["A"][0]
+    steady = Levels()(_recording(rate, _tone(4000.0, 2.0, rate))).equivalent_dB["A"][0]
     for milliseconds, fast, slow, exposure in _BURSTS:
         recording = _recording(rate, _burst(4000.0, milliseconds / 1000, 0.6 + milliseconds / 1000, rate))
         what = f"4 kHz burst of {milliseconds:g} ms"
         for name, expected in (("fast", fast), ("slow", slow)):
             if expected is not None:
-                found = Levels(averaging=name, settling="counted")(recording).max_dB[0] - steady  # type: ignore[arg-type]
+                found = Levels(averaging=name)(recording).max_dB[0] - steady  # type: ignore[arg-type]
                 yield _burst_check(f"{what}, maximum {name}", expected, found)
-        found = Levels(settling="counted")(recording).exposure_dB["A"][0] - steady
+        found = Levels()(recording).exposure_dB["A"][0] - steady
         yield _burst_check(f"{what}, exposure", exposure, found)
 
 

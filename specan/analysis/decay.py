@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.excitation import recognise
-from specan.analysis.section import of_one_rate, section
+from specan.analysis.section import SectionSettings, compared, of_one_rate, section
 from specan.analysis.transfer_function import RESPONSES, TransferFunction
 from specan.data.channel import Channel
 from specan.data.decay import DecayTimes, ImpulseResponses
@@ -21,7 +21,6 @@ from specan.dsp import bands
 from specan.dsp.energy_decay import decay_line, energy_decay, noise_floor
 from specan.dsp.fft import Deconvolution
 from specan.errors import InputError, RequestError
-from specan.schema import Settings
 
 Real = NDArray[np.float64]
 
@@ -41,7 +40,7 @@ _FILTER_LASTS = 3.0  # times 1 / B: an order 4 band-pass has fallen to 1 % of it
 _FILTER_FLOOR = 1e-10
 
 
-class Decay(Settings):
+class Decay(SectionSettings):
     """Settings of an evaluation of impulse responses.
 
     Attributes
@@ -70,57 +69,70 @@ class Decay(Settings):
     fraction: Literal[1, 3] = 1
     fmin: float | None = Field(default=None, gt=0.0)
     fmax: float | None = Field(default=None, gt=0.0)
-    channels: tuple[str, ...] = ()
-    start_s: float = Field(default=0.0, ge=0.0)
-    stop_s: float | None = Field(default=None, gt=0.0)
 
     def __call__(self, recording: Recording, upper_hz: float = math.inf) -> DecayTimes:
         """Read the section and return the decay times; the responses hold up to `upper_hz`."""
-        microphones = [f"{c.group}/{c.name}" for c in recording.channels if c.role == "microphone"]
+        microphones = [c.path for c in recording.channels if c.role == "microphone"]
         chosen, notes = of_one_rate(recording, self.channels or microphones)
-        start, stop = section(recording, chosen, self.start_s, self.stop_s)
         rate = chosen[0].sampling_rate
-        index = self._bands(rate, min(upper_hz, rate / 2))
-        mid = bands.mid_frequencies(index, self.fraction)
-        lower, upper = bands.band_edges(index, self.fraction)
-        rows = [self._channel(recording, c, start, stop, mid, upper - lower) for c in chosen]
+        found = self._bands(rate, min(upper_hz, rate / 2))
+        width = found.upper - found.lower
+        rows = [self._channel(recording, c, found.mid, width) for c in chosen]
+        reasons = [reason for _, reason in rows]
+        if all(reasons):
+            raise InputError(
+                f"{recording.label}: {chosen[0].label} {_REASONS[reasons[0]]}",
+                expected="an impulse response",
+                remedy="choose other channels or another section",
+            )
+        without = [f"{c.label} {_REASONS[why]}: no decay times" for c, why in zip(chosen, reasons) if why]
         return DecayTimes(
             label=recording.label,
-            channels=tuple(c.name for c in chosen),
+            channels=tuple(c.label for c in chosen),
             groups=tuple(c.group for c in chosen),
             fraction=self.fraction,
-            exact_hz=mid,
-            nominal_hz=np.array([bands.nominal_frequency(int(k), self.fraction) for k in index]),
-            bandwidth_hz=upper - lower,
-            **{name: np.stack([row[name] for row in rows]) for name in _RESULTS},
-            start_s=np.array([row["start_s"][0] for row in rows]),
-            notes=notes,
+            exact_hz=found.mid,
+            nominal_hz=found.nominal,
+            bandwidth_hz=width,
+            **{name: np.stack([row[name] for row, _ in rows]) for name in _RESULTS},
+            start_s=np.array([row["start_s"][0] for row, _ in rows]),
+            words=tuple((why,) if why else () for why in reasons),
+            notes=(*notes, *without),
             settings=self.model_dump(mode="json"),
         )
 
-    def _bands(self, rate: float, top: float) -> NDArray[np.int64]:
+    def _bands(self, rate: float, top: float) -> bands.Bands:
         low, high = (125.0, 4000.0) if self.fraction == 1 else (100.0, 5000.0)
-        index = bands.band_range(self.fmin or low, self.fmax or high, self.fraction)
-        below = bands.band_edges(index, self.fraction)[1] <= top
+        found = bands.Bands.between(self.fraction, self.fmin or low, self.fmax or high)
+        below = found.upper <= top
         if not below.any() or (self.fmax is not None and not below[-1]):
             raise RequestError(
                 f"bands up to {self.fmax or high:g} Hz do not fit responses up to {top:g} Hz, sampled at {rate:g} Hz",
                 expected=f"bands whose upper edge is at most {top:g} Hz",
             )
-        return index[below]
+        return found[below]
 
     def _channel(
-        self, recording: Recording, channel: Channel, start: int, stop: int, mid: Real, width: Real
-    ) -> dict[str, Real]:
+        self, recording: Recording, channel: Channel, mid: Real, width: Real
+    ) -> tuple[dict[str, Real], str]:
+        """The results of a channel over its own length, and why it has none."""
+        nothing = {"start_s": np.array([np.nan]), **{name: np.full(mid.size, np.nan) for name in _RESULTS}}
+        try:
+            start, stop = section(recording, (channel,), self.start_s, self.stop_s)
+        except RequestError:
+            return nothing, "short"
         samples = recording.read((channel,), start, stop)[0]
-        if not np.isfinite(samples).all() or not samples.any():
-            raise InputError(
-                f"{recording.label}: {channel.name} holds no impulse response",
-                expected="samples that are finite and not all zero",
-                remedy="choose other channels",
-            )
+        if not np.isfinite(samples).all():
+            return nothing, "not-finite"
+        if np.ptp(samples) == 0.0:
+            return nothing, "dead"
+        # Near 1, so that no square is lost; a power of two changes no digit.
+        samples = np.ldexp(samples, -np.frexp(np.abs(samples).max())[1])
         samples = samples - np.mean(samples)
         rate = channel.sampling_rate
+        # A band of width B is known no sooner than 1 / B after the arrival.
+        if samples.size <= rate / width.max():
+            return nothing, "short"
         arrival = int(np.argmax(np.abs(samples) >= _ARRIVAL * np.abs(samples).max()))
         lead = int(_LEAD_S * rate)
         length = scipy.fft.next_fast_len(lead + samples.size, real=True)
@@ -134,9 +146,15 @@ class Decay(Settings):
         return {
             "start_s": np.array([start / rate + arrival / rate]),
             **{name: np.array([one[name] for one in found]) for name in _RESULTS},
-        }
+        }, ""
 
 
+# Words of channels without a result, and what they say.
+_REASONS = {
+    "dead": "holds one value only",
+    "not-finite": "has samples that are not finite",
+    "short": "is too short",
+}
 _RESULTS = tuple(
     f.name
     for f in fields(DecayTimes)
@@ -218,7 +236,7 @@ _SHORTEST_S = 0.1  # of a response after a reference that has ended
 _FADED = 0.1
 
 
-class ImpulseResponse(Settings):
+class ImpulseResponse(SectionSettings):
     """Settings of a measurement of impulse responses.
 
     Attributes
@@ -252,24 +270,22 @@ class ImpulseResponse(Settings):
     """
 
     reference: str | None = None
-    channels: tuple[str, ...] = ()
     method: Literal["deconvolution", "H1"] | None = None
     length_s: float | None = Field(default=None, gt=0.0)
-    start_s: float = Field(default=0.0, ge=0.0)
-    stop_s: float | None = Field(default=None, gt=0.0)
 
     def __call__(self, recording: Recording) -> ImpulseResponses:
         """Read the section and return the responses."""
+        recording, others = compared(recording, self.reference, self.channels)
         reference = _excitation_channel(recording, self.reference)
         chosen, notes = of_one_rate(
             recording,
-            self.channels or [f"{c.group}/{c.name}" for c in recording.channels if c.role in RESPONSES],
+            self.channels or [c.path for c in recording.channels if c.role in RESPONSES],
             like=reference,
         )
         responses = tuple(c for c in chosen if c != reference)
         if not responses or responses[0].sampling_rate != reference.sampling_rate:
             raise InputError(
-                f"{recording.label}: no response is sampled together with {reference.name}",
+                f"{recording.label}: no response is sampled together with {reference.label}",
                 expected=f"channels at {reference.sampling_rate:g} Hz besides it",
                 remedy="; ".join(notes) or "choose channels other than the reference",
             )
@@ -279,13 +295,13 @@ class ImpulseResponse(Settings):
         return ImpulseResponses(
             label=recording.label,
             channels=responses,
-            reference=reference.name,
+            reference=reference.label,
             reference_unit=reference.target_unit,
             method=method,
             sampling_rate=reference.sampling_rate,
             samples=samples,
             upper_hz=upper,
-            notes=(*notes, *remarks),
+            notes=(*others, *notes, *remarks),
             settings=self.model_dump(mode="json"),
         )
 
@@ -311,8 +327,8 @@ def _averaged(
     rate = reference.sampling_rate
     lines = None if settings.length_s is None else int(np.ceil(2 * settings.length_s * rate / 2.56))
     found = TransferFunction(
-        reference=f"{reference.group}/{reference.name}",
-        channels=tuple(f"{c.group}/{c.name}" for c in responses),
+        reference=reference.path,
+        channels=tuple(c.path for c in responses),
         lines=lines,
         start_s=settings.start_s,
         stop_s=settings.stop_s,
@@ -327,7 +343,7 @@ def _averaged(
     samples = np.fft.irfft(spectrum, block, axis=-1)
     wanted = block // 2 if settings.length_s is None else min(block, round(settings.length_s * rate))
     top = found.frequency_hz[-last - 1] if last < count else found.frequency_hz[-1]
-    remark = f"responses hold frequencies up to {top:.6g} Hz ({found.n_effective:.0f} independent averages)"
+    remark = f"responses are valid up to {top:.6g} Hz ({found.n_effective:.0f} independent averages)"
     return samples[:, :wanted], float(top), (*found.notes, remark)
 
 
@@ -341,7 +357,7 @@ def _deconvolved(
     driven = driven - np.median(driven)  # a sweep's mean is not its zero
     if not np.isfinite(driven).all() or not driven.any():
         raise InputError(
-            f"{recording.label}: {reference.name} holds no signal",
+            f"{recording.label}: {reference.label} holds no signal",
             expected="the excitation, without NaN",
             remedy="name another reference",
         )

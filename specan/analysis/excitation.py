@@ -172,14 +172,14 @@ def _from_channels(recording: Recording) -> Excitation:
     silent = []
     for channel in candidates:
         if channel.n_samples < MIN_SAMPLES or channel.sampling_rate <= 0:
-            silent.append(f"{channel.name} is too short")
+            silent.append(f"{channel.label} is too short")
             continue
         sections = _sections(recording, channel)
         looks = [appearance(s, channel.sampling_rate) for s in sections]
         sections, looks = _without_switching(sections, looks)
         if any(look.look != "silence" for look in looks):
             return _verdict(channel, sections, looks)
-        silent.append(f"{channel.name} is silent")
+        silent.append(f"{channel.label} is silent")
     if silent:
         return Excitation("unknown", None, ", ".join(silent))
     return Excitation("unknown", None, "no property says it, and there is no generator or vibrometer channel")
@@ -236,7 +236,7 @@ def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64
 def _verdict(
     channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance]
 ) -> Excitation:
-    where = f"{channel.role} channel {channel.name!r}"
+    where = f"{channel.role} channel {channel.label!r}"
     kinds = {look.look for look in looks}
     frequencies = [look.frequency_hz for look in looks]
     low, high, middle = min(frequencies), max(frequencies), median(frequencies)

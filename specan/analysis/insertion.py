@@ -172,7 +172,7 @@ def _fit_windows(
     shape = (len(channels), count)
     phasors, rest = np.zeros(shape, dtype=complex), np.zeros(shape)
     there, finite = np.ones(shape, dtype=bool), np.ones(shape, dtype=bool)
-    quality = QualityAccumulator([_in_volts(c) for c in channels])
+    quality = QualityAccumulator(tuple(_in_volts(c) for c in channels))
     for window in range(count):
         start = window * size
         samples = volts(recording, channels, start, start + size)
@@ -243,16 +243,16 @@ def _inside(found: Candidates, windows: _Windows, label: str) -> tuple[list[int]
     named = bool(found.named_by)
     below = 20 * np.log10(audible[clear].max() / np.maximum(audible, np.finfo(float).tiny))
     enough = (windows.there.sum(axis=1) >= 2) & (audible > 0)
-    left_out = []
+    left_out = [LeftOut(channel.label, why, named) for channel, why in found.left_out]
     inside = []
     for i, channel in enumerate(found.channels):
         if enough[i] and (named or (clear[i] and below[i] <= HEARD_FROM_OUTSIDE_DB)):
             inside.append(i)
         elif named and not enough[i]:
-            left_out.append(LeftOut(channel.name, _why_silent(windows, i), True))
+            left_out.append(LeftOut(channel.label, _why_silent(windows, i), True))
         elif clear[i] and below[i] <= NOT_SEATED_DB:
             why = f"shows the tone {below[i]:.0f} dB below the loudest (not seated?)"
-            left_out.append(LeftOut(channel.name, why, False))
+            left_out.append(LeftOut(channel.label, why, False))
     return inside, tuple(left_out)
 
 
@@ -284,7 +284,7 @@ def _heard(
         mean = float(values.mean())
         heard.append(
             Heard(
-                channel=channels[i].name,
+                channel=channels[i].label,
                 sensitivity=mean,
                 scatter_percent=100 * float(values.std(ddof=1)) / mean,
                 drift_percent=100 * float(np.polyfit(time, values, 1)[0]) / mean,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Annotated, Literal
 
@@ -11,21 +11,18 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.accumulator import read_through
-from specan.analysis.band_results import LINEAR_SETTLING, level, quality_flags
+from specan.analysis.band_results import level, quality_flags
 from specan.analysis.quality import QualityAccumulator
-from specan.analysis.section import constant_part, joined, of_one_rate, section, slices
+from specan.analysis.section import SectionSettings, joined, of_one_rate, section, slices, slow_part
+from specan.data.band_levels import apart
 from specan.data.channel import Channel
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
-from specan.dsp.band_energy import BandEnergy, EnergySpectrum
 from specan.dsp.band_history import BandHistoryAccumulator
 from specan.dsp.history_filters import weighting_filter
-from specan.dsp.multirate import MultirateTransform
 from specan.dsp.statistics import exceeded
 from specan.dsp.time_weighting import FAST, SLOW
-from specan.dsp.weighted_peak import WeightedPeak
 from specan.dsp.weighting import WEIGHTINGS, Weighting
-from specan.schema import Settings
 from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
 
 # Readings of the time-weighted level: five in a time constant, but no more of them than this.
@@ -33,7 +30,7 @@ READINGS_PER_TIME_CONSTANT, READINGS = 5, 200_000
 SETTLING_TIME_CONSTANTS = 5.0
 
 
-class Levels(Settings):
+class Levels(SectionSettings):
     """Settings of single-number values.
 
     Attributes
@@ -49,8 +46,6 @@ class Levels(Settings):
     start_s, stop_s : float
         Time section.
     velocity_reference : {"1 nm/s", "50 nm/s"}
-    settling : {"left-out", "counted"}
-        Of the equivalent levels with A, B and C: as in `specan.analysis.octave.Octave`.
 
     Examples
     --------
@@ -65,11 +60,7 @@ class Levels(Settings):
     weighting: Weighting | None = None
     averaging: Literal["fast", "slow"] = "fast"
     percentiles: tuple[Annotated[float, Field(gt=0.0, lt=100.0)], ...] = (5.0, 10.0, 50.0, 90.0, 95.0)
-    channels: tuple[str, ...] = ()
-    start_s: float = Field(default=0.0, ge=0.0)
-    stop_s: float | None = Field(default=None, gt=0.0)
     velocity_reference: Literal["1 nm/s", "50 nm/s"] = "1 nm/s"
-    settling: Literal["left-out", "counted"] = "left-out"
 
     @property
     def time_constant(self) -> float:
@@ -80,14 +71,12 @@ class Levels(Settings):
         """For a pass over the recording that serves several analyses."""
         return LevelsAccumulator(recording, self)
 
-    def groups(self, recording: Recording) -> Iterator[LevelsAccumulator]:
-        """The same for a few channels at a time, for passes one after the other; see `joined_values`."""
-        for few in slices(len(of_one_rate(recording, self.channels)[0])):
-            yield LevelsAccumulator(recording, self, few)
-
     def __call__(self, recording: Recording) -> SignalLevels:
         """Read the recording (once in 32 channels) and return the values."""
-        return joined_values([read_through(part, recording) for part in self.groups(recording)])
+        groups = slices(len(of_one_rate(recording, self.channels)[0]))
+        return joined_values(
+            [read_through(LevelsAccumulator(recording, self, few), recording) for few in groups]
+        )
 
 
 class LevelsAccumulator:
@@ -106,10 +95,13 @@ class LevelsAccumulator:
         self.duration = (self.stop - self.start) / self.sampling_rate
         self._pressure = np.array([channel.unit == "Pa" for channel in self.channels])
         self._weighting: Weighting = settings.weighting or "A"
-        self._filters = [weighting_filter(self._weighting), weighting_filter("Z")]
+        # The weighting's, that of channels for which there is none, and what else sound pressure has.
+        first: list[Weighting] = [self._weighting, "Z"]
+        self._weightings = [*first, *(w for w in WEIGHTINGS if w not in first and self._pressure.any())]
+        self._filters = [weighting_filter(w) for w in self._weightings]
         rows = len(self.channels)
-        self._energy = BandEnergy(rows, self.sampling_rate, self.stop - self.start)
-        self._constant = constant_part(recording, self.channels, self.start, self.stop)
+        slow = slow_part(recording, self.channels, self.start, self.stop)
+        self._constant = slow.constant
         self._history = BandHistoryAccumulator(
             rows,
             self.sampling_rate,
@@ -118,11 +110,11 @@ class LevelsAccumulator:
             settings.time_constant,
             None,
             self._times(),
-            offset=self._constant,
+            slow=slow,
+            peak_of=self._weightings.index("C") if self._pressure.any() else None,
+            read=len(first),
         )
-        self._transform = MultirateTransform(rows, self.sampling_rate, self._energy, self._constant)
         self._quality = QualityAccumulator(self.channels)
-        self._c_peak = WeightedPeak(int(self._pressure.sum()), self.sampling_rate, "C")
 
     def _times(self) -> NDArray[np.float64]:
         """When the time-weighted level is read: after it has settled."""
@@ -135,19 +127,15 @@ class LevelsAccumulator:
         """Take the next samples (channels, m) of `channels`."""
         self._quality.add(samples)
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
-            self._transform.add(samples)
             self._history.add(samples)
-            if self._pressure.any():
-                self._c_peak.add((samples - self._constant[:, None])[self._pressure])
 
     def result(self) -> SignalLevels:
         """What was found; call it once."""
         quality = self._quality.result()
         with np.errstate(invalid="ignore", over="ignore"):
-            self._transform.finish()
-            spectrum = self._energy.result()
-            rms = np.sqrt(spectrum.alternating_mean_square)
             histories = self._history.result()
+            mean_square = dict(zip(self._weightings, histories.mean_square.T))
+            rms = np.sqrt(mean_square["Z"])
         references = tuple(self._reference(channel) for channel in self.channels)
         zero = np.array([reference.value**2 for reference in references])
         low, high = (np.array([getattr(q, name) for q in quality]) for name in ("minimum", "maximum"))
@@ -157,17 +145,32 @@ class LevelsAccumulator:
             crest = np.where(rms > 0, peak / rms, np.nan)
         # Column 0 is the weighting's, column 1 that of channels for which there is none.
         row, column = np.arange(len(self.channels)), np.where(self._pressure, 0, 1)
-        c_peak = np.full(len(self.channels), np.nan)
-        c_peak[self._pressure] = self._c_peak.result()
+        c_peak = np.where(self._pressure, histories.peak, np.nan)
+        nothing = np.full(len(self.channels), np.nan)
         equivalent: dict[str, NDArray[np.float64]] = {
-            w: level(self._mean_square(spectrum, w), zero) for w in WEIGHTINGS
+            w: level(np.where(self._pressure | (w == "Z"), mean_square.get(w, nothing), np.nan), zero)
+            for w in WEIGHTINGS
+        }
+        highest_with, mean_with, peak_with = histories.with_cut
+        with_cut = {
+            f"Leq_{w}": level(mean_with[:, k], zero) for k, w in enumerate(self._weightings) if w != "Z"
+        }
+        with_cut |= {
+            "max": level(highest_with[row, column], zero),
+            "C_peak": level(np.square(peak_with), zero),
+        }
+        max_dB = level(histories.maximum[row, column], zero)
+        c_peak_dB = level(np.square(c_peak), zero)
+        shown = {**{f"Leq_{w}": v for w, v in equivalent.items()}, "max": max_dB, "C_peak": c_peak_dB}
+        cut = {
+            name: np.where(self._pressure & apart(shown[name], v), v, np.nan) for name, v in with_cut.items()
         }
         percentile = exceeded(
             level(histories.readings[row, column], zero[:, None]), self.settings.percentiles
         )
         return SignalLevels(
             label=self.recording.label,
-            channels=tuple(channel.name for channel in self.channels),
+            channels=tuple(channel.label for channel in self.channels),
             groups=tuple(channel.group for channel in self.channels),
             units=tuple(channel.unit for channel in self.channels),
             references=references,
@@ -181,35 +184,36 @@ class LevelsAccumulator:
             equivalent_dB=equivalent,
             exposure_dB={w: values + 10.0 * np.log10(self.duration) for w, values in equivalent.items()},
             peak_dB=level(np.square(peak), zero),
-            c_peak_dB=level(np.square(c_peak), zero),
+            c_peak_dB=c_peak_dB,
             weighting=self._weighting,
             averaging=self.settings.averaging,
             percentile_dB=dict(zip(self.settings.percentiles, percentile)),
-            max_dB=level(histories.maximum[row, column], zero),
+            max_dB=max_dB,
             min_dB=level(histories.minimum[row, column], zero),
             start_s=self.settings.start_s,
             duration_s=self.duration,
             sampling_rate=self.sampling_rate,
-            settling=f"equivalent levels with A, B and C: {LINEAR_SETTLING[self.settings.settling]}; the time "
-            "weighting begins after 0.09 s, when A, B and C have settled; percentiles and minimum leave out its first "
-            f"{SETTLING_TIME_CONSTANTS:g} time constants",
-            flags=quality_flags(self.channels, self.recording.flags, quality),
+            settling="about the mean; what A, B and C make of the cut at the start of the section is taken off; "
+            "percentiles and minimum leave out the first "
+            f"{SETTLING_TIME_CONSTANTS:g} time constants after 0.09 s",
+            flags=tuple(
+                (*words, *_edges({name: values[row] for name, values in cut.items()}))
+                for row, words in enumerate(quality_flags(self.channels, self.recording.flags, quality))
+            ),
             notes=self.notes,
             settings=self.settings.model_dump(mode="json"),
         )
-
-    def _mean_square(self, spectrum: EnergySpectrum, weighting: Weighting) -> NDArray[np.float64]:
-        if weighting == "Z":
-            return spectrum.alternating_mean_square
-        shown = spectrum if self.settings.settling == "counted" else spectrum.between_ends()
-        with np.errstate(invalid="ignore"):
-            weighted = shown.through(lambda _: shown.weights(weighting))
-        return np.where(self._pressure, weighted, np.nan)
 
     def _reference(self, channel: Channel) -> LevelReference:
         if channel.unit == "m/s" and self.settings.velocity_reference == "50 nm/s":
             return VELOCITY_50_NM_S
         return level_reference(channel.unit)
+
+
+def _edges(with_cut: dict[str, float]) -> list[str]:
+    """Words on levels (NaN: none) that would be others, had the cut at the section's start counted."""
+    words = [f"counted-{name}={value:.3f}" for name, value in with_cut.items() if not np.isnan(value)]
+    return ["edges", *words] if words else []
 
 
 def joined_values(parts: Sequence[SignalLevels]) -> SignalLevels:

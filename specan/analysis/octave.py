@@ -5,23 +5,25 @@ Decisions: docs/decisions/bands.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.analysis.accumulator import read_through
+from specan.analysis.accumulator import feed
 from specan.analysis.band_results import band_levels, weighted_levels
 from specan.analysis.octave_settings import OctaveSettings
-from specan.analysis.quality import Watched
-from specan.analysis.section import constant_part, joined, section, slices, weightable
+from specan.analysis.quality import QualityAccumulator
+from specan.analysis.section import joined, section, slices, slow_part, weightable
 from specan.data.band_levels import BandLevels
 from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
 from specan.dsp.band_history import BandHistoryAccumulator
+from specan.dsp.bands import Division
 from specan.dsp.history_filters import band_filter, weighting_filter
+from specan.dsp.slow_part import SlowPart
 from specan.dsp.time_weighting import IMPULSE_DECAY
 from specan.dsp.weighting import WEIGHTINGS
 
@@ -31,8 +33,8 @@ class Octave(OctaveSettings):
 
     Attributes
     ----------
-    fraction : {1, 3, 6, 12, 24}
-        1/1 to 1/24 octave.
+    fraction : {1, 2, 3, 6, 12, 24, "bark"}
+        1/1 to 1/24 octave, or critical bands (Zwicker 1961).
     weighting : {"A", "B", "C", "Z"}
         Of the band levels. A, B and C are for sound pressure; the overall levels with all of them stand
         beside every spectrum of sound pressure anyway.
@@ -42,8 +44,8 @@ class Octave(OctaveSettings):
     hold : {"max", "min"} or None
         Of an exponential average: the largest or smallest level instead of that at the end of the section.
     interval_s : float or None
-        Distance of the readings of an exponential average's history; by default the time constant
-        (0.125 s for impulse), or a multiple of it that gives at most 1000 readings.
+        Distance of the readings of an exponential average's history; by default an eighth of the time constant
+        (of 0.125 s for impulse), or a multiple of it that gives at most 1000 readings.
     percentiles : tuple of float
         Of an exponential average: also find the levels exceeded during so many percent of the time, and the maximum
         and minimum. They rest on the readings of the history after a band has settled.
@@ -59,8 +61,8 @@ class Octave(OctaveSettings):
     velocity_reference : {"1 nm/s", "50 nm/s"}
         What 0 dB of velocity is: that of ISO 1683, or that of building acoustics.
     settling : {"left-out", "counted"}
-        Whether what the cut at the two ends of the section does to the filters is left out of a linear average, or
-        counted. What the other choice gives is beside it.
+        Whether what the cut at the two ends of the section does to the bands is left out of a linear average or a
+        maximum, or counted. What the other choice gives is beside it.
 
     Examples
     --------
@@ -77,14 +79,15 @@ class Octave(OctaveSettings):
         """For a pass over the recording that serves several analyses."""
         return OctaveAccumulator(recording, self)
 
-    def groups(self, recording: Recording) -> Iterator[Watched[BandLevels]]:
-        """The same for a few channels at a time, for passes one after the other; see `joined_levels`."""
-        for few in slices(len(weightable(recording, self.channels, self.weighting)[0])):
-            yield Watched(OctaveAccumulator(recording, self, few))
-
     def __call__(self, recording: Recording) -> BandLevels:
         """Read the recording (once in 32 channels) and return the band levels."""
-        return joined_levels([read_through(part, recording) for part in self.groups(recording)])
+        parts = []
+        for few in slices(len(weightable(recording, self.channels, self.weighting)[0])):
+            found = OctaveAccumulator(recording, self, few)
+            quality = QualityAccumulator(found.channels, found.start, found.stop)
+            feed(recording, [found, quality])
+            parts.append(found.result(quality.result()))
+        return joined_levels(parts)
 
 
 class OctaveAccumulator:
@@ -116,14 +119,18 @@ class OctaveAccumulator:
         self._at_work: BandEnergyAccumulator | BandHistoryAccumulator
         if settings.averaging == "linear":
             self._at_work = BandEnergyAccumulator(
-                len(self.channels), self.sampling_rate, self.stop - self.start, self._constant_part()
+                len(self.channels),
+                self.sampling_rate,
+                self.stop - self.start,
+                self._slow_part(),
+                weighted=[c.target_unit == "Pa" for c in self.channels],
             )
         else:
             self._at_work = self._history()
 
     def _history(self) -> BandHistoryAccumulator:
         settings, n = self.settings, self.stop - self.start
-        filters = [band_filter(int(k), settings.fraction, settings.weighting) for k in self.bands]
+        filters = [band_filter(band, settings.weighting) for band in self.bands]
         filters += [weighting_filter(weighting) for weighting in self._overall]
         self._duration = n / self.sampling_rate
         interval = settings.reading_interval(self._duration)
@@ -138,22 +145,23 @@ class OctaveAccumulator:
             IMPULSE_DECAY if settings.averaging == "impulse" else None,
             np.append(self._times, self._duration),
             [channel.derivatives for channel in self.channels],
-            self._constant_part(),
+            self._slow_part(),
         )
 
-    def _constant_part(self) -> NDArray[np.float64]:
-        return constant_part(self.recording, self.channels, self.start, self.stop)
+    def _slow_part(self) -> SlowPart:
+        lowest = float(self.bands.lower[0])
+        return slow_part(self.recording, self.channels, self.start, self.stop, lowest)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples (channels, m) of `channels`."""
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             self._at_work.add(samples)
 
-    def spectrum(self, fraction: int = 24) -> EnergySpectrum:
+    def spectrum(self, fraction: Division = 24) -> EnergySpectrum:
         """What was added, for bands of 1/`fraction` octave and wider (linear averages only); call it once."""
         assert isinstance(self._at_work, BandEnergyAccumulator)
         with np.errstate(invalid="ignore", over="ignore"):
-            return self._at_work.result(fraction)
+            return self._at_work.result(24 if fraction == "bark" else fraction)
 
     def result(self, quality: Sequence[Quality] | None = None) -> BandLevels:
         """Band levels of what was added; call it once. `quality` gives the channels' flags."""

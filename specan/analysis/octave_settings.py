@@ -5,27 +5,28 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
-from specan.dsp import bands
+from specan.analysis.section import SectionSettings
+from specan.data.band_levels import division_name
+from specan.dsp.bands import Bands, Division
 from specan.dsp.multirate import LOWEST_BAND
 from specan.dsp.time_weighting import FAST, IMPULSE, SLOW
 from specan.dsp.weighting import Weighting
 from specan.errors import RequestError
-from specan.schema import Settings
 
-Fraction = Literal[1, 3, 6, 12, 24]
 Settling = Literal["left-out", "counted"]
 AUDIO_RANGE = (20.0, 20000.0)
 TIME_CONSTANTS = {"fast": FAST, "slow": SLOW, "impulse": IMPULSE}
-READINGS = 1000  # of a history, unless an interval is asked for
+# Readings of a history, unless an interval is asked for: in a time constant (a level falls by 0.54 dB from one to the
+# next at most), and in all.
+READINGS_PER_TIME_CONSTANT, READINGS = 8, 1000
 
 
-class OctaveSettings(Settings):
+class OctaveSettings(SectionSettings):
     """Which bands are found, and how they are averaged; see `specan.analysis.octave.Octave`."""
 
-    fraction: Fraction = 3
+    fraction: Division = 3
     weighting: Weighting = "Z"
     averaging: Literal["linear", "fast", "slow", "impulse"] | float = "linear"
     hold: Literal["max", "min"] | None = None
@@ -34,11 +35,8 @@ class OctaveSettings(Settings):
     fmin: float | None = Field(default=None, ge=LOWEST_BAND)
     fmax: float | None = Field(default=None, gt=0.0)
     band: float | None = Field(default=None, ge=LOWEST_BAND)
-    channels: tuple[str, ...] = ()
-    start_s: float = Field(default=0.0, ge=0.0)
-    stop_s: float | None = Field(default=None, gt=0.0)
     velocity_reference: Literal["1 nm/s", "50 nm/s"] = "1 nm/s"
-    settling: Settling = "left-out"
+    settling: Settling = "counted"
 
     @field_validator("averaging", mode="before")
     @classmethod
@@ -76,10 +74,11 @@ class OctaveSettings(Settings):
         if self.interval_s is not None:
             return self.interval_s
         step = max(self.time_constant, FAST) if self.averaging == "impulse" else self.time_constant
+        step /= READINGS_PER_TIME_CONSTANT
         return step * max(1, int(np.ceil(duration / step / READINGS)))
 
-    def bands(self, sampling_rate: float) -> NDArray[np.int64]:
-        """Numbers of the bands; see `specan.dsp.bands`.
+    def bands(self, sampling_rate: float) -> Bands:
+        """The bands that are found.
 
         Raises
         ------
@@ -92,16 +91,17 @@ class OctaveSettings(Settings):
         else:
             low = AUDIO_RANGE[0] if self.fmin is None else self.fmin
             high = AUDIO_RANGE[1] if self.fmax is None else self.fmax
-        index = bands.band_range(min(low, high), high, self.fraction)
-        fits = bands.band_edges(index, self.fraction)[1] <= nyquist
+        wanted = Bands.between(self.fraction, min(low, high), high)
+        found = wanted[wanted.upper <= nyquist]
         stated = self.band is not None or self.fmax is not None
-        if not fits.any() or (stated and not fits[-1]):
-            top = bands.band_at(nyquist, self.fraction)
-            top -= 0 if float(bands.band_edges(top, self.fraction)[1]) <= nyquist else 1
+        if not len(found) or (stated and len(found) < len(wanted)):
+            possible = Bands.between(self.fraction, min(LOWEST_BAND, nyquist), nyquist)
+            possible = possible[possible.upper <= nyquist]
+            name = division_name(self.fraction).removesuffix(" band")
             raise RequestError(
-                f"the 1/{self.fraction} octave band at {high if stated else low:g} Hz reaches above half the "
+                f"the {name} band at {high if stated else low:g} Hz reaches above half the "
                 f"sampling rate of {sampling_rate:g} Hz",
-                expected=f"bands up to {bands.nominal_frequency(top, self.fraction):g} Hz",
+                expected=f"bands up to {possible.nominal.max(initial=0.0):g} Hz",
                 remedy="choose a lower frequency",
             )
-        return index[fits]
+        return found

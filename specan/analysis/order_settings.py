@@ -11,20 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.analysis.section import SectionSettings
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.dsp.tacho import pulse_times, repair, shaft_angle
+from specan.dsp.tacho import COUNTABLE, pulse_times, repair, shaft_angle
 from specan.errors import InputError, RequestError
-from specan.schema import Settings
 from specan.units import Quantity
 
 BLOCK_TURNS = 8
 
 
-class OrderSettings(Settings):
+class OrderSettings(SectionSettings):
     """Fields of `specan.analysis.orders.Orders`, which says what they are."""
 
-    channels: tuple[str, ...] = ()
     tacho: str | None = None
     pulses_per_turn: float | None = Field(default=None, gt=0.0)
     ratio: float = Field(default=1.0, gt=0.0)
@@ -39,8 +38,6 @@ class OrderSettings(Settings):
     quantity: Quantity | None = None
     envelope_hz: tuple[float, float] | None = None
     columns: int = Field(default=200, ge=1)
-    start_s: float = Field(default=0.0, ge=0.0)
-    stop_s: float | None = Field(default=None, gt=0.0)
 
     @property
     def wanted(self) -> tuple[float, ...]:
@@ -70,6 +67,8 @@ class Shaft:
     channel : str or None
     pulses, missing, double : int
     jitter_s : float
+    silent : tuple of (float, float)
+        From when to when there are no pulses.
     """
 
     turns: Callable[[Real], Real]
@@ -81,15 +80,23 @@ class Shaft:
     missing: int = 0
     double: int = 0
     jitter_s: float = 0.0
+    silent: tuple[tuple[float, float], ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was repaired."""
-        if not self.missing + self.double:
-            return ()
-        return (
-            f"{self.channel}: {self.missing} missing and {self.double} double pulses among {self.pulses} repaired",
-        )
+        """What was repaired, and where the angle is not known."""
+        found = []
+        if self.missing + self.double:
+            found.append(
+                f"{self.channel}: {self.missing} missing and {self.double} double pulses among {self.pulses} repaired"
+            )
+        if self.silent:
+            gaps = ", ".join(f"{first:.3f} to {last:.3f} s" for first, last in self.silent)
+            found.append(
+                f"{self.channel}: no pulses from {gaps}: the shaft stands still or the tacho fails; analysed is "
+                f"{max(self.start_s, 0.0):.3f} to {self.stop_s:.3f} s"
+            )
+        return tuple(found)
 
 
 def steady_shaft(speed_hz: float) -> Shaft:
@@ -100,7 +107,11 @@ def steady_shaft(speed_hz: float) -> Shaft:
 
 
 def tracked_shaft(
-    recording: Recording, name: str | None = None, pulses_per_turn: float | None = None, ratio: float = 1.0
+    recording: Recording,
+    name: str | None = None,
+    pulses_per_turn: float | None = None,
+    ratio: float = 1.0,
+    section_s: tuple[float, float | None] = (0.0, None),
 ) -> Shaft:
     """The reference shaft from a tacho on it, or on one that is geared to it.
 
@@ -112,6 +123,8 @@ def tracked_shaft(
         Of the tacho's own shaft; its property ``PulsesPerRevolution`` by default.
     ratio : float
         Turns of the tacho's shaft per turn of the reference shaft.
+    section_s : tuple
+        Start and stop of what is analysed. Where the shaft stands still between, the longest part is taken.
 
     Raises
     ------
@@ -120,49 +133,58 @@ def tracked_shaft(
     InputError
         The tacho is unusable.
     """
-    channel = _tacho(recording, name)
+    channel = tacho_of(recording, name)
     count = pulses_per_turn if pulses_per_turn is not None else _stated(channel.properties)
     if count is None:
         raise RequestError(
-            f"{recording.label}: nothing says how many pulses {channel.name} gives a turn",
+            f"{recording.label}: the pulses per revolution of {channel.label} are unknown",
             expected="the property PulsesPerRevolution",
-            remedy="give the pulses per turn",
+            remedy="give the pulses per revolution",
         )
     samples = recording.read([channel])[0]
+    delay = -channel.delay_s
+    first, last = section_s[0] - delay, math.inf if section_s[1] is None else section_s[1] - delay
     try:
-        pulses = repair(pulse_times(samples, channel.sampling_rate))
+        times = pulse_times(samples, channel.sampling_rate)
+        pulses = repair(times, first, last)
         found = shaft_angle(pulses, count * ratio)
     except InputError as fault:
         raise InputError(
-            f"{recording.label}, {channel.name}: {fault.found}", expected=fault.expected, remedy=fault.remedy
+            f"{recording.label}, {channel.label}: {fault.found}", expected=fault.expected, remedy=fault.remedy
         ) from None
-    delay = channel.start_offset_s - channel.delay_s
     spacing = np.diff(found.time)
+    ends = ((0.0, times[0], spacing[0]), (times[-1], samples.size / channel.sampling_rate, spacing[-1]))
+    silent = [*pulses.silent, *((a, b) for a, b, usual in ends if b - a > COUNTABLE * usual)]
+    silent = sorted((max(a, first), min(b, last)) for a, b in silent if a < last and b > first)
+    before = [b for _, b in silent if b <= found.time[0]]
+    after = [a for a, _ in silent if a >= found.time[-1]]
     return Shaft(
         lambda t: found.at(np.asarray(t) - delay),
         lambda t: found.speed(np.asarray(t) - delay),
-        float(found.time[0] - spacing[0] + delay),
-        float(found.time[-1] + spacing[-1] + delay),
-        channel.name,
+        float(max([found.time[0] - spacing[0], *before]) + delay),
+        float(min([found.time[-1] + spacing[-1], *after]) + delay),
+        channel.label,
         pulses.time.size,
         pulses.missing,
         pulses.double,
         found.jitter_s,
+        tuple((float(a + delay), float(b + delay)) for a, b in silent),
     )
 
 
-def _tacho(recording: Recording, name: str | None) -> Channel:
+def tacho_of(recording: Recording, name: str | None) -> Channel:
+    """The named channel, or the only tacho."""
     if name is not None:
         return recording.channel(name)
     found = [c for c in recording.by_role("tacho") if c.n_samples and c.sampling_rate]
     if len(found) == 1:
         return found[0]
     if found:
-        names = ", ".join(c.name for c in found)
+        names = ", ".join(c.label for c in found)
         raise RequestError(f"{recording.label} has the tachos {names}", remedy="name one of them")
     raise RequestError(
         f"{recording.label} has no tacho",
-        remedy="name the channel that is one, or give the speed of the shaft",
+        remedy="name one with --tacho CH, or give the speed of the shaft with --speed HZ",
     )
 
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.analysis.accumulator import Reader
 from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.dsp.clipping import is_cut_off, longest_run
-from specan.dsp.overlapped_blocks import BlockGrid
+from specan.dsp.overlapped_blocks import OverlappedBlocks
 
 # Converters are not symmetric: the largest positive code of 16 bits is 3.05e-5 short of full scale.
 _FULL_SCALE_TOLERANCE = 4e-5
@@ -49,6 +47,8 @@ class QualityAccumulator:
     ----------
     channels : sequence of Channel
         The channels, in the order of the rows that `add` will be given.
+    start, stop : int
+        Which of their samples it is given, where it shares a pass with other analyses.
 
     Examples
     --------
@@ -59,22 +59,24 @@ class QualityAccumulator:
     ('clipped',)
     """
 
-    channels: Sequence[Channel]
+    channels: tuple[Channel, ...]
+    start: int = 0
+    stop: int = 0
     _count: int = 0
-    _grid: BlockGrid = field(init=False)
+    _grid: OverlappedBlocks = field(init=False)
     _not_finite: NDArray[np.int64] = field(init=False)
     _rails: list[tuple[_Rail, _Rail]] = field(init=False)
     _tail: NDArray[np.float64] = field(init=False)
 
     def __post_init__(self) -> None:
-        self._grid = BlockGrid(len(self.channels), _GRID)
+        self._grid = OverlappedBlocks(_GRID)
         self._not_finite = np.zeros(len(self.channels), dtype=np.int64)
         self._rails = [(_Rail(), _Rail()) for _ in self.channels]
         self._tail = np.empty((len(self.channels), 0))
 
     def add(self, block: NDArray[np.float64]) -> None:
         """Take the next block, shape (channels, samples) of any length."""
-        for part in self._grid.add(block):
+        for part in self._grid.feed(block):
             self._take(part)
 
     def _take(self, block: NDArray[np.float64]) -> None:
@@ -106,10 +108,11 @@ class QualityAccumulator:
 
     def result(self) -> tuple[Quality, ...]:
         """What was found, one entry a channel; call it once, after the last block."""
-        self._take(self._grid.rest())
+        if self._grid.rest is not None:
+            self._take(self._grid.rest)
         return tuple(
             Quality(
-                channel=channel.name,
+                channel=channel.label,
                 unit=channel.unit,
                 n_samples=self._count,
                 n_not_finite=int(missing),
@@ -136,44 +139,6 @@ def _rests(
     return top >= limit and any(longest_run(part >= limit) >= 2 for part in (samples, border))
 
 
-Result = TypeVar("Result", covariant=True)
-
-
-class QualityPass:
-    """Dead, clipped and missing samples of the channels that another analysis reads anyway."""
-
-    def __init__(self, like: Reader) -> None:
-        self.channels, self.start, self.stop = like.channels, like.start, like.stop
-        self._quality = QualityAccumulator(like.channels)
-        self.add, self.result = self._quality.add, self._quality.result
-
-
-class FlaggedAccumulator(Reader, Protocol[Result]):
-    """An analysis that wants to know the quality of its samples at the end."""
-
-    def result(self, quality: Sequence[Quality] | None = None) -> Result:
-        """The result, with flags for the quality."""
-        ...
-
-
-class Watched(Generic[Result]):
-    """An accumulator whose samples are looked at for their quality as well."""
-
-    def __init__(self, accumulator: FlaggedAccumulator[Result]) -> None:
-        self._accumulator = accumulator
-        self._quality = QualityAccumulator(accumulator.channels)
-        self.channels, self.start, self.stop = accumulator.channels, accumulator.start, accumulator.stop
-
-    def add(self, samples: NDArray[np.float64]) -> None:
-        """Take the next samples, shape (channels, n)."""
-        self._quality.add(samples)
-        self._accumulator.add(samples)
-
-    def result(self) -> Result:
-        """The accumulator's result, with flags; call it once."""
-        return self._accumulator.result(self._quality.result())
-
-
 def rms_and_quality(recording: Recording) -> dict[int, tuple[float, Quality]]:
     """RMS and quality by the place of a channel; channels of one rate and length are read together."""
     together: dict[tuple[float, int], list[int]] = {}
@@ -182,7 +147,7 @@ def rms_and_quality(recording: Recording) -> dict[int, tuple[float, Quality]]:
     found: dict[int, Any] = {}
     for (_, n_samples), places in together.items():
         channels = [recording.channels[p] for p in places]
-        quality, energy = QualityAccumulator(channels), np.zeros(len(channels))
+        quality, energy = QualityAccumulator(tuple(channels)), np.zeros(len(channels))
         for block in recording.blocks(channels, BLOCK):
             quality.add(block)
             energy += np.einsum("ij,ij->i", block, block)

@@ -18,7 +18,7 @@ from specan.dsp.leakage import leakage_bias
 from specan.dsp.statistics import median
 from specan.dsp.transfer_function import arrivals, estimate
 from specan.dsp.welch import CrossSpectra, SpectralMatrix, effective_averages, hop_of
-from specan.dsp.windows import WindowName, window_correlation
+from specan.dsp.windows import WindowName, window, window_correlation
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -26,6 +26,10 @@ Complex = NDArray[np.complex128]
 # The look takes as many samples as this many blocks, in blocks longer by up to this power of two, of which it
 # holds at least so many: delays and echoes of several blocks are seen as such.
 _LOOK_BLOCKS, _LONGEST, _LEAST = 32, 8, 4
+# Welch's blocks of a reference that passes each line once: squared windows this far apart add up evenly (a Hann
+# window's square has no harmonic above the second). Half a block apart they do not, and a response is weighted
+# otherwise than what drove it, by about its delay over the block.
+PASSING_OVERLAP = 0.75
 # A delay is compensated where it would cost H1 more than a thousandth.
 TOLERATED_LOSS = 1e-3
 _DISTINCT_PEAK = 6.0  # times the RMS of an impulse response; white noise of 65536 samples reaches 4.8
@@ -102,6 +106,31 @@ def _rms_ratio(square: Real, over: Real, weight: Real) -> Real:
     return np.sqrt(np.nan_to_num(ratio, posinf=0.0))
 
 
+def passes_once(recording: Recording, reference: Channel, block: int, start: int, stop: int) -> bool:
+    """Whether few blocks hold most of a line's energy: a sweep, a burst or a blow, and not steady noise.
+
+    As many blocks as the look has, spread over the section. The effective number of those that drive a line is
+    (sum P)^2 / sum P^2, P their powers: n for a steady tone, about (n + 1) / 2 for noise (a squared magnitude has
+    two degrees of freedom) and 1 for what passes once. The limit lies halfway between the last two, as a ratio.
+    """
+    count = min(_LOOK_BLOCKS, (stop - start) // block)
+    if count < 2:
+        return False
+    firsts = np.linspace(start, stop - block, count).astype(int).tolist()
+    bell = window("hann", block)
+    total, square = np.zeros(block // 2), np.zeros(block // 2)
+    for first in firsts:
+        samples = recording.read([reference], first, first + block)[0]
+        power = np.abs(np.fft.rfft((samples - np.mean(samples)) * bell)[1 : block // 2 + 1]) ** 2
+        total += power
+        square += power**2
+    known = np.isfinite(total) & (square > 0)
+    if not known.any():
+        return False
+    effective = np.average(total[known] ** 2 / square[known], weights=total[known])
+    return bool(effective < np.sqrt((count + 1) / 2))
+
+
 def look(
     recording: Recording,
     channels: Sequence[Channel],
@@ -111,6 +140,8 @@ def look(
     block: int,
     start: int,
     stop: int,
+    *,
+    whole: bool = False,
 ) -> Look:
     """Look at the first 32 blocks of `block` samples.
 
@@ -122,12 +153,14 @@ def look(
         What drives the reference, where it was recorded and is not among `channels`.
     start, stop : int
         Section of the recording.
+    whole : bool
+        Look at all of it: what passes each line once has driven few of them in the beginning.
     """
     rate = channels[0].sampling_rate
     longest = block * max([r for r in (1, 2, 4, _LONGEST) if _LEAST * r * block <= stop - start], default=1)
     read = [*channels, *([] if generator is None else [generator])]
     spectra = CrossSpectra(rate, longest, window_name, overlap, n_channels=len(read), references=[0])
-    until = min(stop, start + _LOOK_BLOCKS * block)
+    until = stop if whole else min(stop, start + _LOOK_BLOCKS * block)
     for samples in recording.blocks(read, READ_BLOCK, start, until):
         spectra.add(samples)
     seen = spectra.result()

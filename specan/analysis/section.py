@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from specan.data.channel import Channel
 from specan.data.recording import Recording
+from specan.dsp.slow_part import SlowPart, drift_length, drift_spread
 from specan.errors import InputError, RequestError
+from specan.schema import Settings
 
 _GRID = 1 << 15
+
+
+class SectionSettings(Settings):
+    """Which channels (names or patterns; all by default) and which time section, of every analysis."""
+
+    channels: tuple[str, ...] = ()
+    start_s: float = Field(default=0.0, ge=0.0)
+    stop_s: float | None = Field(default=None, gt=0.0)
 
 
 def section(
@@ -38,26 +49,58 @@ def section(
     return start, stop
 
 
-def constant_part(
-    recording: Recording, channels: Sequence[Channel], start: int, stop: int
-) -> NDArray[np.float64]:
-    """Mean of all samples of a section, shape (channels,): what every level is taken about.
+def slow_part(
+    recording: Recording, channels: Sequence[Channel], start: int, stop: int, lowest_hz: float = 0.0
+) -> SlowPart:
+    """Mean of all samples of a section, what every level is taken about, and its drift at the ends.
 
     Sums run over a fixed grid of blocks, from the first sample on: a channel whose samples are all equal has
-    exactly that mean.
+    exactly that mean. No oscillation from `lowest_hz` on is taken for a drift; at 0 there is none.
     """
-    origin = recording.read(channels, start, min(start + 1, stop))
-    total = np.zeros(len(channels))
+    rate, total = channels[0].sampling_rate, np.zeros(len(channels))
+    spread = drift_spread(stop - start, rate, lowest_hz) if lowest_hz else 0.0
+    seen, at = drift_length(spread), start
+    first, last, origin = [], [], None
     with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN
         for block in recording.blocks(channels, _GRID, start, stop):
+            origin = block[:, :1].copy() if origin is None else origin
             total += np.add.reduce(block - origin, axis=1)
-        return np.asarray(origin[:, 0] + total / max(stop - start, 1))
+            if at < start + seen:
+                first.append(block[:, : start + seen - at].copy())
+            at += block.shape[1]
+            if at > stop - seen:
+                last.append(block[:, max(block.shape[1] - (at - stop + seen), 0) :].copy())
+        mean = np.asarray((0.0 if origin is None else origin[:, 0]) + total / max(stop - start, 1))
+        if not seen:
+            return SlowPart.only(mean)
+        return SlowPart.of(
+            mean, np.concatenate(first, axis=1), np.concatenate(last, axis=1), stop - start, spread
+        )
+
+
+def rms_about_mean(recording: Recording, channels: Sequence[Channel], n: int) -> NDArray[np.float64]:
+    """RMS of the first `n` samples about their mean, whose digits a large constant part would take otherwise.
+
+    Examples
+    --------
+    >>> recording = Recording.from_arrays({"Air": [299.0, 301.0, 299.0, 301.0]}, 1.0, units={"Air": "K"})
+    >>> rms_about_mean(recording, recording.channels, 4).tolist()
+    [1.0]
+    """
+    mean, square = slow_part(recording, channels, 0, n).constant[:, None], np.zeros(len(channels))
+    with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN
+        for block in recording.blocks(channels, _GRID, 0, n):
+            square += np.add.reduce(np.square(block - mean), axis=1)
+        return np.sqrt(square / n)
 
 
 def of_one_rate(
     recording: Recording, patterns: Sequence[str], like: Channel | None = None
 ) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
     """Channels of the patterns that share the sampling rate of `like`, or of the first; and notes on those left out.
+
+    Channels that are analysed together end with the shortest of them. One that would cost the others more than half of
+    their samples is left out.
 
     Raises
     ------
@@ -71,20 +114,32 @@ def of_one_rate(
             f"{recording.label}: no chosen channel has samples and a sampling rate",
             remedy="name other channels, or state the sampling rate",
         )
-    rate = (like or usable[0]).sampling_rate
-    kept = tuple(c for c in usable if c.sampling_rate == rate)
-    used, whole = {id(c) for c in kept}, {id(c) for c in usable}
-    notes = tuple(
-        f"{c.name} is left out: "
-        + (
-            f"it is sampled at {c.sampling_rate:g} Hz, not at {rate:g} Hz"
-            if id(c) in whole
-            else "it has no samples"
-        )
-        for c in chosen
-        if id(c) not in used
-    )
-    return kept, notes
+    apart = reasons_apart(chosen, (like or usable[0]).sampling_rate, like)
+    kept = tuple(c for c, reason in zip(chosen, apart, strict=True) if not reason)
+    notes = [f"{c.label} is left out: it {reason}" for c, reason in zip(chosen, apart, strict=True) if reason]
+    lengths = {c.n_samples for c in (*kept, *([like] if like else []))}
+    if len(lengths) > 1:
+        short = next(c for c in (*kept, *([like] if like else [])) if c.n_samples == min(lengths))
+        notes.append(f"all channels are analysed up to {short.duration_s:.4g} s, where {short.label} ends")
+    return kept, tuple(notes)
+
+
+def reasons_apart(channels: Sequence[Channel], rate: float, like: Channel | None = None) -> list[str]:
+    """Why each channel is not analysed together with the others, at one rate and with `like`; empty where it is."""
+    longest = max((c.n_samples for c in channels if c.sampling_rate == rate), default=0)
+    if like is not None:
+        longest = min(longest, like.n_samples)
+
+    def reason(channel: Channel) -> str:
+        if channel.sampling_rate <= 0 or channel.n_samples <= 0:
+            return "has no samples"
+        if channel.sampling_rate != rate:
+            return f"is sampled at {channel.sampling_rate:g} Hz, not at {rate:g} Hz"
+        if 2 * channel.n_samples < longest:
+            return f"lasts {channel.duration_s:.4g} s, others {longest / rate:.4g} s; choose it alone"
+        return ""
+
+    return [reason(channel) for channel in channels]
 
 
 def weightable(
@@ -104,14 +159,82 @@ def weightable(
     other = [c for c in chosen if c.target_unit != "Pa"]
     if not pressure or (patterns and other):
         raise RequestError(
-            f"{recording.label}: {other[0].name} is in {other[0].target_unit}",
+            f"{recording.label}: {other[0].label} is in {other[0].target_unit}",
             expected=f"sound pressure in Pa for the {weighting} weighting",
             remedy="choose the microphones, give their sensitivities, or use the Z weighting",
         )
     return pressure, (
         *notes,
-        *(f"{c.name} is left out: {weighting} is for Pa, not {c.target_unit}" for c in other),
+        *(f"{c.label} is left out: {weighting} is for Pa, not {c.target_unit}" for c in other),
     )
+
+
+def compared(
+    recording: Recording, reference: str | None, patterns: Sequence[str]
+) -> tuple[Recording, tuple[str, ...]]:
+    """The run whose channels are compared with each other, all from one instant on; and what is to be said of it."""
+    run, notes = _run_meant(recording, reference, patterns)
+    generators = run.by_role("generator")
+    found = [run.channel(reference)] if reference is not None else [*run.by_role("vibrometer"), *generators]
+    if not found:
+        return run, notes
+    lead = found[0]
+    wanted = {id(c) for c in (*run.select(patterns), *generators, lead)}
+    alike = [c for c in run.channels if id(c) in wanted and c.sampling_rate == lead.sampling_rate]
+    together, remarks = aligned(run, alike, lead)
+    return together, (*notes, *remarks)
+
+
+def aligned(
+    recording: Recording, channels: Sequence[Channel], lead: Channel | None = None
+) -> tuple[Recording, tuple[str, ...]]:
+    """The recording with these channels from the instant on at which the last of them begins; and notes.
+
+    Those that have no time in common with `lead` (the first by default), or with the others, are left out.
+    """
+    usable = [c for c in channels if c.sampling_rate > 0 and c.n_samples > 0]
+    starts = [c.start_offset_s for c in usable]
+    if not usable or min(starts) == max(starts):
+        return recording, ()
+    lead = lead or usable[0]
+    meet = [c for c in usable if c.start_offset_s < _end(lead) and lead.start_offset_s < _end(c)]
+    latest = max((c.start_offset_s for c in meet), default=lead.start_offset_s)
+    moved = {id(c): c.from_time(latest) for c in meet if latest < _end(c) - 1 / c.sampling_rate}
+    apart = [c for c in usable if id(c) not in moved]
+    gone = {id(c) for c in apart}
+    notes = [f"{c.label} is left out: it was not recorded at the same time as {lead.label}" for c in apart]
+    earliest = min((c.start_offset_s for c in meet), default=latest)
+    if latest > earliest:
+        notes.append(
+            f"channels begin up to {latest - earliest:.6g} s apart, as the file says: they are compared from the last "
+            "beginning on"
+        )
+    kept = tuple(moved.get(id(c), c) for c in recording.channels if id(c) not in gone)
+    return replace(recording, channels=kept), tuple(notes)
+
+
+def _end(channel: Channel) -> float:
+    return channel.start_offset_s + channel.duration_s
+
+
+def _run_meant(
+    recording: Recording, reference: str | None, patterns: Sequence[str]
+) -> tuple[Recording, tuple[str, ...]]:
+    """The run of the named reference, or else of the first chosen channel; and a note on the runs left out.
+
+    Where both reference and channels are named, all of them are taken.
+    """
+    runs = recording.runs
+    if len(runs) == 1 or (reference is not None and patterns):
+        return recording, ()
+    first = recording.select(patterns)[0] if reference is None else recording.channel(reference)
+    if reference is not None and all(c.group != first.group for c in recording.by_role("vibrometer")):
+        return recording, ()  # common to all runs
+    run = next(r for r in runs if any(c is first for c in r.channels))
+    taken = {id(c) for c in run.channels}
+    others = list(dict.fromkeys(c.group for c in recording.select(patterns) if id(c) not in taken))
+    remark = f"{', '.join(others)} left out: with a reference of its own; choose its channels to analyse it"
+    return run, (remark,) if others else ()
 
 
 def reference_channel(recording: Recording, name: str | None) -> Channel:
@@ -171,4 +294,4 @@ def _stacked(values: Sequence[Any]) -> Any:
         return {key: _stacked([value[key] for value in values]) for key in first}
     if isinstance(first, np.ndarray):
         return np.concatenate(values)
-    return joined(values, ("level_dB", "overall_dB"))
+    return joined(values, [f.name for f in fields(first) if f.name.endswith("dB")])

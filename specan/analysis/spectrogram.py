@@ -11,12 +11,15 @@ from specan.analysis.section import section, weightable
 from specan.analysis.spectrum import (
     BlockSettings,
     block_of,
+    correction_of_block,
+    integrated,
     lines_between,
     scale_of,
 )
 from specan.data.recording import Recording
 from specan.data.spectrum import Spectrogram
 from specan.dsp.fft import has_mirror
+from specan.dsp.motion import convert
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.weighting import power_weighting
 from specan.dsp.welch import hop_of
@@ -61,7 +64,8 @@ class SpectrogramSettings(BlockSettings):
         shape = window(self.window, block)
         scale = (2.0 / (rate * np.sum(shape**2))) * np.where(has_mirror(len(frequency), block), 1.0, 0.5)
         weights = power_weighting(frequency, self.weighting)
-        gain = np.stack([np.abs(c.correction(frequency)) ** 2 * weights for c in channels])
+        factors = [correction_of_block(c, frequency, self.window) for c in channels]
+        gain = np.square(np.abs(factors)) * weights
         count = n_blocks // per_column  # an incomplete last column is left out
         density = np.zeros((len(channels), count, int(kept.sum())))
         grid, number = OverlappedBlocks(block, hop), 0
@@ -72,6 +76,10 @@ class SpectrogramSettings(BlockSettings):
                     break
                 if self.detrend:
                     part = part - np.add.reduce(part, axis=-1, keepdims=True) / block
+                part = np.array(part)
+                for row, channel in zip(part, channels, strict=True):
+                    if channel.derivatives:
+                        convert(row, channel.derivatives)
                 spectra = np.fft.rfft(part * shape, axis=-1)
                 density[:, column] += ((spectra.real**2 + spectra.imag**2) * scale * gain)[:, kept]
         density /= per_column
@@ -81,12 +89,12 @@ class SpectrogramSettings(BlockSettings):
             label=recording.label,
             time_s=time + (start / rate + width / 2),
             frequency_hz=frequency[kept],
-            channels=tuple(c.name for c in channels),
+            channels=tuple(c.label for c in channels),
             units=tuple(c.target_unit for c in channels),
             density=density,
             has_mirror=has_mirror(len(frequency), block)[kept],
             scale=scale_of(self, block, rate),
             blocks_per_column=per_column,
-            notes=notes,
+            notes=(*notes, *integrated(channels, self.window, block)),
             settings=self.model_dump(),
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.accumulator import read_through
-from specan.analysis.section import section, weightable
+from specan.analysis.section import SectionSettings, compared, section, weightable
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.spectrum import Scaling, Spectrum, SpectrumScale
 from specan.dsp.fft import AmplitudeTransform, has_mirror
+from specan.dsp.motion import convert, lowest_line, rest
 from specan.dsp.transfer_function import phase_deg
 from specan.dsp.weighting import Weighting, power_weighting
 from specan.dsp.welch import CrossSpectra
 from specan.dsp.windows import WindowName, window_properties
 from specan.errors import InputError, RequestError
-from specan.schema import Settings
 
 SAMPLES_PER_LINE = 2.56
 DEFAULT_LINES, MIN_BLOCK = 3200, 16
@@ -29,7 +29,7 @@ DEFAULT_LINES, MIN_BLOCK = 3200, 16
 SpectrumAveraging = Literal["linear", "exponential", "max", "min", "none"]
 
 
-class BlockSettings(Settings):
+class BlockSettings(SectionSettings):
     """What spectra and spectrograms have in common.
 
     Attributes
@@ -51,7 +51,6 @@ class BlockSettings(Settings):
         Of the magnitudes (IEC 61672-1:2013, annex E); A, B and C of sound pressure only. Phases stay.
     """
 
-    channels: tuple[str, ...] = ()
     scaling: Scaling = "amplitude"
     lines: int | None = Field(default=None, ge=8, le=10_000_000)
     window: WindowName = "hann"
@@ -59,8 +58,6 @@ class BlockSettings(Settings):
     detrend: bool = True
     fmin_hz: float = Field(default=0.0, ge=0.0)
     fmax_hz: float | None = Field(default=None, gt=0.0)
-    start_s: float = Field(default=0.0, ge=0.0)
-    stop_s: float | None = Field(default=None, gt=0.0)
     weighting: Weighting = "Z"
 
 
@@ -120,14 +117,11 @@ class SpectrumAccumulator:
         self.recording, self.settings = recording, settings
         if settings.averaging == "none" or settings.whole:
             raise RequestError("a single block is not averaged", remedy="call the settings instead")
-        self.reference = None if settings.reference is None else recording.channel(settings.reference)
+        recording, self.reference, self.shown, self.notes = chosen(recording, settings)
         if self.reference is not None and settings.averaging in ("max", "min"):
             raise RequestError(
                 f"a {settings.averaging} hold has no phase over a reference", remedy="leave out the reference"
             )
-        self.shown, self.notes = weightable(
-            recording, settings.channels, settings.weighting, like=self.reference
-        )
         self.channels = self.shown
         if self.reference is not None and self.reference not in self.shown:
             self.channels = (*self.shown, self.reference)
@@ -144,6 +138,7 @@ class SpectrumAccumulator:
             detrend=settings.detrend,
             averaging=settings.averaging,
             n_exponential=settings.n_exponential,
+            derivatives=[channel.derivatives for channel in self.channels],
         )
 
     def add(self, samples: NDArray[np.float64]) -> None:
@@ -154,10 +149,10 @@ class SpectrumAccumulator:
         """Spectra from what was added so far."""
         found = self._spectra.result()
         f, count = found.frequency_hz, len(self.shown)
-        correction = np.stack([c.correction(f) for c in self.shown])
+        correction = np.stack([correction_of_block(c, f, self.settings.window) for c in self.shown])
         phase = None
         if self.reference is not None:
-            over = correction * np.conj(self.reference.correction(f))
+            over = correction * np.conj(correction_of_block(self.reference, f, self.settings.window))
             phase = np.where(found.auto[:count] > 0, phase_deg(found.cross[0, :count] * over), np.nan)
         density = found.auto[:count] * np.abs(correction) ** 2
         return spectrum_of(
@@ -170,8 +165,20 @@ class SpectrumAccumulator:
             phase,
             n_blocks=found.n_blocks,
             n_effective=found.n_effective,
-            notes=self.notes,
+            notes=(*self.notes, *integrated(self.shown, self.settings.window, self.block)),
         )
+
+
+def chosen(
+    recording: Recording, settings: FourierSpectrum
+) -> tuple[Recording, Channel | None, tuple[Channel, ...], tuple[str, ...]]:
+    """The run that is meant, its reference, the channels to be shown, and notes on those left out."""
+    if settings.reference is None:
+        return recording, None, *weightable(recording, settings.channels, settings.weighting)
+    run, others = compared(recording, settings.reference, settings.channels)
+    reference = run.channel(settings.reference)
+    shown, notes = weightable(run, settings.channels, settings.weighting, like=reference)
+    return run, reference, shown, (*others, *notes)
 
 
 def single_blocks(
@@ -186,12 +193,11 @@ def single_blocks(
     array (lines,)
         Its complex lines, from which `with_phase` finds the phase of those that are wanted.
     """
-    reference = None if settings.reference is None else recording.channel(settings.reference)
-    shown, notes = weightable(recording, settings.channels, settings.weighting, like=reference)
+    recording, reference, shown, notes = chosen(recording, settings)
     channels = shown if reference is None or reference in shown else (*shown, reference)
     start, stop = section(recording, channels, settings.start_s, settings.stop_s)
-    block = stop - start if settings.whole else block_of(recording, settings, stop - start)
-    rate = channels[0].sampling_rate
+    block = block_of(recording, settings, stop - start)
+    rate, notes = channels[0].sampling_rate, (*notes, *integrated(shown, settings.window, block))
     scale = scale_of(settings, block, rate)
     transform = AmplitudeTransform(block, settings.window, detrend=settings.detrend)
 
@@ -205,9 +211,12 @@ def single_blocks(
     alone = np.flatnonzero(~has_mirror(kept.size, block))
 
     def spectrum(channel: Channel) -> NDArray[np.complex128]:
-        found = transform(recording.read([channel], start, start + block)[0])
+        samples = recording.read([channel], start, start + block)[0]
+        if channel.derivatives:
+            convert(samples, channel.derivatives)
+        found = transform(samples)
         if channel.delay_s or channel.phase is not None or channel.derivatives:
-            found *= channel.correction(frequencies())
+            found *= correction_of_block(channel, frequencies(), settings.window)
         return found
 
     turn = None if reference is None else np.conj(spectrum(reference))
@@ -229,6 +238,22 @@ def single_blocks(
             found if kept.all() else found[kept],
         )  # fmt: skip
         del found, density  # while the next channel is read
+
+
+def correction_of_block(channel: Channel, f: NDArray[np.float64], name: WindowName) -> NDArray[np.complex128]:
+    """Factor on the lines of a block that `convert` has converted; zero below the lowest that it leaves right."""
+    factor = replace(channel, derivatives=0).correction(f)
+    if channel.derivatives:
+        factor = factor * rest(f, channel.sampling_rate, channel.derivatives)
+        factor[: lowest_line(name, channel.derivatives)] = 0.0
+    return factor
+
+
+def integrated(channels: Sequence[Channel], name: WindowName, block: int) -> tuple[str, ...]:
+    """A note on the lowest frequency of what is integrated."""
+    lines = [lowest_line(name, channel.derivatives) for channel in channels]
+    lowest = max(lines) * channels[0].sampling_rate / block
+    return (f"integrated from {lowest:.3g} Hz on: below, there is no line",) if lowest else ()
 
 
 def with_phase(found: Spectrum, lines: NDArray[np.complex128]) -> Spectrum:
@@ -263,8 +288,9 @@ def block_of(recording: Recording, settings: BlockSettings, n: int) -> int:
     InputError
         The section is shorter than the block that was asked for, or hardly there.
     """
-    block = round((settings.lines or DEFAULT_LINES) * SAMPLES_PER_LINE)
-    if settings.lines is None and MIN_BLOCK <= n < block:
+    whole = isinstance(settings, FourierSpectrum) and settings.whole
+    block = MIN_BLOCK if whole else round((settings.lines or DEFAULT_LINES) * SAMPLES_PER_LINE)
+    if (whole and n >= block) or (settings.lines is None and MIN_BLOCK <= n < block):
         return n
     if n < block:
         raise InputError(
@@ -330,11 +356,11 @@ def spectrum_of(
     if settings.weighting != "Z":
         density = density * power_weighting(frequency_hz, settings.weighting)
     if settings.averaging in ("linear", "exponential") and phase is None and not phased:
-        notes = (*notes, "no phase: an average has one only over a reference")
+        notes = (*notes, "no phase: choose a reference channel to see it")
     return Spectrum(
         label=recording.label,
         frequency_hz=frequency_hz,
-        channels=tuple(c.name for c in channels),
+        channels=tuple(c.label for c in channels),
         units=tuple(c.target_unit for c in channels),
         density=density,
         has_mirror=has_mirror(kept.size, block)[kept],

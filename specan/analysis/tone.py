@@ -10,7 +10,7 @@ from pydantic import Field
 
 from specan.analysis.accumulator import read_through
 from specan.analysis.excitation import recognise
-from specan.analysis.section import of_one_rate, section
+from specan.analysis.section import SectionSettings, compared, of_one_rate, section
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.tone import ToneTable
@@ -20,7 +20,6 @@ from specan.dsp.tone_series import ToneSeries, block_length, freedom_of_mean, va
 from specan.dsp.transfer_function import phase_deg, u_phase_deg
 from specan.dsp.welch import student_factor
 from specan.errors import InputError, RequestError
-from specan.schema import Settings
 from specan.units import quotient
 
 LOW_SNR_DEG = 1.0  # random uncertainty of a phase from which on it is flagged
@@ -31,7 +30,7 @@ _NEAR, _FAR = (
 )  # how far from a stated frequency the tone is looked for, and at most in a short section
 
 
-class Tone(Settings):
+class Tone(SectionSettings):
     """Settings of a tone analysis.
 
     Attributes
@@ -62,11 +61,8 @@ class Tone(Settings):
     """
 
     reference: str | None = None
-    channels: tuple[str, ...] = ()
     frequency_hz: float | None = Field(default=None, gt=0.0)
     harmonics: int = Field(default=10, ge=1, le=100)
-    start_s: float = Field(default=0.0, ge=0.0)
-    stop_s: float | None = Field(default=None, gt=0.0)
 
     def accumulator(self, recording: Recording) -> ToneAccumulator:
         """For a pass over the recording that serves several analyses."""
@@ -89,9 +85,13 @@ class ToneAccumulator:
     """
 
     def __init__(self, recording: Recording, settings: Tone) -> None:
+        others: tuple[str, ...] = ()
+        if settings.reference is not None or recording.by_role("vibrometer"):
+            recording, others = compared(recording, settings.reference, settings.channels)
         self.recording, self.settings = recording, settings
         self.reference = self._find_reference()
-        chosen, self.notes = of_one_rate(recording, settings.channels, like=self.reference)
+        chosen, notes = of_one_rate(recording, settings.channels, like=self.reference)
+        self.notes = (*others, *notes)
         leaders = [*recording.by_role("generator"), *([self.reference] if self.reference else [])]
         rate = (self.reference or chosen[0]).sampling_rate
         leaders = [c for c in leaders if c.sampling_rate == rate and c.n_samples > 0]
@@ -166,9 +166,9 @@ class ToneAccumulator:
         return ToneTable(
             label=self.recording.label,
             frequency_hz=f,
-            leader=self.leader.name,
-            reference=self.reference.name if self.reference else None,
-            channels=tuple(c.name for c in channels),
+            leader=self.leader.label,
+            reference=self.reference.label if self.reference else None,
+            channels=tuple(c.label for c in channels),
             roles=tuple(c.role for c in channels),
             units=tuple(c.target_unit for c in channels),
             rms=rms,
@@ -230,11 +230,13 @@ class ToneAccumulator:
     def _remarks(self, fitted: Fitted, channels: list[Channel]) -> list[str]:
         remarks = []
         if fitted.wandering:
-            remarks.append(f"the frequency wanders; phases follow {self.leader.name} block by block")
+            remarks.append(f"the frequency wanders; phases follow {self.leader.label} block by block")
         for c in channels:
             if c.derivatives:
                 kind = "displacement" if c.derivatives > 0 else "acceleration"
-                remarks.append(f"{c.name}: {kind} is converted to velocity by j w, its RMS without the noise")
+                remarks.append(
+                    f"{c.label}: {kind} is converted to velocity by j w, its RMS without the noise"
+                )
         if fitted.deviations.shape[1] < 4:
             remarks.append("too short for an uncertainty: fewer than four blocks")
         return remarks

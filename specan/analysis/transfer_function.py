@@ -12,14 +12,16 @@ from pydantic import Field
 from specan.analysis.accumulator import read_through
 from specan.analysis.response_length import (
     LEAST_AVERAGES,
+    PASSING_OVERLAP,
     Look,
     averages_in,
     leakage,
     look,
+    passes_once,
     shifts_of,
     sufficient_block,
 )
-from specan.analysis.section import of_one_rate, reference_channel, section
+from specan.analysis.section import SectionSettings, compared, of_one_rate, reference_channel, section
 from specan.data.channel import Channel
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
 from specan.data.recording import Recording
@@ -28,7 +30,6 @@ from specan.dsp.transfer_function import Estimate, Estimator, estimate, u_phase_
 from specan.dsp.welch import CrossSpectra, SpectralMatrix
 from specan.dsp.windows import WindowName, line_correlation
 from specan.errors import InputError
-from specan.schema import Settings
 from specan.units import MOTION, QUANTITIES, quotient
 
 # Lines up to rate / 2.56: above them the converters' anti-aliasing filters fall off.
@@ -39,13 +40,14 @@ RESPONSES = ("microphone", "accelerometer")  # roles that are responses unless c
 _FOREIGN = 0.01
 
 
-class TransferFunction(Settings):
+class TransferFunction(SectionSettings):
     """Settings of a transfer function analysis.
 
     Attributes
     ----------
     reference : str or None
-        Name of the reference channel; the vibrometer by default.
+        Name of the reference channel; the vibrometer by default, in a recording of several runs that of the
+        channels' own run.
     instrument : str or None
         For H3c, the channel that drives the system; the generator by default.
     channels : tuple of str
@@ -56,7 +58,8 @@ class TransferFunction(Settings):
         response needs: 3200 times a power of two, so that leakage is below 1 % or half the random
         uncertainty, while eight independent averages are left; fewer in a short section.
     window, overlap
-        Of the blocks. Hann with 50 % gives 95 % of the blocks' number as independent averages.
+        Of the blocks. Hann with 50 % gives 95 % of the blocks' number as independent averages. Unless it is asked
+        for, blocks overlap by 75 % where the reference passes each line once, as a sweep does.
     align : bool
         Read channels later by the delay that is found at the beginning of the recording, where it would
         bias the result.
@@ -79,14 +82,11 @@ class TransferFunction(Settings):
 
     reference: str | None = None
     instrument: str | None = None
-    channels: tuple[str, ...] = ()
     estimator: Estimator = "H1"
     lines: int | None = Field(default=None, ge=8, le=10_000_000)
     window: WindowName = "hann"
     overlap: float = Field(default=0.5, ge=0.0, le=0.95)
     align: bool = True
-    start_s: float = Field(default=0.0, ge=0.0)
-    stop_s: float | None = Field(default=None, gt=0.0)
 
     @property
     def block(self) -> int:
@@ -118,12 +118,14 @@ class TransferFunctionAccumulator:
     """
 
     def __init__(self, recording: Recording, settings: TransferFunction) -> None:
+        recording, others = compared(recording, settings.reference, settings.channels)
         self.recording, self.asked = recording, settings.lines
         self.settings = settings
         self.reference = reference_channel(recording, settings.reference)
         self.instrument = self._find_instrument()
         helpers = (self.reference,) if self.instrument is None else (self.reference, self.instrument)
-        self.responses, self.notes = self._find_responses(helpers)
+        self.responses, notes = self._find_responses(helpers)
+        self.notes = (*others, *notes)
         self.channels = (*helpers, *self.responses)
         self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
         n = self.stop - self.start
@@ -135,6 +137,9 @@ class TransferFunctionAccumulator:
                 remedy="ask for fewer lines" if settings.lines else "analyse a longer section",
             )
         first = block_of(settings.lines or self._most_lines(DEFAULT_LINES))
+        self._passes_once = passes_once(recording, self.reference, first, self.start, self.stop)
+        if self._passes_once and "overlap" not in settings.model_fields_set:
+            settings = self.settings = settings.model_copy(update={"overlap": PASSING_OVERLAP})
         seen = self._look(first) if settings.align or settings.lines is None else None
         self.sufficient = None if seen is None else sufficient_block(seen, first, n, settings.overlap)
         self.foreign_share = np.nan if seen is None else seen.foreign_share
@@ -167,14 +172,12 @@ class TransferFunctionAccumulator:
         return found[0]
 
     def _find_responses(self, helpers: Sequence[Channel]) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
-        patterns = self.settings.channels or [
-            f"{c.group}/{c.name}" for c in self.recording.channels if c.role in RESPONSES
-        ]
+        patterns = self.settings.channels or [c.path for c in self.recording.channels if c.role in RESPONSES]
         chosen, notes = of_one_rate(self.recording, patterns, like=self.reference)
         responses = tuple(c for c in chosen if c not in helpers)
         if not responses or any(c.sampling_rate != self.reference.sampling_rate for c in helpers):
             raise InputError(
-                f"{self.recording.label}: no response is sampled together with {self.reference.name}",
+                f"{self.recording.label}: no response is sampled together with {self.reference.label}",
                 expected=f"channels at {self.reference.sampling_rate:g} Hz",
                 remedy="; ".join(notes) or "choose channels other than the reference",
             )
@@ -208,6 +211,7 @@ class TransferFunctionAccumulator:
             block,
             self.start,
             self.stop,
+            whole=self._passes_once,
         )
 
     def _accumulate(self, lines: int | None, shifts: Sequence[int]) -> CrossSpectra:
@@ -250,9 +254,9 @@ class TransferFunctionAccumulator:
         return FrequencyResponse(
             label=self.recording.label,
             frequency_hz=f,
-            channels=tuple(c.name for c in self.responses),
+            channels=tuple(c.label for c in self.responses),
             units=tuple(quotient(c.target_unit, self.reference.target_unit) for c in self.responses),
-            reference=self.reference.name,
+            reference=self.reference.label,
             response=response,
             coherence=found.coherence,
             u_magnitude_percent=100 * u_relative,
@@ -308,8 +312,8 @@ class TransferFunctionAccumulator:
             if c.derivatives:
                 names = dict(zip(MOTION, QUANTITIES))
                 kind = names.get(c.unit, "displacement" if c.derivatives > 0 else "acceleration")
-                remarks.append(f"{c.name}: {kind} is converted to {names[c.target_unit]} by j w")
-        late = [c.name for c, shift in zip(self.channels, self.shifts) if shift]
+                remarks.append(f"{c.label}: {kind} is converted to {names[c.target_unit]} by j w")
+        late = [c.label for c, shift in zip(self.channels, self.shifts) if shift]
         if late:
             remarks.append(f"aligned before the analysis and turned back after it: {', '.join(late)}")
         return remarks
@@ -318,6 +322,8 @@ class TransferFunctionAccumulator:
         """Who chose the number of lines, and whether the blocks are too short for the response."""
         settings, rate = self.settings, self.reference.sampling_rate
         remarks = []
+        if self._passes_once and settings.overlap == PASSING_OVERLAP:
+            remarks.append("few blocks drive each line, as with a sweep: blocks overlap by 75 %")
         if self.asked is None and settings.n_lines != DEFAULT_LINES:
             why = "so that the response dies out within a block"
             if self.sufficient is not None and settings.block < self.sufficient:
@@ -342,7 +348,7 @@ class TransferFunctionAccumulator:
         row = worst[int(np.argmax(size))]
         remarks.append(
             f"leakage: the response outlasts the blocks of {settings.block / rate:.3g} s, which take "
-            f"{_percent(max(size))} of it ({self.responses[row].name}, RMS over the lines); {self._advice()}"
+            f"{_percent(max(size))} of it ({self.responses[row].label}, RMS over the lines); {self._advice()}"
         )
         return remarks
 
@@ -360,8 +366,8 @@ class TransferFunctionAccumulator:
         if self.instrument is not None or not share > _FOREIGN:
             return []
         return [
-            f"{100 * share:.2g} % of the power of {self.reference.name} is not the generator's: where that is noise of "
-            f"{self.reference.name}, H1 reads low by as much, and H3c is the unbiased choice"
+            f"{100 * share:.2g} % of the power of {self.reference.label} is not the generator's: where that is noise "
+            f"of {self.reference.label}, H1 reads low by as much, and H3c is the unbiased choice"
         ]
 
 

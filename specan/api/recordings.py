@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from specan.data.calibration import stated
 from specan.data.recording import Recording
 from specan.errors import RequestError
+from specan.io.calibration_file import calibration_beside
 from specan.io.open import open_recording
 
 if TYPE_CHECKING:
@@ -43,7 +46,8 @@ def read(
     channel_table : path, optional
         Roles, units and sensitivities; by default ``channels.toml`` or ``channels.csv`` beside the file.
     calibration : Calibration or path, optional
-        What `calibrate` returned, or a ``calibration.toml``.
+        What `calibrate` returned, or a file; by default ``calibration.toml`` beside the recording, if there is one.
+        ``"none"``: nominal sensitivities.
     sampling_rate : float, optional
         In hertz, instead of what the file says.
     quantity : {"displacement", "velocity", "acceleration"}, optional
@@ -68,20 +72,24 @@ def read(
     ...     print(fault.expected or "no such file")
     no such file
     """
+    if calibration is None:
+        calibration = calibration_beside(Path(path))
+    elif str(calibration) == "none":
+        calibration = None
     found = open_recording(
         path, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )
     return found if quantity is None else found.in_quantity(quantity)
 
 
-def octave(recording: Source, fraction: int = 3, **settings: Any) -> BandLevels:
+def octave(recording: Source, fraction: int | str = 3, **settings: Any) -> BandLevels:
     """Levels in octave or fractional-octave bands (IEC 61260-1 class 1), and overall levels.
 
     Parameters
     ----------
     recording : Recording or path
         Opened already, or a file to read.
-    fraction : {1, 3, 6, 12, 24}
+    fraction : {1, 2, 3, 6, 12, 24, "bark"}
         1/N octave.
     **settings
         ``weighting``, ``averaging``, ``hold``, ``interval_s``, ``percentiles``, ``fmin``, ``fmax``, ``band``,
@@ -95,7 +103,7 @@ def octave(recording: Source, fraction: int = 3, **settings: Any) -> BandLevels:
     """
     from specan.analysis.octave import Octave
 
-    return _settings(Octave, "octave", fraction=fraction, **settings)(_opened(recording))
+    return _analysed(Octave, "octave", recording, fraction=fraction, **settings)
 
 
 def fft(recording: Source, **settings: Any) -> Spectrum:
@@ -117,7 +125,7 @@ def fft(recording: Source, **settings: Any) -> Spectrum:
     """
     from specan.analysis.spectrum import FourierSpectrum
 
-    return _settings(FourierSpectrum, "fft", **settings)(_opened(recording))
+    return _analysed(FourierSpectrum, "fft", recording, **settings)
 
 
 def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
@@ -138,7 +146,7 @@ def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
     """
     from specan.analysis.spectrogram import SpectrogramSettings
 
-    return _settings(SpectrogramSettings, "spectrogram", **settings)(_opened(recording))
+    return _analysed(SpectrogramSettings, "spectrogram", recording, **settings)
 
 
 def frf(recording: Source, reference: str | None = None, **settings: Any) -> FrequencyResponse:
@@ -161,7 +169,7 @@ def frf(recording: Source, reference: str | None = None, **settings: Any) -> Fre
     """
     from specan.analysis.transfer_function import TransferFunction
 
-    return _settings(TransferFunction, "frf", reference=reference, **settings)(_opened(recording))
+    return _analysed(TransferFunction, "frf", recording, reference=reference, **settings)
 
 
 def rms(recording: Source, **settings: Any) -> SignalLevels:
@@ -173,7 +181,7 @@ def rms(recording: Source, **settings: Any) -> SignalLevels:
         Opened already, or a file to read.
     **settings
         ``weighting``, ``averaging``, ``percentiles``, ``channels``, ``start_s``, ``stop_s``,
-        ``velocity_reference``, ``settling``: see `specan.analysis.levels.Levels`.
+        ``velocity_reference``: see `specan.analysis.levels.Levels`.
 
     Returns
     -------
@@ -182,7 +190,7 @@ def rms(recording: Source, **settings: Any) -> SignalLevels:
     """
     from specan.analysis.levels import Levels
 
-    return _settings(Levels, "rms", **settings)(_opened(recording))
+    return _analysed(Levels, "rms", recording, **settings)
 
 
 def tones(recording: Source, reference: str | None = None, **settings: Any) -> ToneTable:
@@ -204,7 +212,7 @@ def tones(recording: Source, reference: str | None = None, **settings: Any) -> T
     """
     from specan.analysis.tone import Tone
 
-    return _settings(Tone, "tones", reference=reference, **settings)(_opened(recording))
+    return _analysed(Tone, "tones", recording, reference=reference, **settings)
 
 
 def orders(recording: Source, **settings: Any) -> OrderSpectrum:
@@ -226,7 +234,7 @@ def orders(recording: Source, **settings: Any) -> OrderSpectrum:
     """
     from specan.analysis.orders import Orders
 
-    return _settings(Orders, "orders", **settings)(_opened(recording))
+    return _analysed(Orders, "orders", recording, **settings)
 
 
 def impulse(recording: Source, reference: str | None = None, **settings: Any) -> ImpulseResponses:
@@ -249,7 +257,7 @@ def impulse(recording: Source, reference: str | None = None, **settings: Any) ->
     """
     from specan.analysis.decay import ImpulseResponse
 
-    return _settings(ImpulseResponse, "impulse", reference=reference, **settings)(_opened(recording))
+    return _analysed(ImpulseResponse, "impulse", recording, reference=reference, **settings)
 
 
 def decay(recording: Source, reference: str | None = None, **settings: Any) -> DecayTimes:
@@ -270,14 +278,12 @@ def decay(recording: Source, reference: str | None = None, **settings: Any) -> D
     DecayTimes
         Times in seconds, ratios in dB, one row for each channel and band.
     """
-    from dataclasses import replace
-
     from specan.analysis.decay import Decay
     from specan.analysis.excitation import recognise
 
     asked, source = _settings(Decay, "decay", **settings), _opened(recording)
     if reference is None and recognise(source).kind not in ("noise", "sweep", "stepped-sine"):
-        return asked(source)
+        return _analysed(Decay, "decay", source, **settings)
     section = {"start_s": asked.start_s, "stop_s": asked.stop_s}
     responses = impulse(source, reference, channels=asked.channels, **section)
     whole = asked.model_copy(update={"start_s": 0.0, "stop_s": None, "channels": ()})
@@ -313,7 +319,8 @@ def calibrate(
 
     sources = [recordings] if isinstance(recordings, (Recording, str, Path)) else recordings
     found = evaluate(
-        [_opened(one) for one in sources], _settings(CalibrationSettings, "calibrate", **settings)
+        [one if isinstance(one, Recording) else open_recording(one) for one in sources],
+        _settings(CalibrationSettings, "calibrate", **settings),
     )
     if output is not None:
         check_output(Path(output), [Path(one) for one in sources if not isinstance(one, Recording)])
@@ -365,12 +372,19 @@ def batch(
     )
 
 
+def _analysed(kind: type[Settings], where: str, recording: Source, **settings: Any) -> Any:
+    """The result of one analysis; its settings say which calibration its channels have."""
+    source = _opened(recording)
+    return stated(_settings(kind, where, **settings)(source), source)
+
+
 def _opened(recording: Source) -> Recording:
     if isinstance(recording, (str, Path)):
         return read(recording)
     if not isinstance(recording, Recording):
         raise RequestError(
-            f"a {type(recording).__name__} is no recording", expected="a Recording, or the path of one file"
+            f"expected a Recording or the path of one file, found a {type(recording).__name__}",
+            remedy="of arrays: Recording.from_arrays",
         )
     return recording
 

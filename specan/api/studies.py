@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from specan.api.drawing import saved
+from specan.errors import RequestError
 from specan.study.study import Study as OpenedStudy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from specan.impedance.surface_impedance import Impedance
     from specan.models import Model
     from specan.study.comparison import Comparison
     from specan.study.edit import Change
@@ -47,7 +47,7 @@ class Study:
         self, directory: str | Path, *, effects: Sequence[str | Path] = (), accept_changes: bool = False
     ) -> None:
         self._opened = OpenedStudy(Path(directory), accept_changes, [Path(e) for e in effects])
-        self._diagnosis: dict[bool, Diagnosis] = {}
+        self._diagnosis: dict[tuple[bool, bool], Diagnosis] = {}
 
     @classmethod
     def new(
@@ -96,6 +96,12 @@ class Study:
         """
         from specan.study.create import begin
 
+        if not isinstance(model, (str, Path)):
+            raise RequestError(
+                f"the model is a {type(model).__name__} in memory",
+                expected="the name of a model, or a Python file that holds one",
+                remedy="write it to a file and give its path: a study keeps a copy of that",
+            )
         begun = begin(
             Path(directory),
             str(model),
@@ -111,6 +117,11 @@ class Study:
         made = cls.__new__(cls)
         made._now(begun.study)
         return made
+
+    @property
+    def opened(self) -> OpenedStudy:
+        """The study as the engine has it: for what a model analyses by itself."""
+        return self._opened
 
     @property
     def directory(self) -> Path:
@@ -142,24 +153,31 @@ class Study:
         """
         return self._opened.compare()
 
-    def diagnose(self, *, bootstrap: bool = False, progress: Progress | None = None) -> Diagnosis:
+    def diagnose(
+        self, *, bootstrap: bool = False, probabilities: bool = False, progress: Progress | None = None
+    ) -> Diagnosis:
         """Find out which effect is missing; see `specan.diagnose`.
 
         Parameters
         ----------
         bootstrap : bool
             Family-wise probabilities by simulation (slower).
+        probabilities : bool
+            Tables: how probable each explanation is, a fault of the data and an unknown effect included.
         progress : callable, optional
             Called with a few words on what is being done, and the share of the whole that is over.
 
         Returns
         -------
         Diagnosis
-            The verdict; its data frame holds what was tried, the likeliest first.
+            The verdict; its data frame holds what was tried, most likely first.
         """
-        if bootstrap not in self._diagnosis:
-            self._diagnosis[bootstrap] = self._opened.diagnose(bootstrap=bootstrap, progress=progress)
-        return self._diagnosis[bootstrap]
+        how = bootstrap, probabilities
+        if how not in self._diagnosis:
+            self._diagnosis[how] = self._opened.diagnose(
+                bootstrap=bootstrap, probabilities=probabilities, progress=progress
+            )
+        return self._diagnosis[how]
 
     def add(self, effect: str | Path, because: str = "") -> Change:
         """Add an effect, or a file with one, refit and keep the step.
@@ -236,39 +254,6 @@ class Study:
 
         return propose_laws(self._opened)
 
-    def impedance(
-        self,
-        wall: str | None = None,
-        *,
-        accuracy: float = 0.1,
-        progress: Callable[[str], None] | None = None,
-    ) -> Impedance:
-        """Surface impedance and absorption of every wall of a room, per third octave.
-
-        Parameters
-        ----------
-        wall : str, optional
-            This wall alone: ``x0``, ``x1``, ``y0`` ...
-        accuracy : float
-            Half-width of the 95 % interval up to which absorption counts as determined.
-        progress : callable, optional
-            Told in a few words what is being done.
-
-        Returns
-        -------
-        Impedance
-            One row for each wall and third octave, with 95 % intervals.
-
-        Raises
-        ------
-        RequestError
-            The study is of no room, or the room has no such wall.
-        """
-        from specan.impedance.surface_impedance import study_impedance
-
-        found = study_impedance(self._opened, accuracy, progress)
-        return found if wall is None else found.only(wall)
-
     def report(self, path: str | Path) -> Path:
         """Write everything on one self-contained HTML page.
 
@@ -331,8 +316,8 @@ class Study:
         self._opened, self._diagnosis = opened, {}
 
 
-def diagnose(study: Study | str | Path, *, bootstrap: bool = False) -> Diagnosis:
-    """Find out which physical effect the model of a study is missing. Held-out data are not looked at.
+def diagnose(study: Study | str | Path, *, bootstrap: bool = False, probabilities: bool = False) -> Diagnosis:
+    """Find out which physical effect the model of a study is missing. Held-out data are not used.
 
     Parameters
     ----------
@@ -340,11 +325,13 @@ def diagnose(study: Study | str | Path, *, bootstrap: bool = False) -> Diagnosis
         A study, or its directory.
     bootstrap : bool
         Family-wise probabilities by simulation (slower).
+    probabilities : bool
+        Tables: how probable each explanation is, a fault of the data and an unknown effect included.
 
     Returns
     -------
     Diagnosis
-        Its data frame holds what was tried, the likeliest first.
+        Its data frame holds what was tried, most likely first.
 
     Raises
     ------
@@ -352,8 +339,16 @@ def diagnose(study: Study | str | Path, *, bootstrap: bool = False) -> Diagnosis
         The uncertainty of the measurement is unknown.
     """
     opened = study if isinstance(study, Study) else Study(study)
-    return opened.diagnose(bootstrap=bootstrap)
+    return opened.diagnose(bootstrap=bootstrap, probabilities=probabilities)
 
 
 def _paths(given: str | Path | Sequence[str | Path]) -> list[Path]:
-    return [Path(given)] if isinstance(given, (str, Path)) else [Path(path) for path in given]
+    if isinstance(given, (str, Path)):
+        return [Path(given)]
+    if not isinstance(given, Sequence):
+        raise RequestError(
+            f"the measured data are a {type(given).__name__} in memory",
+            expected="the path of a file, or several",
+            remedy="write them to a file and give its path: a study keeps the hash of that",
+        )
+    return [Path(path) for path in given]

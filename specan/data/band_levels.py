@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, crossed, full_names, picked, records
+from specan.result import RecordingResult, counted, picked, records
 from specan.units import LevelReference
 
 if TYPE_CHECKING:
@@ -31,8 +31,10 @@ class OtherSettling:
     Attributes
     ----------
     name : {"left-out", "counted"}
+        How, in the bands.
     level_dB : array (channels, bands)
     overall_dB : mapping of str to array (channels,)
+        With the cut counted: totals behind A, B and C leave it out.
     """
 
     name: str
@@ -41,19 +43,17 @@ class OtherSettling:
 
 
 @dataclass(frozen=True, repr=False)
-class BandLevels(Result):
+class BandLevels(RecordingResult):
     """Band levels of several channels of one recording, and their overall levels.
 
     Attributes
     ----------
-    label : str
-        Which recording.
-    channels, groups, units : tuple of str
+    groups, units : tuple of str
         Units after the differentiations that a channel's quantity needs (a vibrometer's velocity).
     references : tuple of LevelReference
         What 0 dB is, for each channel.
-    fraction : int
-        1/`fraction` octave.
+    fraction : int or "bark"
+        1/`fraction` octave, or critical bands.
     weighting : str
         Frequency weighting of the band levels: "A", "B", "C" or "Z".
     averaging : str
@@ -78,10 +78,6 @@ class BandLevels(Result):
         Words for each channel.
     history : LevelHistory or None
         Time-weighted levels against time.
-    notes : tuple of str
-        Sentences about the whole: channels left out, bands not measurable.
-    settings : mapping
-        Settings of the analysis.
     unsettled : array (bands,) or None
         Bands whose filter and time weighting take longer to settle than the section lasts.
     low_snr : array (channels, bands) or None
@@ -95,12 +91,12 @@ class BandLevels(Result):
         The same of the overall levels.
     """
 
-    label: str
-    channels: tuple[str, ...]
+    verb = "octave"
+
     groups: tuple[str, ...]
     units: tuple[str, ...]
     references: tuple[LevelReference, ...]
-    fraction: int
+    fraction: int | str
     weighting: str
     averaging: str
     hold: str | None
@@ -117,8 +113,6 @@ class BandLevels(Result):
     settling: str
     flags: tuple[tuple[str, ...], ...]
     history: LevelHistory | None = None
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
     unsettled: NDArray[np.bool_] | None = None
     low_snr: NDArray[np.bool_] | None = None
     other: OtherSettling | None = None
@@ -131,27 +125,62 @@ class BandLevels(Result):
         """What it is, on one line."""
         held = f", {self.hold} hold" if self.hold else ""
         return (
-            f"{self.label}, {counted(len(self.channels), 'channel')}, {self.exact_hz.size} bands of 1/{self.fraction} "
-            f"octave, weighting {self.weighting}, averaging {self.averaging}{held}"
+            f"{self.label}, {counted(len(self.channels), 'channel')}, {self.exact_hz.size} bands of "
+            f"{division_name(self.fraction, width=True)}, weighting {self.weighting}, averaging {self.averaging}{held}"
         )
 
-    def columns(self) -> dict[str, Any]:
-        """One row for each channel and band."""
-        bands, names = self.exact_hz.size, full_names(self.channels, self.groups)
+    def values_over(self) -> dict[str, Any]:
+        """Arrays over `dimensions`."""
+        shape = self.level_dB.shape
+        references = np.array([[r.text] for r in self.references])
+        words = [[" ".join(flags) for flags in channel] for channel in self._all_flags()]
         return {
-            **crossed(channel=names, nominal_hz=self.nominal_hz),
-            "exact_hz": np.tile(self.exact_hz, len(names)),
-            "level_dB": self.level_dB.ravel(),
-            "u_dB": np.tile(self.u_dB, len(names)),
-            **{f"{percentile_name(n)}_dB": v.ravel() for n, v in (self.percentile_dB or {}).items()},
-            "level_reference": np.repeat([r.text for r in self.references], bands),
-            "flags": [" ".join(self.band_flags(c, b)) for c in range(len(names)) for b in range(bands)],
+            "exact_hz": np.broadcast_to(self.exact_hz, shape),
+            "level_dB": self.level_dB,
+            "u_dB": np.broadcast_to(self.u_dB, shape),
+            **{f"{percentile_name(n)}_dB": values for n, values in (self.percentile_dB or {}).items()},
+            "level_reference": np.broadcast_to(references, shape),
+            "flags": np.array(words, dtype=object),
         }
 
-    def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
+    def about(self) -> list[str]:
+        """Lines above the table in a text file."""
+        units = zip(self.channels, self.units, self.references)
+        kind = f"{self.weighting} weighting, {self.averaging} averaging"
+        exceeded = "LN_dB: level exceeded during N % of the time; max_dB, min_dB: largest and smallest"
+        return [
+            f"{division_name(self.fraction)} levels of {self.label}, {kind}",
+            "level_dB: " + ", ".join(f"{n} in dB re {r.text} ({u})" for n, u, r in units),
+            "u_dB: standard deviation of stationary noise",
+            f"settling: {self.settling}",
+            *([exceeded] if self.percentile_dB else []),
+        ]
+
+    def tables(self) -> Iterable[dict[str, Any]]:
+        """One row for each band, and below for each overall level."""
+        all_totals = self.percentile_overall_dB or {}
+        for row, (channel, flags) in enumerate(zip(self.channels, self._all_flags())):
+            totals = {w: v[row] for w, v in self.overall_dB.items() if v[row] == v[row]}
+            yield {
+                "channel": channel,
+                "band_hz": [*(f"{f:g}" for f in self.nominal_hz), *(f"total-{w}" for w in totals)],
+                "level_dB": [*self.level_dB[row], *totals.values()],
+                "u_dB": [*self.u_dB, *[np.nan] * len(totals)],
+                **{
+                    f"{percentile_name(n)}_dB": [*values[row], *(all_totals[n][w][row] for w in totals)]
+                    for n, values in (self.percentile_dB or {}).items()
+                },
+                "flags": [*flags, *(self.overall_flags(row, w) for w in totals)],
+            }
+
+    def _all_flags(self) -> list[list[tuple[str, ...]]]:
+        return [
+            [self.band_flags(row, b) for b in range(self.exact_hz.size)] for row in range(len(self.channels))
+        ]
+
+    def facts(self) -> dict[str, Any]:
+        """What `content` says of all channels."""
         return {
-            "file": self.label,
             **picked(self, "fraction weighting averaging hold start_s duration_s"),
             "sampling_rate_hz": self.sampling_rate,
             "settling": self.settling,
@@ -159,14 +188,12 @@ class BandLevels(Result):
             **picked(self, "nominal_hz exact_hz lower_hz upper_hz u_dB"),
             "history_interval_s": None if self.history is None else self.history.interval_s,
             "history_time_s": None if self.history is None else self.history.time_s,
-            "channels": records(**self._of_channels()),
-            **picked(self, "notes settings"),
         }
 
-    def _of_channels(self) -> dict[str, Any]:
+    def of_channels(self) -> dict[str, Any]:
+        """What `content` says of each channel."""
         rows = range(len(self.channels))
         found = {
-            "channel": self.channels,
             "group": self.groups,
             "unit": self.units,
             "level_reference": [reference.text for reference in self.references],
@@ -174,7 +201,7 @@ class BandLevels(Result):
             "overall_dB": records(**self.overall_dB),
             "flags": self.flags,
             "overall_flags": [{w: self.overall_flags(row, w) for w in self.overall_dB} for row in rows],
-            "band_flags": [[self.band_flags(row, b) for b in range(self.exact_hz.size)] for row in rows],
+            "band_flags": self._all_flags(),
         }
         if self.other is not None:
             found["edges"] = self.edges
@@ -187,25 +214,27 @@ class BandLevels(Result):
         if self.history is not None:
             found["history_dB"] = self.history.level_dB
             found["overall_history_dB"] = records(**self.history.overall_dB)
+            found["history_max_dB"] = self.history.max_dB
+            found["overall_history_max_dB"] = records(**self.history.overall_max_dB)
         return found
 
     def overview(self) -> pd.DataFrame:
         """Levels with a row for each band and a column for each channel."""
         frame = self.to_dataframe().pivot(index="nominal_hz", columns="channel", values="level_dB")
-        return frame.reindex(columns=full_names(self.channels, self.groups)).reset_index()
+        return frame.reindex(columns=list(self.channels)).reset_index()
 
     @property
     def edges(self) -> NDArray[np.bool_]:
         """Bands (channels, bands) whose level hangs on the cut at the ends of the section."""
         if self.other is None:
             return np.zeros(self.level_dB.shape, dtype=bool)
-        return _apart(self.level_dB, self.other.level_dB)
+        return apart(self.level_dB, self.other.level_dB)
 
     def overall_edges(self, weighting: str) -> NDArray[np.bool_]:
         """The same for an overall level, shape (channels,)."""
         if self.other is None:
             return np.zeros(len(self.channels), dtype=bool)
-        return _apart(self.overall_dB[weighting], self.other.overall_dB[weighting])
+        return apart(self.overall_dB[weighting], self.other.overall_dB[weighting])
 
     @property
     def low_bt(self) -> NDArray[np.bool_]:
@@ -232,8 +261,19 @@ class BandLevels(Result):
         """Words for one overall level of one channel: the channel's, ``edges``."""
         words = list(self.flags[channel])
         if self.other is not None and self.overall_edges(weighting)[channel]:
-            words += _edges(self.other.name, self.other.overall_dB[weighting][channel])
+            words += _edges("counted", self.other.overall_dB[weighting][channel])
         return tuple(words)
+
+
+def division_name(division: int | str, *, width: bool = False) -> str:
+    """What bands of a division are called, or how wide they are.
+
+    Examples
+    --------
+    >>> division_name(3), division_name("bark"), division_name("bark", width=True)
+    ('1/3 octave', 'critical band', '1 Bark')
+    """
+    return ("1 Bark" if width else "critical band") if division == "bark" else f"1/{division} octave"
 
 
 def percentile_name(percent: float) -> str:
@@ -247,7 +287,8 @@ def percentile_name(percent: float) -> str:
     return {0.0: "max", 100.0: "min"}.get(percent, f"L{percent:g}")
 
 
-def _apart(one: Real, other: Real) -> NDArray[np.bool_]:
+def apart(one: Real, other: Real) -> NDArray[np.bool_]:
+    """Where two levels, of which each stands for a treatment of the cut, differ by more than 0.5 dB."""
     with np.errstate(invalid="ignore"):  # of nothing with nothing: not apart
         return np.asarray(np.abs(one - other) > EDGES_DB)
 
@@ -268,9 +309,14 @@ class LevelHistory:
     overall_dB : mapping of str to array (channels, times)
     interval_s : float
         Distance of the readings.
+    max_dB : array (channels, bands)
+        Largest level at any time, between the readings as well.
+    overall_max_dB : mapping of str to array (channels,)
     """
 
     time_s: Real
     level_dB: Real
     overall_dB: Mapping[str, Real]
     interval_s: float
+    max_dB: Real
+    overall_max_dB: Mapping[str, Real]

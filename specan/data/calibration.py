@@ -162,7 +162,7 @@ class Calibration(Result):
 
     def find(self, channel: Channel) -> ChannelCalibration | None:
         """The calibration of a channel, None where there is none."""
-        exact = (c for c in self.channels if c.channel in (channel.name, f"{channel.group}/{channel.name}"))
+        exact = (c for c in self.channels if c.channel in (channel.name, channel.path))
         wild = (c for c in self.channels if matches(c.channel, channel))
         return next(exact, None) or next(wild, None)
 
@@ -210,6 +210,12 @@ def apply(calibration: Calibration, recording: Recording) -> Recording:
     return replace(recording, channels=channels)
 
 
+def stated(found: Any, recording: Recording) -> Any:
+    """A result of a recording; its settings say which calibration its channels have."""
+    names = [getattr(c, "name", c) for c in (*found.channels, getattr(found, "reference", None))]
+    return replace(found, settings={**found.settings, "calibration": recording.calibration_of(names)})
+
+
 def _apply_to(
     found: ChannelCalibration | None, channel: Channel, recording: Recording, source: str
 ) -> Channel:
@@ -222,7 +228,7 @@ def _apply_to(
         return replace(channel, decisions=decisions)
     if channel.raw_unit and channel.raw_unit != "V":
         raise InputError(
-            f"{recording.label}: the samples of {channel.name!r} are in {channel.raw_unit}, "
+            f"{recording.label}: the samples of {channel.label!r} are in {channel.raw_unit}, "
             f"and {source} gives {found.sensitivity:g} {found.unit}",
             expected="samples in V for a sensitivity",
             remedy="take the channel out of the calibration, or correct the unit in the channel table",

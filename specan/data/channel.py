@@ -82,8 +82,14 @@ class Channel:
         By how much the channel is late, and the standard uncertainty of that.
     full_scale : float or None
         Largest magnitude in `unit` that the converter can give; samples there are clipped.
+    start_offset_s : float
+        When its first sample was taken, on a clock that all channels of the recording share.
+    skipped : int
+        Samples of the file before the first one of the channel.
     source_index : int or None
         Place of the channel in the source of its recording; None: the place in the recording.
+    shares_name : bool
+        Whether another channel of its recording has the same name.
     decisions : mapping
         How role, unit, sensitivity, sampling rate ... were decided, in words.
     """
@@ -104,9 +110,19 @@ class Channel:
     u_gain_percent: float = 0.0
     full_scale: float | None = None
     start_offset_s: float = 0.0
+    skipped: int = 0
     source_index: int | None = None
+    shares_name: bool = False
     properties: Mapping[str, Any] = field(default_factory=dict)
     decisions: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def calibrated_by(self) -> str:
+        """The calibration that was applied, or that the sensitivity is nominal; empty for a channel without one."""
+        source, _, outcome = self.decisions.get("calibration", "").partition(": ")
+        if outcome.startswith("failed"):
+            return f"nominal sensitivities, {source} failed"
+        return source or ("nominal sensitivities" if "sensitivity" in self.decisions else "")
 
     def content(self) -> dict[str, Any]:
         """What the JSON of a recording says of the channel."""
@@ -140,6 +156,22 @@ class Channel:
         }
 
     @property
+    def path(self) -> str:
+        """Group and name, ``group/name``."""
+        return f"{self.group}/{self.name}"
+
+    @property
+    def label(self) -> str:
+        """What results and messages call it: its name, and its group before it where it shares the name.
+
+        Examples
+        --------
+        >>> Channel("Mic 1", "Run 2").label, Channel("Mic 1", "Run 2", shares_name=True).label
+        ('Mic 1', 'Run 2/Mic 1')
+        """
+        return self.path if self.shares_name and self.group else self.name
+
+    @property
     def duration_s(self) -> float:
         """Length in seconds."""
         return self.n_samples / self.sampling_rate if self.sampling_rate else 0.0
@@ -163,6 +195,25 @@ class Channel:
         if self.unit not in MOTION:
             return self
         return replace(self, derivatives=QUANTITIES.index(quantity) - MOTION.index(self.unit))
+
+    def from_time(self, start_s: float) -> Channel:
+        """The channel from `start_s` of the clock on; what is left of a sample is a delay.
+
+        Examples
+        --------
+        >>> later = Channel("Mic 1", sampling_rate=1000.0, n_samples=100).from_time(0.0102)
+        >>> later.skipped, later.n_samples, round(later.delay_s, 6)
+        (10, 90, 0.0002)
+        """
+        ahead = (start_s - self.start_offset_s) * self.sampling_rate
+        whole = round(ahead)
+        return replace(
+            self,
+            skipped=self.skipped + whole,
+            n_samples=self.n_samples - whole,
+            delay_s=self.delay_s + (ahead - whole) / self.sampling_rate,
+            start_offset_s=start_s,
+        )
 
     def correction(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Factor on the channel's spectrum (exp(+j w t)) that removes its phase error and delay.
@@ -200,10 +251,10 @@ def channels_meant(name: str, channels: Sequence[Channel]) -> tuple[Channel, ...
     ``mic 1`` means ``Mic 1``; ``ai0`` means ``cDAQ1Mod1/ai0`` where no other channel ends so.
     """
     wanted = name.casefold()
-    same = tuple(c for c in channels if wanted in (c.name.casefold(), f"{c.group}/{c.name}".casefold()))
+    same = tuple(c for c in channels if wanted in (c.name.casefold(), c.path.casefold()))
     if same or not wanted:
         return same
-    ends = tuple(c for c in channels if _ends_with(f"{c.group}/{c.name}".casefold(), wanted))
+    ends = tuple(c for c in channels if _ends_with(c.path.casefold(), wanted))
     return ends if len(ends) == 1 else ()
 
 
@@ -214,7 +265,7 @@ def _ends_with(name: str, end: str) -> bool:
 
 def matches(pattern: str, channel: Channel) -> bool:
     """Whether a shell-style pattern (``Mic *``) is or fits the channel's name or ``group/name``."""
-    names = (channel.name, f"{channel.group}/{channel.name}")
+    names = (channel.name, channel.path)
     return pattern in names or any(fnmatch.fnmatchcase(name, pattern) for name in names)
 
 
@@ -222,11 +273,8 @@ def channels_matching(patterns: Sequence[str], channels: Sequence[Channel]) -> t
     """Channels that any of the names and shell-style patterns means, in their order; empty where none does."""
     names = set(patterns)  # a thousand channels may be named one by one
     shapes = [p for p in patterns if any(mark in p for mark in "*?[")]
-    chosen = [
-        c.name in names or f"{c.group}/{c.name}" in names or any(matches(p, c) for p in shapes)
-        for c in channels
-    ]
-    exact = {name for c in channels for name in (c.name, f"{c.group}/{c.name}")}
+    chosen = [c.name in names or c.path in names or any(matches(p, c) for p in shapes) for c in channels]
+    exact = {name for c in channels for name in (c.name, c.path)}
     for pattern in dict.fromkeys(p for p in patterns if p not in exact):
         if pattern not in shapes:
             fitting = {id(c) for c in channels_meant(pattern, channels)}

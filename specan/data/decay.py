@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording
-from specan.result import Result, counted, crossed, full_names, picked, records
+from specan.result import RecordingResult, Result, counted, crossed, picked
 
 Real = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ VALUES = (
 
 
 @dataclass(frozen=True, repr=False)
-class DecayTimes(Result):
+class DecayTimes(RecordingResult):
     """Room acoustic parameters after ISO 3382-1:2009, one row a channel and one column a band.
 
     Attributes
@@ -51,12 +51,12 @@ class DecayTimes(Result):
         Clarity, definition and centre time (ISO 3382-1:2009, A.2).
     start_s : array (channels,)
         Arrival of the direct sound: where the response first comes within 20 dB of its maximum.
-    notes : tuple of str
-    settings : mapping
+    words : tuple of tuples of str
+        For each channel why it has no result: ``dead``, ``not-finite``, ``short``.
     """
 
-    label: str
-    channels: tuple[str, ...]
+    verb = "decay"
+
     groups: tuple[str, ...]
     fraction: int
     exact_hz: Real
@@ -74,8 +74,7 @@ class DecayTimes(Result):
     d50_percent: Real
     centre_time_s: Real
     start_s: Real
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    words: tuple[tuple[str, ...], ...] = ()
 
     dimensions = ("channel", "nominal_hz")
 
@@ -85,7 +84,7 @@ class DecayTimes(Result):
         return 100.0 * (self.t30_s / self.t20_s - 1.0)
 
     def flags(self, row: int, band: int) -> tuple[str, ...]:
-        """``low-BT``, ``low-range``, ``not-linear``, ``curved``: what is wrong with a band of a channel."""
+        """What is wrong with a band: the channel's words, or ``low-BT``, ``low-range``, ``not-linear``, ``curved``."""
         best = self.t30_s[row, band] if np.isfinite(self.t30_s[row, band]) else self.t20_s[row, band]
         words = {
             "curved": self.curvature_percent[row, band] > CURVED_PERCENT,
@@ -93,7 +92,8 @@ class DecayTimes(Result):
             "low-range": not np.isfinite(best),
             "not-linear": self.nonlinearity_permille[row, band] > NOT_LINEAR_PERMILLE,
         }
-        return tuple(word for word, holds in words.items() if holds)
+        own = self.words[row] if self.words else ()
+        return own or tuple(word for word, holds in words.items() if holds)
 
     def summary(self) -> str:
         """What it is, on one line."""
@@ -102,28 +102,35 @@ class DecayTimes(Result):
             f"1/{self.fraction} octave"
         )
 
-    def columns(self) -> dict[str, Any]:
-        """One row for each channel and band."""
-        return {
-            **crossed(channel=full_names(self.channels, self.groups), nominal_hz=self.nominal_hz),
-            **{name: getattr(self, name).ravel() for name in VALUES},
-            "flags": [" ".join(words) for flags in self._all_flags() for words in flags],
-        }
+    def values_over(self) -> dict[str, Any]:
+        """Arrays over `dimensions`."""
+        words = [[" ".join(words) for words in flags] for flags in self._all_flags()]
+        return {**{name: getattr(self, name) for name in VALUES}, "flags": np.array(words, dtype=object)}
 
-    def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
-        return {
-            "file": self.label,
-            **picked(self, "fraction nominal_hz exact_hz"),
-            "channels": records(
-                channel=self.channels,
-                group=self.groups,
-                start_s=self.start_s,
-                **{name: getattr(self, name) for name in VALUES},
-                flags=self._all_flags(),
-            ),
-            **picked(self, "notes settings"),
-        }
+    def about(self) -> list[str]:
+        """Lines above the table in a text file."""
+        return [
+            f"decay times of {self.label}, 1/{self.fraction} octave bands (ISO 3382-1:2009)",
+            "u: standard deviation over positions in a diffuse field (ISO 3382-2:2008, 7.1)",
+        ]
+
+    def tables(self) -> Iterable[dict[str, Any]]:
+        """The columns, all values to four digits."""
+        for table in super().tables():
+            bands = {"channel": table.pop("channel"), "band_hz": table.pop("nominal_hz")}
+            digits = {
+                name: [f"{v:.4g}" if np.isfinite(v) else "" for v in table[name] + 0.0] for name in VALUES
+            }
+            yield {**bands, **digits, "flags": table["flags"]}
+
+    def facts(self) -> dict[str, Any]:
+        """What `content` says of all channels."""
+        return picked(self, "fraction nominal_hz exact_hz")
+
+    def of_channels(self) -> dict[str, Any]:
+        """What `content` says of each channel."""
+        values = {name: getattr(self, name) for name in VALUES}
+        return {"group": self.groups, "start_s": self.start_s, **values, "flags": self._all_flags()}
 
     def _all_flags(self) -> list[list[tuple[str, ...]]]:
         return [
@@ -180,7 +187,7 @@ class ImpulseResponses(Result):
 
     def columns(self) -> dict[str, Any]:
         """One row for each channel and instant."""
-        names = full_names([c.name for c in self.channels], [c.group for c in self.channels])
+        names = [c.label for c in self.channels]
         return {**crossed(channel=names, time_s=self.time_s), "response": self.samples.ravel()}
 
     def content(self) -> dict[str, Any]:
@@ -190,7 +197,7 @@ class ImpulseResponses(Result):
             "method": self.method,
             "samples": self.samples.shape[1],
             "sampling_rate_hz": self.sampling_rate,
-            "channels": [{"name": c.name, "unit": c.unit} for c in self.channels],
+            "channels": [{"name": c.label, "unit": c.unit} for c in self.channels],
             "notes": self.notes,
             "settings": self.settings,
         }
@@ -199,7 +206,15 @@ class ImpulseResponses(Result):
         """The responses as a recording, to be analysed or exported."""
         n = self.samples.shape[1]
         channels = tuple(
-            Channel(c.name, c.group, unit=c.unit, role=c.role, sampling_rate=self.sampling_rate, n_samples=n)
+            Channel(
+                c.name,
+                c.group,
+                unit=c.unit,
+                role=c.role,
+                sampling_rate=self.sampling_rate,
+                n_samples=n,
+                shares_name=c.shares_name,
+            )
             for c in self.channels
         )
         return Recording(self.label, channels, ArraySource(list(self.samples)), notes=self.notes)

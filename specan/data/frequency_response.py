@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.result import Result, counted, crossed, picked, records
+from specan.result import RecordingResult, counted, picked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +29,7 @@ COMMON = "u_common_percent u_common_phase_deg"
 
 
 @dataclass(frozen=True, repr=False)
-class FrequencyResponse(Result):
+class FrequencyResponse(RecordingResult):
     """Transfer functions (channels, lines): response over reference, exp(+j w t).
 
     A response that is delayed by tau has the phase -360 f tau degrees.
@@ -71,15 +71,11 @@ class FrequencyResponse(Result):
     reference_unit : str
     flags : tuple of tuples of str
         Words for each channel.
-    notes : tuple of str
-        Sentences about the whole.
-    settings : mapping
-        Settings of the analysis.
     """
 
-    label: str
+    verb = "frf"
+
     frequency_hz: Real
-    channels: tuple[str, ...]
     units: tuple[str, ...]
     reference: str
     response: Complex
@@ -98,8 +94,6 @@ class FrequencyResponse(Result):
     reference_rms: float
     reference_unit: str
     flags: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
 
     dimensions = ("channel", "frequency_hz")
 
@@ -110,29 +104,39 @@ class FrequencyResponse(Result):
             f"{counted(self.frequency_hz.size, 'line')}, {self.n_blocks} blocks"
         )
 
-    def columns(self) -> dict[str, Any]:
-        """One row for each channel and line, as ``specan frf -o`` writes it."""
-        return {
-            **crossed(channel=self.channels, frequency_hz=self.frequency_hz),
-            **{
-                name: values.ravel()
-                for name, values in picked(self, f"magnitude phase_deg {LINES} {COMMON}").items()
-            },
-        }
+    def values_over(self) -> dict[str, Any]:
+        """Arrays over `dimensions`."""
+        return picked(self, f"magnitude phase_deg {LINES} {COMMON}")
 
-    def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
-        return {
-            "file": self.label,
-            **picked(self, "reference reference_unit reference_rms estimator n_blocks n_effective"),
-            **picked(self, "line_correlation frequency_hz"),
-            "channels": records(
-                channel=self.channels,
-                unit=self.units,
-                **picked(self, f"magnitude phase_deg {LINES} degrees_of_freedom {COMMON} delay_s flags"),
-            ),
-            **picked(self, "notes settings"),
-        }
+    def about(self) -> list[str]:
+        """Lines above the table in a text file."""
+        return [
+            f"transfer functions of {self.label}: {self.estimator} over {self.reference} ({self.reference_unit})",
+            "magnitude in " + ", ".join(f"{u} ({n})" for n, u in zip(self.channels, self.units)),
+            "phase in degrees: exp(+j w t), response over reference",
+            "u: standard uncertainty of noise and leakage, u_leakage: its part of leakage; u_common: that of "
+            "calibration and delay",
+        ]
+
+    def tables(self) -> Iterable[dict[str, Any]]:
+        """The columns, with words for each line."""
+        doubts = self.line_flags
+        for row, (table, own) in enumerate(zip(super().tables(), self.flags)):
+            words = [(word, mask[row]) for word, mask in doubts.items() if word not in own]
+            lines = range(self.frequency_hz.size)
+            yield {**table, "flags": [(*own, *(w for w, mask in words if mask[line])) for line in lines]}
+
+    def facts(self) -> dict[str, Any]:
+        """What `content` says of all channels."""
+        return picked(
+            self,
+            "reference reference_unit reference_rms estimator n_blocks n_effective line_correlation frequency_hz",
+        )
+
+    def of_channels(self) -> dict[str, Any]:
+        """What `content` says of each channel."""
+        names = f"magnitude phase_deg {LINES} degrees_of_freedom {COMMON} delay_s flags"
+        return {"unit": self.units, **picked(self, names)}
 
     def overview(self) -> pd.DataFrame:
         """One row for each channel: its unit and the line of the largest magnitude."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, full_names, picked, records
+from specan.result import RecordingResult, counted, picked, records
 from specan.units import LevelReference
 
 Real = NDArray[np.float64]
@@ -54,16 +54,14 @@ class Quality:
 
 
 @dataclass(frozen=True, repr=False)
-class SignalLevels(Result):
+class SignalLevels(RecordingResult):
     """Single-number values of several channels of one recording.
 
     Everything but `mean`, `minimum` and `maximum` is of the signal about its mean, the alternating part.
 
     Attributes
     ----------
-    label : str
-        Which recording.
-    channels, groups, units : tuple of str
+    groups, units : tuple of str
     references : tuple of LevelReference
         What 0 dB is, for each channel.
     mean, minimum, maximum : arrays (channels,)
@@ -92,12 +90,10 @@ class SignalLevels(Result):
     settling : str
         How the percentiles were taken, in a sentence.
     flags : tuple of tuples of str
-    notes : tuple of str
-    settings : mapping
     """
 
-    label: str
-    channels: tuple[str, ...]
+    verb = "rms"
+
     groups: tuple[str, ...]
     units: tuple[str, ...]
     references: tuple[LevelReference, ...]
@@ -122,8 +118,6 @@ class SignalLevels(Result):
     sampling_rate: float
     settling: str
     flags: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> str:
         """What it is, on one line."""
@@ -133,7 +127,7 @@ class SignalLevels(Result):
     def columns(self) -> dict[str, Any]:
         """One row for each channel, as ``specan rms -o`` writes it."""
         return {
-            "channel": full_names(self.channels, self.groups),
+            "channel": self.channels,
             "unit": list(self.units),
             **picked(self, "rms peak crest_factor mean minimum maximum"),
             "level_reference": [reference.text for reference in self.references],
@@ -146,8 +140,33 @@ class SignalLevels(Result):
             "flags": [" ".join(words) for words in self.flags],
         }
 
-    def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
+    def about(self) -> list[str]:
+        """Lines above the table in a text file."""
+        return [
+            f"levels of {self.label}, {self.start_s:g} s to {self.start_s + self.duration_s:g} s, about the mean",
+            f"max, min and L of the {self.averaging} level, {self.weighting} weighted for Pa",
+            f"settling: {self.settling}",
+        ]
+
+    def tables(self) -> Iterable[dict[str, Any]]:
+        """The columns, with the groups."""
+        columns = self.columns()
+        for row, (channel, group, unit) in enumerate(
+            zip(columns.pop("channel"), self.groups, columns.pop("unit"))
+        ):
+            values = {name: found[row : row + 1] for name, found in columns.items()}
+            yield {"channel": channel, "group": group, "unit": unit, **values}
+
+    def facts(self) -> dict[str, Any]:
+        """What `content` says of all channels."""
+        return {
+            **picked(self, "start_s duration_s"),
+            "sampling_rate_hz": self.sampling_rate,
+            "settling": self.settling,
+        }
+
+    def of_channels(self) -> dict[str, Any]:
+        """What `content` says of each channel."""
         time_weighted = [
             {
                 "weighting": self.weighting if unit == "Pa" else "Z",
@@ -159,22 +178,14 @@ class SignalLevels(Result):
             for row, unit in enumerate(self.units)
         ]
         return {
-            "file": self.label,
-            **picked(self, "start_s duration_s"),
-            "sampling_rate_hz": self.sampling_rate,
-            "settling": self.settling,
-            "channels": records(
-                channel=self.channels,
-                group=self.groups,
-                unit=self.units,
-                level_reference=[reference.text for reference in self.references],
-                **picked(self, "rms level_dB peak peak_dB"),
-                C_peak_dB=self.c_peak_dB,
-                **picked(self, "crest_factor mean minimum maximum"),
-                equivalent_dB=records(**self.equivalent_dB),
-                exposure_dB=records(**self.exposure_dB),
-                time_weighted_dB=time_weighted,
-                flags=self.flags,
-            ),
-            **picked(self, "notes settings"),
+            "group": self.groups,
+            "unit": self.units,
+            "level_reference": [reference.text for reference in self.references],
+            **picked(self, "rms level_dB peak peak_dB"),
+            "C_peak_dB": self.c_peak_dB,
+            **picked(self, "crest_factor mean minimum maximum"),
+            "equivalent_dB": records(**self.equivalent_dB),
+            "exposure_dB": records(**self.exposure_dB),
+            "time_weighted_dB": time_weighted,
+            "flags": self.flags,
         }

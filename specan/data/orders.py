@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, crossed, finite, picked, records
+from specan.result import RecordingResult, counted, finite, picked, records
 from specan.units import level_reference
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class OrderLines:
 
 
 @dataclass(frozen=True, repr=False)
-class OrderSpectrum(Result):
+class OrderSpectrum(RecordingResult):
     """What a recording holds per turn of a shaft.
 
     Attributes
@@ -113,8 +113,8 @@ class OrderSpectrum(Result):
     lines : OrderLines or None
     """
 
-    label: str
-    channels: tuple[str, ...]
+    verb = "orders"
+
     units: tuple[str, ...]
     order: Real
     amplitude: Real
@@ -130,38 +130,50 @@ class OrderSpectrum(Result):
     block_turns: int
     n_blocks: int
     lines: OrderLines | None = None
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
 
-    dimensions = ("channel", "order")
+    dimensions: ClassVar[tuple[str, ...]] = ("channel", "order")
+    title = "orders"
 
     def summary(self) -> str:
         """What it is, on one line."""
         low, _, high = self.tacho.speed_hz
         return (
             f"{self.label}, {counted(len(self.channels), 'channel')}, {self.order.size} orders up to "
-            f"{self.order[-1]:.4g}, {self.turns} turns, {low:.4g} Hz to {high:.4g} Hz"
+            f"{self.order[-1]:.4g}, {counted(self.turns, 'turn')}, {low:.4g} Hz to {high:.4g} Hz"
         )
 
-    def columns(self) -> dict[str, Any]:
-        """One row for each channel and order."""
-        return {
-            **crossed(channel=self.channels, order=self.order),
-            "amplitude": self.amplitude.ravel(),
-            "level_dB": self.level_dB.ravel(),
-        }
+    def values_over(self) -> dict[str, Any]:
+        """Arrays over `dimensions`."""
+        return picked(self, "amplitude level_dB")
 
-    def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
-        found: dict[str, Any] = {
-            "channel": self.channels,
-            "unit": self.units,
-            **picked(self, "rms synchronous_rms amplitude average"),
-        }
-        if self.lines is not None:
-            found["lines"] = self.lines.rows()
+    def about(self) -> list[str]:
+        """Lines above the table in a text file."""
+        return [
+            f"{self.title} of {self.label}",
+            ", ".join(f"{name} in {unit}" for name, unit in zip(self.channels, self.units)),
+            f"speed {self.tacho.mean_hz:.6g} Hz, {self.turns} turns, blocks of {self.block_turns}",
+        ]
+
+    def tables(self) -> Iterable[dict[str, Any]]:
+        """The lines that were asked for, or the spectrum."""
+        lines = self.lines
+        for row, channel in enumerate(self.channels):
+            if lines is None:
+                nothing = dict.fromkeys(("phase_deg", "u", "u_blocks"), "")
+                yield {"channel": channel, "order": self.order, "amplitude": self.amplitude[row], **nothing}
+                continue
+            yield {
+                "channel": channel,
+                "order": lines.order,
+                "amplitude": abs(lines.amplitude[row]),
+                "phase_deg": lines.phase_deg[row],
+                "u": lines.u[row],
+                "u_blocks": lines.u_scatter[row],
+            }
+
+    def facts(self) -> dict[str, Any]:
+        """What `content` says of all channels."""
         return {
-            "file": self.label,
             "tacho": {
                 "channel": self.tacho.channel,
                 "pulses": self.tacho.pulses,
@@ -174,9 +186,12 @@ class OrderSpectrum(Result):
             "line_turns": None if self.lines is None else self.lines.turns,
             "order": self.order,
             "columns": None,
-            "channels": records(**found),
-            **picked(self, "notes settings"),
         }
+
+    def of_channels(self) -> dict[str, Any]:
+        """What `content` says of each channel."""
+        found = {"unit": self.units, **picked(self, "rms synchronous_rms amplitude average")}
+        return found if self.lines is None else {**found, "lines": self.lines.rows()}
 
     def to_json(self, with_map: bool = False) -> dict[str, Any]:
         """What ``specan orders --json`` prints, as plain values.
@@ -228,3 +243,18 @@ class OrderSpectrum(Result):
         reference = np.array([level_reference(unit).value for unit in self.units])[:, None]
         with np.errstate(divide="ignore"):
             return 20 * np.log10(amplitude / np.sqrt(2) / reference)
+
+
+class OrderMap(OrderSpectrum):
+    """The same, of which the amplitudes over the speed are written."""
+
+    dimensions = ("channel", "speed_hz", "order")
+    title = "map of orders"
+
+    def values_over(self) -> dict[str, Any]:
+        """Arrays over `dimensions`."""
+        return {"amplitude": self.map.swapaxes(0, 1)}
+
+    def tables(self) -> Iterable[dict[str, Any]]:
+        """One row for each channel, speed and order."""
+        return RecordingResult.tables(self)

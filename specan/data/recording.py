@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from specan.data.channel import Channel, Role, channels_matching, channels_meant, plain_properties, si_unit
 from specan.errors import InputError, RequestError, nearest
-from specan.result import Result, counted, data_set, full_names
+from specan.result import Result, counted, data_set, shortened
 from specan.units import MOTION, Quantity
 
 if TYPE_CHECKING:
@@ -71,6 +72,19 @@ class Recording(Result):
     flags: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     set_aside: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Tell every channel its place in the source, and whether another one has its name."""
+        alike = Counter(c.name for c in self.channels)
+
+        def told(place: int, channel: Channel) -> Channel:
+            shared = channel.shares_name or alike[channel.name] > 1
+            if channel.source_index is not None and channel.shares_name == shared:
+                return channel
+            index = place if channel.source_index is None else channel.source_index
+            return replace(channel, source_index=index, shares_name=shared)
+
+        object.__setattr__(self, "channels", tuple(told(k, c) for k, c in enumerate(self.channels)))
 
     @classmethod
     def from_arrays(
@@ -182,10 +196,7 @@ class Recording(Result):
         RequestError
             No channel is one of motion.
         """
-        channels = tuple(
-            replace(c.in_quantity(quantity), source_index=i if c.source_index is None else c.source_index)
-            for i, c in enumerate(self.channels)
-        )
+        channels = tuple(c.in_quantity(quantity) for c in self.channels)
         if not any(c.unit in MOTION for c in channels):
             raise RequestError(
                 f"{self.label}: no channel can be shown as {quantity}",
@@ -205,7 +216,7 @@ class Recording(Result):
         import pandas as pd
 
         rows = [
-            [c.name, c.group, c.role, c.unit, c.sampling_rate, c.n_samples, c.duration_s]
+            [c.label, c.group, c.role, c.unit, c.sampling_rate, c.n_samples, c.duration_s]
             for c in self.channels
         ]
         names = ["channel", "group", "role", "unit", "sampling_rate_hz", "n_samples", "duration_s"]
@@ -235,9 +246,7 @@ class Recording(Result):
         start = round(start_s * rate)
         samples = self.read(chosen, start, None if stop_s is None else round(stop_s * rate))
         time = pd.Index(np.arange(start, start + samples.shape[1]) / rate, name="time_s")
-        return pd.DataFrame(
-            samples.T, index=time, columns=full_names([c.name for c in chosen], [c.group for c in chosen])
-        )
+        return pd.DataFrame(samples.T, index=time, columns=[c.label for c in chosen])
 
     def to_xarray(self) -> xr.Dataset:
         """The samples over ``time_s``, one variable for each channel.
@@ -274,12 +283,12 @@ class Recording(Result):
         InputError
             It is no time signal.
         """
-        found = [c for c in self.channels if name in (c.name, f"{c.group}/{c.name}")]
+        found = [c for c in self.channels if name in (c.name, c.path)]
         found = found or list(channels_meant(name, self.channels))
         if len(found) == 1:
             return found[0]
         if found:
-            places = ", ".join(f"{c.group}/{c.name}" for c in found)
+            places = ", ".join(c.path for c in found)
             raise RequestError(f"{self.label}: {name!r} is in several groups", remedy=f"say one of {places}")
         for path, reason in self.set_aside.items():
             if name == path or path.endswith(f"/{name}"):
@@ -287,6 +296,34 @@ class Recording(Result):
         raise RequestError(
             f"{self.label} has no channel {name!r}", remedy=nearest(name, [c.name for c in self.channels])
         )
+
+    def calibration_of(self, names: Iterable[str | None]) -> str:
+        """Which calibration channels have, in words.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Names or ``group/name``; those of other channels are ignored.
+
+        Returns
+        -------
+        str
+            The file, ``nominal sensitivities``, or which channels have which.
+
+        Examples
+        --------
+        >>> recording = Recording.from_arrays({"Mic 1": [0.0, 1.0]}, 8000, units={"Mic 1": "Pa"})
+        >>> recording.calibration_of(["Mic 1"])
+        'none'
+        """
+        wanted = set(names)
+        of: dict[str, list[str]] = {}
+        for channel in self.channels:
+            if channel.calibrated_by and wanted & {channel.name, f"{channel.group}/{channel.name}"}:
+                of.setdefault(channel.calibrated_by, []).append(channel.name)
+        if len(of) < 2:
+            return next(iter(of), "none")
+        return "; ".join(f"{source} ({shortened(channels)})" for source, channels in of.items())
 
     def by_role(self, role: str) -> tuple[Channel, ...]:
         """Channels of one role, in the order of the file.
@@ -302,6 +339,30 @@ class Recording(Result):
             Empty where none has it.
         """
         return tuple(c for c in self.channels if c.role == role)
+
+    @property
+    def runs(self) -> tuple[Recording, ...]:
+        """The recordings in it: the groups that have a vibrometer each, or itself where fewer than two have one.
+
+        Channels are compared with the vibrometer of their own run. Groups without one belong to the first run.
+        """
+        own = list(dict.fromkeys(c.group for c in self.by_role("vibrometer")))
+        if len(own) < 2:
+            return (self,)
+
+        def run(group: str) -> Recording:
+            others, first = set(own) - {group}, group == own[0]
+            return replace(
+                self,
+                channels=tuple(
+                    c for c in self.channels if c.group == group or (first and c.group not in own)
+                ),
+                group_properties={g: p for g, p in self.group_properties.items() if g not in others},
+                notes=self.notes if first else (),
+                set_aside=self.set_aside if first else {},
+            )
+
+        return tuple(map(run, own))
 
     def select(self, patterns: Sequence[str]) -> tuple[Channel, ...]:
         """Channels that match any of the shell-style patterns (``Mic *``); all for none.
@@ -366,7 +427,14 @@ class Recording(Result):
                 expected="channels of one sampling rate",
                 remedy="choose channels of one group",
             )
-        samples = self.source.read([self._place(c) for c in channels], start, stop)
+        skips = {c.skipped for c in channels}
+        if len(skips) == 1:
+            skip = skips.pop()
+            samples = self.source.read([self._place(c) for c in channels], start + skip, stop + skip)
+        else:
+            samples = np.concatenate(
+                [self.source.read([self._place(c)], start + c.skipped, stop + c.skipped) for c in channels]
+            )
         gains = np.array([[c.gain] for c in channels])
         if np.any(gains != 1.0):
             samples *= gains

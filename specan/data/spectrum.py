@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, crossed, picked, records
+from specan.result import RecordingResult, counted, picked
 from specan.units import level_reference
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Real = NDArray[np.float64]
 Scaling = Literal["amplitude", "rms", "psd"]
 SCALINGS: tuple[Scaling, ...] = get_args(Scaling)
+PIECE = 1 << 15  # lines of a table at once
 
 
 @dataclass(frozen=True)
@@ -89,18 +90,18 @@ class SpectrumScale:
             return np.asarray(10 * np.log10(power / base))
 
 
-class _Lines(Result):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class _Lines(RecordingResult):
     """What spectra and spectrograms have in common."""
 
-    label: str
+    verb = "fft"
+    title: ClassVar[str]
+
     frequency_hz: Real
-    channels: tuple[str, ...]
     units: tuple[str, ...]
     density: Real
     has_mirror: NDArray[np.bool_]
     scale: SpectrumScale
-    notes: tuple[str, ...]
-    settings: Mapping[str, Any]
 
     @property
     def values(self) -> Real:
@@ -117,11 +118,33 @@ class _Lines(Result):
         """Levels in the form of `density`; see `SpectrumScale.level_dB`."""
         return np.stack([self.scale.level_dB(row, unit) for row, unit in zip(self.density, self.units)])
 
-    def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
+    def values_over(self) -> dict[str, Any]:
+        """Arrays over `dimensions`."""
+        return {self.scale.scaling: self.values, "level_dB": self.level_dB}
+
+    def about(self) -> list[str]:
+        """Lines above the table in a text file."""
+        scale, named = self.scale, zip(self.channels, self.units)
+        return [
+            f"{self.title} of {self.label}",
+            ", ".join(f"{name} in {scale.unit_of(unit)}, {scale.level_text(unit)}" for name, unit in named),
+            f"window {scale.window}: coherent gain {scale.coherent_gain:.6g} (allowed for), noise bandwidth "
+            f"{scale.enbw_hz:.6g} Hz",
+        ]
+
+    def _part(self, row: int, place: Any, lines: slice = slice(None)) -> dict[str, Any]:
+        """Columns of some lines of one channel."""
+        density = self.density[row, place]
+        return {
+            "frequency_hz": self.frequency_hz[lines],
+            self.scale.scaling: self.scale.values(density, self.has_mirror[lines]),
+            "level_dB": self.scale.level_dB(density, self.units[row]),
+        }
+
+    def facts(self) -> dict[str, Any]:
+        """What `content` says of all channels."""
         scale = self.scale
         return {
-            "file": self.label,
             "scaling": scale.scaling,
             "weighting": scale.weighting,
             "window": {
@@ -133,9 +156,9 @@ class _Lines(Result):
             **picked(self, "frequency_hz notes settings"),
         }
 
-    def _of_channels(self) -> dict[str, Any]:
+    def of_channels(self) -> dict[str, Any]:
+        """What `content` says of each channel."""
         return {
-            "channel": self.channels,
             "unit": self.value_units,
             "values": self.values,
             "level_dB": self.level_dB,
@@ -171,13 +194,8 @@ class Spectrum(_Lines):
     flags : tuple of tuples of str
     """
 
-    label: str
-    frequency_hz: Real
-    channels: tuple[str, ...]
-    units: tuple[str, ...]
-    density: Real
-    has_mirror: NDArray[np.bool_]
-    scale: SpectrumScale
+    title = "spectra"
+
     averaging: str
     n_blocks: int
     n_effective: float
@@ -185,8 +203,6 @@ class Spectrum(_Lines):
     phase_reference: str | None
     rms: Real
     flags: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
 
     dimensions = ("channel", "frequency_hz")
 
@@ -195,17 +211,21 @@ class Spectrum(_Lines):
         return (
             f"{self.label}, {self.scale.scaling} of {counted(len(self.channels), 'channel')}, "
             f"{counted(self.frequency_hz.size, 'line')} {self.scale.line_spacing_hz:.4g} Hz apart, "
-            f"{self.scale.window}, {self.n_blocks} blocks"
+            f"{self.scale.window}, {counted(self.n_blocks, 'block')}"
         )
 
-    def columns(self) -> dict[str, Any]:
-        """One row for each channel and line, as ``specan fft -o`` writes it: the value is named after the scaling."""
-        found = {
-            **crossed(channel=self.channels, frequency_hz=self.frequency_hz),
-            self.scale.scaling: self.values.ravel(),
-            "level_dB": self.level_dB.ravel(),
-        }
-        return found if self.phase_deg is None else {**found, "phase_deg": self.phase_deg.ravel()}
+    def values_over(self) -> dict[str, Any]:
+        """Arrays over `dimensions`."""
+        found = super().values_over()
+        return found if self.phase_deg is None else {**found, "phase_deg": self.phase_deg}
+
+    def tables(self) -> Iterable[dict[str, Any]]:
+        """The lines in pieces: a long spectrum as text is ten times as large as its numbers."""
+        for row, channel in enumerate(self.channels):
+            for first in range(0, self.frequency_hz.size, PIECE):
+                piece = slice(first, first + PIECE)
+                phase = "" if self.phase_deg is None else self.phase_deg[row, piece]
+                yield {"channel": channel, **self._part(row, piece, piece), "phase_deg": phase}
 
     def overview(self) -> pd.DataFrame:
         """One row for each channel: its RMS and its highest line."""
@@ -224,14 +244,15 @@ class Spectrum(_Lines):
             }
         )
 
-    def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
+    def facts(self) -> dict[str, Any]:
+        """What `content` says of all channels."""
+        names = "averaging n_blocks n_effective u_dB degrees_of_freedom phase_reference"
+        return {**super().facts(), **picked(self, names)}
+
+    def of_channels(self) -> dict[str, Any]:
+        """What `content` says of each channel."""
         phases = [None] * len(self.channels) if self.phase_deg is None else self.phase_deg
-        return {
-            **super().content(),
-            **picked(self, "averaging n_blocks n_effective u_dB degrees_of_freedom phase_reference"),
-            "channels": records(**self._of_channels(), phase_deg=phases, rms=self.rms, flags=self.flags),
-        }
+        return {**super().of_channels(), "phase_deg": phases, **picked(self, "rms flags")}
 
     @property
     def u_dB(self) -> float:
@@ -265,17 +286,10 @@ class Spectrogram(_Lines):
     blocks_per_column : int
     """
 
-    label: str
+    title = "spectrogram"
+
     time_s: Real
-    frequency_hz: Real
-    channels: tuple[str, ...]
-    units: tuple[str, ...]
-    density: Real
-    has_mirror: NDArray[np.bool_]
-    scale: SpectrumScale
     blocks_per_column: int
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
 
     dimensions = ("channel", "time_s", "frequency_hz")
 
@@ -286,13 +300,11 @@ class Spectrogram(_Lines):
             f"{self.time_s.size} times, {counted(self.frequency_hz.size, 'line')}"
         )
 
-    def columns(self) -> dict[str, Any]:
-        """One row for each channel, time and line."""
-        return {
-            **crossed(channel=self.channels, time_s=self.time_s, frequency_hz=self.frequency_hz),
-            self.scale.scaling: self.values.ravel(),
-            "level_dB": self.level_dB.ravel(),
-        }
+    def tables(self) -> Iterable[dict[str, Any]]:
+        """One row for each channel, time and line, column by column."""
+        for row, channel in enumerate(self.channels):
+            for column, time in enumerate(self.time_s):
+                yield {"channel": channel, "time_s": time, **self._part(row, column)}
 
     def overview(self) -> pd.DataFrame:
         """One row for each channel: where its highest line stands."""
@@ -304,11 +316,6 @@ class Spectrogram(_Lines):
             rows.append([name, self.time_s[column], self.frequency_hz[line], values[column, line]])
         return pd.DataFrame(rows, columns=["channel", "time_s", "peak_hz", self.scale.scaling])
 
-    def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
-        return {
-            **super().content(),
-            "time_s": self.time_s,
-            "blocks_per_column": self.blocks_per_column,
-            "channels": records(**self._of_channels()),
-        }
+    def facts(self) -> dict[str, Any]:
+        """What `content` says of all channels."""
+        return {**super().facts(), **picked(self, "time_s blocks_per_column")}

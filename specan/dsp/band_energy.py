@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from specan.dsp import bands
+from specan.dsp.bands import Bands
 from specan.dsp.frequency_nodes import (
     NODES_PER_OCTAVE,
     Spread,
+    nearest_nodes,
     node_frequencies,
-    node_of_band,
     node_range,
     node_weights,
 )
 from specan.dsp.lag_spectrum import LagSpectrum, total_energy, working_memory
 from specan.dsp.multirate import LENGTH, MultirateTransform, PaddedTransform, Stage, few_rows
 from specan.dsp.record_ends import Fade, RecordEnds
+from specan.dsp.record_start import CutEnergy
 from specan.dsp.short_record import LONGEST, add_energy, share_of_lines
+from specan.dsp.slow_part import SlowPart
 from specan.dsp.weighting import Weighting
 
 # A response below this adds nothing: 200 dB.
@@ -51,6 +54,8 @@ class EnergySpectrum:
         The same as `nodes` without the two ends of the record; see `between_ends`.
     independent : float
         Samples of a record without a fade whose levels scatter as those of `inner`.
+    cut : mapping of str to ndarray, shape (channels,), optional
+        What the record's two cuts have in the mean squares behind A, B and C.
     """
 
     first: int
@@ -61,6 +66,7 @@ class EnergySpectrum:
     sampling_rate: float
     inner: NDArray[np.float64] | None = None
     independent: float = 0.0
+    cut: Mapping[Weighting, NDArray[np.float64]] = field(default_factory=dict)
 
     def between_ends(self) -> EnergySpectrum:
         """The energy spectrum of the record without what its two ends do to filters.
@@ -81,6 +87,12 @@ class EnergySpectrum:
         """A frequency weighting of mean squares at the nodes."""
         return node_weights(self.first, self.nodes.shape[1], weighting)
 
+    def weighted(self, weighting: Weighting) -> NDArray[np.float64]:
+        """Mean square behind a frequency weighting, shape (channels,)."""
+        whole = np.add.reduce(self.nodes * self.weights(weighting), axis=1)
+        # Rounding may leave less than nothing of a record that is all cut.
+        return np.maximum(whole - self.cut[weighting], 0.0) if weighting in self.cut else whole
+
     @property
     def alternating_mean_square(self) -> NDArray[np.float64]:
         """Mean square about the mean, shape (channels,)."""
@@ -96,16 +108,13 @@ class EnergySpectrum:
         return np.add.reduce(self.nodes * power_response(self.frequencies), axis=1)
 
     def band_mean_square(
-        self, index: ArrayLike, fraction: int, weights: NDArray[np.float64] | None = None
+        self, division: Bands, weights: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Energy at the output of each band filter over the record's length, shape (channels, bands).
 
         Parameters
         ----------
-        index : array_like of int
-            Band numbers; see `specan.dsp.bands.mid_frequencies`.
-        fraction : int
-            1, 3, 6, 12 or 24.
+        division : Bands
         weights : ndarray, shape (nodes,) or (channels, nodes), optional
             Factors on the mean square at `frequencies`: a frequency weighting.
 
@@ -113,11 +122,13 @@ class EnergySpectrum:
         -----
         What is below 1e-17 of the whole mean square is rounding noise and given as zero.
         """
-        index = np.asarray(index)
         nodes = self.nodes if weights is None else self.nodes * weights
-        centre, response = _tabulated_response(fraction)
-        result = np.empty((nodes.shape[0], index.size))
-        for column, mid in enumerate(node_of_band(index, fraction) - self.first):
+        result = np.empty((nodes.shape[0], len(division)))
+        places, beyond = nearest_nodes(division.mid)
+        for column, (mid, offset) in enumerate(
+            zip((places - self.first).tolist(), beyond.tolist(), strict=True)
+        ):
+            centre, response = _tabulated_response(float(division.designator[column]), offset)
             low, high = max(mid - centre, 0), min(mid + centre + 1, nodes.shape[1])
             part = response[low - mid + centre : high - mid + centre]
             result[:, column] = np.add.reduce(nodes[:, low:high] * part, axis=1)
@@ -276,15 +287,18 @@ class BandEnergyAccumulator:
         In Hz.
     n_samples : int, optional
         Length of the record; without it there is no spectrum between its ends.
-    offset : ndarray, shape (channels,), optional
-        A constant part that is taken off.
+    slow : SlowPart, optional
+        A constant part that is taken off, and a drift that no band has.
+    weighted : sequence of bool
+        Of which channels the mean squares behind A, B and C are wanted without what the cuts of the record have in
+        them.
 
     Examples
     --------
     >>> t = np.arange(48000) / 48000
     >>> energy = BandEnergyAccumulator(1, 48000.0)
     >>> energy.add(np.sin(2 * np.pi * 1000 * t)[None])
-    >>> energy.result().band_mean_square([0], 3).round(3).tolist()
+    >>> energy.result().band_mean_square(Bands.between(3, 1000.0, 1000.0)).round(3).tolist()
     [[0.5]]
     """
 
@@ -293,31 +307,56 @@ class BandEnergyAccumulator:
         rows: int,
         sampling_rate: float,
         n_samples: int | None = None,
-        offset: NDArray[np.float64] | None = None,
+        slow: SlowPart | None = None,
+        *,
+        weighted: Sequence[bool] = (),
     ) -> None:
-        self._rate, self._n_samples, self._offset = sampling_rate, n_samples, offset
+        self._rate, self._n_samples = sampling_rate, n_samples
+        self._slow, self._taken = slow, 0
+        self._weighted = np.array(weighted, dtype=np.bool_)
+        self._cut = CutEnergy(sampling_rate) if self._weighted.any() else None
         self._short: list[NDArray[np.float64]] | None = None
         if n_samples is not None and n_samples <= LONGEST:
             self._short = []
             return
         self._energy = BandEnergy(rows, sampling_rate, n_samples)
-        self._transform = MultirateTransform(rows, sampling_rate, self._energy, offset)
+        self._transform = MultirateTransform(rows, sampling_rate, self._energy)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""
+        if self._slow is not None:
+            samples = samples - self._slow.constant[:, None]
+            drift = self._slow.drift(self._taken, samples.shape[1])
+            samples = samples if drift is None else samples - drift
+            self._taken += samples.shape[1]
+        if self._cut is not None:
+            self._cut.add(samples[self._weighted])
         if self._short is None:
             self._transform.add(samples)
         else:
-            self._short.append(samples - (0.0 if self._offset is None else self._offset[:, None]))
+            self._short.append(samples)
 
     def result(self, fraction: int = 24) -> EnergySpectrum:
         """The energy spectrum for bands of 1/`fraction` octave and wider; call it once, after the last samples."""
         if self._short is None or self._n_samples is None:
             self._transform.finish()
-            return self._energy.result()
-        samples = self._short[0] if len(self._short) == 1 else np.concatenate(self._short, axis=1)
-        self._short = []
-        return energy_of_short(samples, self._rate, self._n_samples, fraction)
+            found = self._energy.result()
+        else:
+            samples = self._short[0] if len(self._short) == 1 else np.concatenate(self._short, axis=1)
+            self._short = []
+            found = energy_of_short(samples, self._rate, self._n_samples, fraction)
+        n = max(found.n_samples, 1)
+        if self._slow is not None:  # a drift is in no band, but in the mean square of all
+            found = replace(
+                found,
+                mean_square=found.mean_square + self._slow.square / n,
+                mean=found.mean + self._slow.total / n,
+            )
+        cut = {}
+        for name, energy in {} if self._cut is None else self._cut.result().items():
+            cut[name] = np.zeros(self._weighted.size)
+            cut[name][self._weighted] = energy / n
+        return replace(found, cut=cut)
 
 
 @lru_cache(maxsize=8)
@@ -325,10 +364,10 @@ def _spread(stage: Stage, first: int) -> Spread:
     return Spread(first, share_of_lines(stage, 2 * LENGTH), stage.rate / (2 * LENGTH))
 
 
-@lru_cache(maxsize=8)
-def _tabulated_response(fraction: int) -> tuple[int, NDArray[np.float64]]:
-    """|H|^2 at the nodes around a band's own, as far as it exceeds `_NOTHING`, and the centre's place."""
+@lru_cache(maxsize=64)
+def _tabulated_response(fraction: float, beyond: float) -> tuple[int, NDArray[np.float64]]:
+    """|H|^2 at the nodes around the one nearest to a band's middle, as far as it exceeds `_NOTHING`, and its place."""
     per_node = math.log(bands.OCTAVE_RATIO) / NODES_PER_OCTAVE
     reach = math.asinh(math.sinh(bands.filter_half_width(fraction)) * _NOTHING ** (-0.5 / bands.FILTER_ORDER))
     centre = math.ceil(reach / per_node)
-    return centre, bands.power_response(np.arange(-centre, centre + 1) * per_node, fraction)
+    return centre, bands.power_response((np.arange(-centre, centre + 1) - beyond) * per_node, fraction)

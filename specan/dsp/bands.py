@@ -1,12 +1,15 @@
-"""Octave and fractional-octave bands: mid-frequencies, edges, nominal names, and the filter that defines a level.
+"""Bands with edges: fractional octaves and critical bands, and the filter that defines a level in a band.
 
-The grid is that of IEC 61260-1:2014, clause 5, with the base-10 octave ratio; the filter is a Butterworth
+The grid of octaves is that of IEC 61260-1:2014, clause 5, with the base-10 octave ratio; the filter is a Butterworth
 band-pass of order 4 (eight poles) whose effective bandwidth equals the width of the band.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,14 +20,103 @@ OCTAVE_RATIO = 10.0**0.3
 REFERENCE_FREQUENCY = 1000.0
 """f_r in Hz, IEC 61260-1:2014, 3.4."""
 
-FRACTIONS = (1, 3, 6, 12, 24)
+Fraction = Literal[1, 2, 3, 6, 12, 24]
+FRACTIONS: tuple[Fraction, ...] = get_args(Fraction)
 """Bandwidth designators b that are offered: 1/1 to 1/24 octave."""
+Division = Fraction | Literal["bark"]
+"""Of the frequency axis: a fraction of an octave, or critical bands."""
 
 FILTER_ORDER = 4
 """Order of the Butterworth low-pass prototype."""
 
 # Mantissas of the nominal mid-frequencies of 1/1 and 1/3 octaves, IEC 61260-1:2014, table E.1 (ISO 266, R10).
 _PREFERRED = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
+
+# Edges and middles in Hz of the critical bands, 1 to 24 Bark: Zwicker, J. Acoust. Soc. Am. 33 (1961) 248. The first one
+# begins where hearing does.
+_BARK_EDGES = (
+    20.0, 100.0, 200.0, 300.0, 400.0, 510.0, 630.0, 770.0, 920.0, 1080.0, 1270.0, 1480.0, 1720.0,
+    2000.0, 2320.0, 2700.0, 3150.0, 3700.0, 4400.0, 5300.0, 6400.0, 7700.0, 9500.0, 12000.0, 15500.0,
+)  # fmt: skip
+_BARK_MIDDLES = (
+    50.0, 150.0, 250.0, 350.0, 450.0, 570.0, 700.0, 840.0, 1000.0, 1170.0, 1370.0, 1600.0, 1850.0,
+    2150.0, 2500.0, 2900.0, 3400.0, 4000.0, 4800.0, 5800.0, 7000.0, 8500.0, 10500.0, 13500.0,
+)  # fmt: skip
+
+
+class Band(NamedTuple):
+    """One band: geometric middle, edges and name in Hz, and b, for which its edges are G^(1/b) apart."""
+
+    mid: float
+    lower: float
+    upper: float
+    nominal: float
+    designator: float
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Consecutive bands, ascending.
+
+    Attributes
+    ----------
+    mid, lower, upper : ndarray, shape (bands,)
+        Geometric middles and edges in Hz.
+    nominal : ndarray, shape (bands,)
+        Nominal mid-frequencies, the names of the bands.
+    designator : ndarray, shape (bands,)
+        b, for which the edges of a band are G^(1/b) apart.
+
+    Examples
+    --------
+    >>> thirds = Bands.between(3, 900.0, 1300.0)
+    >>> thirds.nominal.tolist(), thirds.upper.round(1).tolist()
+    ([1000.0, 1250.0], [1122.0, 1412.5])
+    >>> [(band.nominal, band.lower, band.upper) for band in Bands.between("bark", 900.0, 1000.0)]
+    [(840.0, 770.0, 920.0), (1000.0, 920.0, 1080.0)]
+    """
+
+    mid: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    nominal: NDArray[np.float64]
+    designator: NDArray[np.float64]
+
+    @classmethod
+    def octaves(cls, fraction: int, index: ArrayLike) -> Bands:
+        """Fractional octaves of these numbers; see `mid_frequencies`."""
+        numbers = np.atleast_1d(np.asarray(index))
+        names = np.array([nominal_frequency(int(k), fraction) for k in numbers])
+        widths = np.full(numbers.shape, float(fraction))
+        return cls(mid_frequencies(numbers, fraction), *band_edges(numbers, fraction), names, widths)
+
+    @classmethod
+    def between(cls, division: Division, low: float, high: float) -> Bands:
+        """The bands from the one that contains `low` to the one that contains `high` (Hz), as far as there are any."""
+        if division != "bark":
+            return cls.octaves(division, band_range(low, high, division))
+        edges = np.array(_BARK_EDGES)
+        lower, upper = edges[:-1], edges[1:]
+        every = cls(
+            np.sqrt(lower * upper),
+            lower,
+            upper,
+            np.array(_BARK_MIDDLES),
+            math.log(OCTAVE_RATIO) / np.log(upper / lower),
+        )
+        return every[(upper > low) & (lower <= high)]
+
+    def __len__(self) -> int:
+        return self.mid.size
+
+    def __iter__(self) -> Iterator[Band]:
+        rows = zip(self.mid, self.lower, self.upper, self.nominal, self.designator, strict=True)
+        return (Band(*map(float, row)) for row in rows)
+
+    def __getitem__(self, which: Any) -> Bands:
+        return Bands(
+            *(each[which] for each in (self.mid, self.lower, self.upper, self.nominal, self.designator))
+        )
 
 
 def mid_frequencies(index: ArrayLike, fraction: int) -> NDArray[np.float64]:
@@ -79,7 +171,7 @@ def band_range(low: float, high: float, fraction: int) -> NDArray[np.int64]:
     Examples
     --------
     >>> [len(band_range(20.0, 20000.0, b)) for b in FRACTIONS]
-    [11, 31, 61, 121, 241]
+    [11, 21, 31, 61, 121, 241]
     """
     return np.arange(band_at(low, fraction), band_at(high, fraction) + 1)
 
@@ -87,8 +179,8 @@ def band_range(low: float, high: float, fraction: int) -> NDArray[np.int64]:
 def nominal_frequency(index: int, fraction: int) -> float:
     """Nominal mid-band frequency in Hz, the name of a band; IEC 61260-1:2014, annex E.
 
-    1/1 and 1/3 octaves have the preferred numbers of table E.1. From 1/6 to 1/24 octave the exact
-    frequency is rounded to three significant digits if the first is 1 to 4, to two otherwise (E.3).
+    1/1 and 1/3 octaves have the preferred numbers of table E.1. In half octaves the exact frequency is rounded to three
+    significant digits; from 1/6 to 1/24 octave likewise if the first is 1 to 4, else to two (E.3).
 
     Examples
     --------
@@ -102,10 +194,10 @@ def nominal_frequency(index: int, fraction: int) -> float:
         return float(f"{_PREFERRED[third % 10]}e{third // 10 + 3}")
     exact = float(mid_frequencies(index, fraction))
     first_digit = int(f"{exact:e}"[0])
-    return float(f"{exact:.{2 if first_digit < 5 else 1}e}")
+    return float(f"{exact:.{2 if first_digit < 5 or fraction == 2 else 1}e}")
 
 
-def filter_half_width(fraction: int) -> float:
+def filter_half_width(fraction: float) -> float:
     """Half the natural logarithm of the ratio of the -3 dB frequencies of the band filter.
 
     A Butterworth band-pass lets (pi/2N) / sin(pi/2N) times its -3 dB width of white noise through (0.112 dB
@@ -117,7 +209,7 @@ def filter_half_width(fraction: int) -> float:
     return math.asinh(math.sinh(reference) * math.sin(angle) / angle)
 
 
-def power_response(log_ratio: ArrayLike, fraction: int) -> NDArray[np.float64]:
+def power_response(log_ratio: ArrayLike, fraction: float) -> NDArray[np.float64]:
     """|H|^2 of the band filter as a function of ln(f / f_m).
 
     |H|^2 = 1 / (1 + x^(2N)) with x = (f/f_m - f_m/f) / (r - 1/r), r the ratio of the upper -3 dB
@@ -133,7 +225,7 @@ def power_response(log_ratio: ArrayLike, fraction: int) -> NDArray[np.float64]:
     return np.asarray(1.0 / (1.0 + np.minimum(np.abs(x), 1e30) ** (2 * FILTER_ORDER)))
 
 
-def complex_response(ratio: ArrayLike, fraction: int) -> NDArray[np.complex128]:
+def complex_response(ratio: ArrayLike, fraction: float) -> NDArray[np.complex128]:
     """Complex response of the band filter at f/f_m, whose squared magnitude is `power_response`; exp(+j w t)."""
     with np.errstate(divide="ignore", over="ignore"):
         x = np.sinh(np.log(np.asarray(ratio, dtype=np.float64))) / math.sinh(filter_half_width(fraction))

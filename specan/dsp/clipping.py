@@ -17,6 +17,9 @@ ALONE = 10.0  # times as many as on any other value, where no three stand togeth
 LEVELS = 32  # below the rail that are looked at
 NEAR = 0.02  # of the span: where they are sought first
 MOVING = 0.75  # of the neighbours of rests on the rail
+# A repeating tone falls short of the sine through its other samples by so many times what these are away from it, and
+# by this part of the span at least: harmonics that are none of clipping are as large there as elsewhere.
+SHORT, SEEN = 100.0, 1e-4
 
 
 def is_cut_off(samples: NDArray[np.float64], top: float, span: float) -> bool:
@@ -30,9 +33,8 @@ def is_cut_off(samples: NDArray[np.float64], top: float, span: float) -> bool:
     there on the move: a slow signal that is rounded to steps dwells on each of them.
 
     Two values are no evidence (a square wave), nor is a rail at zero (a signal of one sign), nor a signal of
-    a few steps. A tone whose samples repeat exactly, such as 1 kHz at 8 kHz without noise, can only be
-    recognised with three or more samples of a period on the rail: with two, the same samples may be those of
-    an uncut tone.
+    a few steps. A tone whose samples repeat exactly, such as 1 kHz at 8 kHz without noise, holds any value again
+    and again. It is cut off where its samples on the rails fall short of the one sine that all others are on.
 
     Parameters
     ----------
@@ -54,6 +56,8 @@ def is_cut_off(samples: NDArray[np.float64], top: float, span: float) -> bool:
     count = int(np.count_nonzero(on_rail))
     if count < FEWEST or abs(top) <= same:
         return False
+    if _falls_short(samples, on_rail, top, span):
+        return True
     depth = top - samples[~on_rail]
     levels, holds = _levels(depth[depth <= NEAR * span], same)
     if levels.size < LEVELS:
@@ -72,6 +76,39 @@ def is_cut_off(samples: NDArray[np.float64], top: float, span: float) -> bool:
     elif depth.max() <= 2 * STEPS * step or count <= PER_EIGHT * np.count_nonzero(depth <= STEPS * step):
         return False
     return _moving(samples, on_rail, same)
+
+
+def _falls_short(samples: NDArray[np.float64], on_rail: NDArray[np.bool_], top: float, span: float) -> bool:
+    """Whether one period of a signal that repeats exactly is a sine but for its rails, which are inside of it."""
+    count = _period(samples, on_rail, SAME * span)
+    period, high = samples[:count], on_rail[:count]
+    free = ~high & (period > top - span * (1.0 - SAME))
+    if np.count_nonzero(free) < 4:  # a sine about a mean goes through any three
+        return False
+    line = 1 + int(np.argmax(np.abs(np.fft.rfft(period)[1:])))
+    angle = 2.0 * np.pi * line / count * np.arange(count)
+    base = np.stack([np.cos(angle), np.sin(angle), np.ones(count)], axis=1)
+    amounts = np.linalg.lstsq(base[free], period[free], rcond=None)[0]
+    sine = base @ amounts
+    # Half a period later a sine is the same with the other sign: of these values, amplitude and phase take two.
+    if _levels(np.abs(period[free] - amounts[-1]), 1e-6 * span)[0].size < 3:
+        return False
+    away = float(np.abs(period - sine)[free].max())
+    short = (sine - period)[high]
+    return bool(short.min() >= -SHORT * away and short.max() > max(SHORT * away, SEEN * span))
+
+
+def _period(samples: NDArray[np.float64], on_rail: NDArray[np.bool_], same: float) -> int:
+    """After how many samples all of them repeat, three times at least; 0 if they do not."""
+    places = np.flatnonzero(on_rail)
+    steps = (places - places[0])[1:]
+    steps = steps[3 * steps <= samples.size]
+    beginning = samples[: min(16, samples.size // 3)]
+    alike = np.abs(samples[steps[:, None] + np.arange(beginning.size)] - beginning).max(axis=1, initial=0.0)
+    for step in steps[alike <= same].tolist():
+        if np.abs(samples[step:] - samples[:-step]).max() <= same:
+            return int(step)
+    return 0
 
 
 def _levels(depth: NDArray[np.float64], same: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

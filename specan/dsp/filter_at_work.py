@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.dsp.history_filters import SETTLINGS_IN_A_BLOCK, Filter
-from specan.dsp.multirate import LENGTH, Stage
+from specan.dsp.multirate import LENGTH, Memory, Stage
+from specan.dsp.record_start import RecordStart, start_of
 from specan.dsp.sections import GRAIN, Shape, fast_length
 from specan.dsp.windows import falling_step
+
+Watch = Callable[[slice, NDArray[Any]], None]
+"""Is given rows and what comes out of a filter there."""
 
 # What a filter attenuates by more than 100 dB is left out.
 _NOTHING = 1e-5
@@ -63,6 +67,8 @@ class FilterAtWork:
         Where the ripple is left out: periods of the band's middle in a sample of the output, less those of `low`.
     ripple : complex
         There: by what the weighting in time multiplies the square of an oscillation there, 1 / (1 + 2 j w tau).
+    start : RecordStart
+        Of a frequency weighting: what the cut at the record's beginning does to it.
     """
 
     intervals: int
@@ -72,6 +78,7 @@ class FilterAtWork:
     values: NDArray[np.complex128]
     turns: float = 0.0
     ripple: complex = 0.0
+    start: RecordStart | None = None
 
     @property
     def together(self) -> float:
@@ -80,13 +87,17 @@ class FilterAtWork:
 
     @classmethod
     def of(
-        cls, one: Filter, stage: Stage, points: int, time_constant: float, *, followed: bool
+        cls, one: Filter, stage: Stage, shape: Shape, time_constant: float, *, followed: bool
     ) -> FilterAtWork:
-        """Put a filter to work on transforms of so many samples; `followed` says whether a ripple left out is added."""
+        """Put a filter to work on sections of a shape; `followed` says whether a ripple left out is added."""
+        points = shape.points
         least = math.ceil(GRAIN * min(max(_INTERVALS / (stage.rate * time_constant), 1.0 / _LONGEST), 1.0))
         every = 1 << (least - 1).bit_length()
         if one.identity:
             return cls(every, GRAIN // every, False, 0, np.empty(0, dtype=np.complex128))
+        if one.weighting is not None:
+            response, start = start_of(one.weighting, stage.rate, shape.before)
+            return cls(every, GRAIN // every, False, 0, np.fft.rfft(response, points), start=start)
         # What is thinned out has nothing at half its rate.
         causal = None if stage.number else one.causal(stage.rate, points // 2 + 1)
         if causal is not None:
@@ -137,14 +148,19 @@ class FilterAtWork:
         spectrum: NDArray[Any],
         shape: Shape,
         count: int,
-        scratch: Scratch,
+        scratch: Memory,
         cut: tuple[int, float] | None,
         places: NDArray[np.float64],
+        record: slice | None = None,
+        watch: Watch | None = None,
+        with_cut: Watch | None = None,
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Mean square of the output over each of `count` intervals from the first new sample on, and the ripple.
 
         Computed in the precision of `spectrum`. `cut` is an interval and which part of it belongs to the record.
         The ripple is that of the weighted square at the ends of the intervals `places`; mean squares do not have it.
+        `record` are the samples of the record in a section that it begins in; `watch` sees the output,
+        `with_cut` that of a weighting at the record's beginning before its decays are taken off.
         """
         rows, size = spectrum.shape[0], shape.points // GRAIN * self.intervals * self.kept
         width = (2 if self.envelope else 1) * self.kept
@@ -161,7 +177,14 @@ class FilterAtWork:
             output = (self._envelope if self.envelope else self._real)(part, values, size, scratch)
             if rippling.size:
                 rippling[top : top + some] = self._rippling(output.view(part.dtype), first + places)
-            mine = output[:, first * width : (first + count) * width].reshape(part.shape[0], count, width)
+            flat = output[:, first * width : (first + count) * width]
+            if self.start is not None and record is not None:
+                if with_cut is not None:
+                    with_cut(slice(start, top + some), flat[start - top :])
+                flat[:, record] = self.start.without(flat[:, record])
+            if watch is not None:
+                watch(slice(start, top + some), flat[start - top :])
+            mine = flat.reshape(part.shape[0], count, width)
             if cut is not None:  # what comes after the end of the record is not part of it
                 inside = math.ceil(cut[1] * self.kept)
                 mine[:, cut[0], width * inside // self.kept :] = 0.0
@@ -181,20 +204,18 @@ class FilterAtWork:
         phase = np.exp(2.0 * period * self.low / output.shape[1] * at)
         return np.asarray((np.square(slow) * (self.ripple * phase)).real)
 
-    def _real(self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Scratch) -> NDArray[Any]:
+    def _real(self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Memory) -> NDArray[Any]:
         """`size` samples of the filter's output."""
-        product = scratch.lines(part.shape[0], size // 2 + 1, part.dtype)
+        product = scratch.take("lines", part.shape[0], size // 2 + 1, part.dtype)
         lines = slice(self.low, self.low + values.size)
         product[:, : lines.start] = 0.0
         product[:, lines.stop :] = 0.0
         np.multiply(part[:, lines], values, out=product[:, lines])
-        return np.fft.irfft(product, size, out=scratch.output(part.shape[0], size, part.dtype))
+        return np.fft.irfft(product, size, out=_output(scratch, part, size))
 
-    def _envelope(
-        self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Scratch
-    ) -> NDArray[Any]:
+    def _envelope(self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Memory) -> NDArray[Any]:
         """`size` complex samples of the filter's output, each as two real numbers."""
-        product, used = scratch.lines(part.shape[0], size, part.dtype), values.size
+        product, used = scratch.take("lines", part.shape[0], size, part.dtype), values.size
         product[:, used:] = 0.0
         for begin in range(0, used, size):
             some = values[begin : begin + size]
@@ -203,31 +224,14 @@ class FilterAtWork:
                 np.multiply(lines, some, out=product[:, : some.size])
             else:
                 product[:, : some.size] += lines * some
-        output = scratch.output(part.shape[0], 2 * size, part.dtype)
+        output = _output(scratch, part, 2 * size)
         np.fft.ifft(product, out=output.view(part.dtype))
         return output
 
 
-class Scratch:
-    """Memory used again and again: fresh memory costs more than the arithmetic."""
-
-    def __init__(self) -> None:
-        self._lines = self._output = np.empty(0, dtype=np.uint8)
-
-    def lines(self, rows: int, count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-        """Complex numbers of any value."""
-        if self._lines.size < rows * count * dtype.itemsize:
-            self._lines = np.empty(rows * count * dtype.itemsize, dtype=np.uint8)
-        return self._lines[: rows * count * dtype.itemsize].view(dtype).reshape(rows, count)
-
-    def output(self, rows: int, count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-        """Real numbers of any value, in the precision of a complex type."""
-        size = rows * count * dtype.itemsize // 2
-        if self._output.size < size:
-            self._output = np.empty(size, dtype=np.uint8)
-        return (
-            self._output[:size].view(np.float32 if dtype == np.complex64 else np.float64).reshape(rows, count)
-        )
+def _output(scratch: Memory, part: NDArray[Any], size: int) -> NDArray[Any]:
+    """Memory for real numbers in the precision of complex ones."""
+    return scratch.take("output", part.shape[0], size, np.dtype(part.real.dtype))
 
 
 def _sum_of_squares(numbers: NDArray[Any], result: NDArray[np.float32]) -> None:

@@ -14,6 +14,9 @@ from specan.dsp.weighting import Weighting, power_weighting
 NODES_PER_OCTAVE = 1536
 """64 to a 1/24 octave: cubic interpolation of |H|^2 between them is good to 0.0005 dB on the steepest skirt."""
 
+# Of a place, as computed.
+_ROUNDING = 1e-6
+
 LOWEST_NODE = 0.1
 """In Hz; what lies below is in no band and behind no weighting."""
 
@@ -44,10 +47,12 @@ def node_weights(first: int, count: int, weighting: Weighting) -> NDArray[np.flo
     return found
 
 
-def node_of_band(index: NDArray[np.int64], fraction: int) -> NDArray[np.int64]:
-    """Number of the node at each band's exact mid-frequency (every one has a node)."""
-    step = NODES_PER_OCTAVE // fraction
-    return index * step + (0 if fraction % 2 else step // 2)
+def nearest_nodes(frequency: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Numbers of the nodes nearest to frequencies, and how far beyond these they lie: 0 for octaves."""
+    place = _place(frequency)
+    nodes = np.rint(place)
+    beyond = place - nodes
+    return nodes.astype(np.int64), np.where(np.abs(beyond) < _ROUNDING, 0.0, beyond)
 
 
 class Spread:

@@ -36,17 +36,15 @@ class Track(NamedTuple):
         Distance of the lines in which it was looked for.
     held : float
         Part of the power in the strongest line, median over the frames.
+    evenness : float
+        Median over mean of the steps from frame to frame, in the frames that show the least: a sweep moves in frames of
+        any length, steps stand still in short ones.
     """
 
     frequency_hz: Real
     line_hz: float
     held: float
-
-    @property
-    def evenness(self) -> float:
-        """Median over mean of the steps from frame to frame."""
-        steps = np.abs(np.diff(self.frequency_hz))
-        return float(np.median(steps) / max(np.mean(steps), 1e-300))
+    evenness: float
 
     @property
     def direction(self) -> int:
@@ -69,7 +67,10 @@ def track(section: Real, rate: float) -> Track | None:
     if most < _HELD:
         return None
     # Short frames hold much in one line because their lines are wide.
-    return [one for one in found if one.held > _NEARLY_MOST * most][-1]
+    good = [one for one in found if one.held > _NEARLY_MOST * most]
+    # A frame of hardly a period has no frequency that could move.
+    resolved = [one for one in good if np.median(one.frequency_hz) > 2 * _SIDE * one.line_hz]
+    return good[-1]._replace(evenness=min(one.evenness for one in resolved or good[-1:]))
 
 
 def _track(section: Real, rate: float, length: int) -> Track:
@@ -82,7 +83,9 @@ def _track(section: Real, rate: float, length: int) -> Track:
     lobe = np.take_along_axis(power, around, axis=1)
     held = lobe.sum(axis=1) / np.maximum(power.sum(axis=1), 1e-300)
     centre = (lobe * around).sum(axis=1) / np.maximum(lobe.sum(axis=1), 1e-300)
-    return Track(centre * rate / length, rate / length, float(np.median(held)))
+    steps = np.abs(np.diff(centre))
+    even = float(np.median(steps) / max(np.mean(steps), 1e-300)) if steps.size else 0.0
+    return Track(centre * rate / length, rate / length, float(np.median(held)), even)
 
 
 def path(tracks: Sequence[Track], steady: Sequence[bool], section_s: float, apart_s: float) -> Path:

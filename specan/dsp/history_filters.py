@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.dsp import bands
-from specan.dsp.weighting import ZEROS, Weighting, complex_weighting, power_weighting
+from specan.dsp.weighting import F_1, POLES, ZEROS, Weighting, complex_weighting, power_weighting
 
 # A band is filtered at the lowest rate whose samples are faithful up to this many times its upper edge.
 _ROOM_ABOVE = 1.25
@@ -22,9 +21,14 @@ _REACHES = 1e-3
 # After 6 times 3 / B an order 4 band-pass has fallen by 180 dB.
 SETTLINGS_IN_A_BLOCK = 6.0
 # The lowest poles of A, B and C are at 20.6 Hz: seconds to fall by 180 dB.
-_WEIGHTINGS_RING = 9.0 * math.log(10.0) / (2.0 * math.pi * 20.6)
+WEIGHTINGS_RING = 9.0 * math.log(10.0) / (2.0 * math.pi * F_1)
 # ... and by 100 dB.
-_WEIGHTINGS_SETTLE = 5.0 * math.log(10.0) / (2.0 * math.pi * 20.6)
+_WEIGHTINGS_SETTLE = 5.0 * math.log(10.0) / (2.0 * math.pi * F_1)
+# In Hz. Where the sampling rate is so high that a thinned stream has all up to here, A, B and C are of that: they let
+# less than 1 / 4000 of the energy above it through.
+_WEIGHTINGS_REACH = 1e5
+# Lines up to half the rate on which a weighting is made causal, its poles and zeros taken out.
+_LINES = 1 << 13
 
 Response = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
 
@@ -45,9 +49,9 @@ class Filter:
         Seconds until it has fallen by 180 dB.
     identity : bool
         Whether it is not a filter at all.
-    silent : float
-        Seconds from the beginning of the record in which its output counts as nothing: a filter so short that
-        nothing is lost when it is left to settle.
+    weighting : {"A", "B", "C"}, optional
+        Of the whole signal: it is sampled by `sampled_weighting`, and what the cut at the record's beginning makes it
+        ring with is taken off (see `specan.dsp.record_start`).
     sampled : callable, optional
         Response at a number of lines up to half a sampling rate, of the causal filter with this magnitude; used by
         `causal`.
@@ -59,7 +63,7 @@ class Filter:
     settling: float = 0.0
     ringing: float = math.inf
     identity: bool = False
-    silent: float = 0.0
+    weighting: Weighting | None = None
     sampled: Callable[[float, int], NDArray[np.complex128]] | None = None
 
     def causal(self, rate: float, lines: int) -> NDArray[np.complex128] | None:
@@ -71,10 +75,9 @@ class Filter:
         return self.sampled(rate, lines)
 
 
-def band_filter(index: int, fraction: int, weighting: Weighting = "Z") -> Filter:
-    """Band filter of a fractional octave, with a frequency weighting; see `bands.power_response`."""
-    mid = float(bands.mid_frequencies(index, fraction))
-    lower, upper = (float(edge) for edge in bands.band_edges(index, fraction))
+def band_filter(band: bands.Band, weighting: Weighting = "Z") -> Filter:
+    """Filter of a band, with a frequency weighting; see `bands.power_response`."""
+    mid, lower, upper, _, fraction = band
 
     def response(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         return bands.complex_response(frequency / mid, fraction) * complex_weighting(frequency, weighting)
@@ -96,19 +99,43 @@ def weighting_filter(weighting: Weighting) -> Filter:
         return Filter(np.ones_like, ringing=0.0, identity=True)
     return Filter(
         lambda frequency: complex_weighting(frequency, weighting),
+        upper=_WEIGHTINGS_REACH,
         settling=_WEIGHTINGS_SETTLE,
-        ringing=_WEIGHTINGS_RING,
-        silent=_WEIGHTINGS_SETTLE,
-        sampled=partial(_sampled_weighting, weighting),
+        ringing=WEIGHTINGS_RING,
+        weighting=weighting,
     )
 
 
-@lru_cache(maxsize=16)
-def _sampled_weighting(weighting: Weighting, rate: float, lines: int) -> NDArray[np.complex128]:
-    def magnitude(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.sqrt(power_weighting(frequency, weighting))
+def sampled_weighting(weighting: Weighting, rate: float, samples: int) -> NDArray[np.float64]:
+    """The first samples of the impulse response of the causal sampled filter with a weighting's magnitude.
 
-    return minimum_phase(magnitude, ZEROS[weighting], rate, lines, _WEIGHTINGS_RING)
+    Each pole at -s and each zero at 0 becomes one of a recursive filter, at exp(-s / rate) and 1. What these leave of
+    the magnitude is so even that its response is short, whatever the rate; it is made causal by `minimum_phase`.
+
+    Examples
+    --------
+    >>> response = np.fft.rfft(sampled_weighting("A", 48000.0, 1 << 14))
+    >>> float((20 * np.log10(np.abs(response[np.argmin(np.abs(np.fft.rfftfreq(1 << 14, 1 / 48e3) - 100))]))).round(1))
+    -19.2
+    """
+    poles = np.exp(-2.0 * np.pi * np.array(POLES[weighting]) / rate)
+    zeros = np.arange(poles.size) < ZEROS[weighting]
+
+    def rest(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+        later = np.exp(-2j * np.pi * frequency / rate)
+        found = np.sqrt(power_weighting(frequency, weighting))
+        for pole, zero in zip(poles, zeros, strict=True):
+            found *= np.abs(1.0 - pole * later) / (np.abs(1.0 - later) if zero else 1.0)
+        return found
+
+    short = np.fft.irfft(minimum_phase(rest, 0, rate, _LINES + 1, 0.0))
+    # Long enough for what is cut off to have rung out.
+    points = 1 << math.ceil(math.log2(max(2.0 * WEIGHTINGS_RING * rate, short.size)))
+    later = np.exp(-2j * np.pi * np.arange(points // 2 + 1) / points)
+    lines = np.fft.rfft(short, points)
+    for pole, zero in zip(poles, zeros, strict=True):
+        lines *= ((1.0 - later) if zero else 1.0) / (1.0 - pole * later)
+    return np.fft.irfft(lines)[:samples]
 
 
 def minimum_phase(

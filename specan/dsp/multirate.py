@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 import math
+import threading
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.freed_memory import keep_freed_memory
-from specan.dsp.overlapped_blocks import BlockGrid
+from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.windows import falling_step
 
 FACTOR = 8
 PASS, STOP = 0.40, 0.50
 """Edges of the low-pass filter over the new sampling rate: response 1 to 1e-17 below PASS, 0 above STOP."""
+
+
+# Bytes; glibc takes note of pieces up to 32 MB. Transforms of a few rows work in 1 to 4 MB, a short file in some 20 MB.
+_LARGE = 31 << 20
+
+
+def keep_freed_memory() -> None:
+    """Let the C library keep what it has been given back, up to 62 MB, for what is asked for next.
+
+    Every transform asks for memory to work in. glibc gets pieces beyond a threshold from the system and gives them
+    back at once, and each new page costs a fault: a fifth of the CPU time of level histories, a twelfth of that of many
+    short files. The threshold becomes the size of the largest such piece that was ever freed, and twice that is kept
+    (mallopt(3), M_MMAP_THRESHOLD). What is asked for here is never touched, so it takes no memory, and other C
+    libraries just take it back.
+    """
+    np.empty(_LARGE, dtype=np.uint8)
 
 
 @lru_cache(maxsize=16)
@@ -26,6 +42,20 @@ def low_pass(low: int) -> NDArray[np.float64]:
     response[-1] = 0.0
     response.flags.writeable = False
     return response
+
+
+class Memory(threading.local):
+    """Arrays that are used again: on fresh memory, a transform takes twice the time."""
+
+    def __init__(self) -> None:
+        self._kept: dict[str, NDArray[np.uint8]] = {}
+
+    def take(self, name: str, rows: int, count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """An array of that shape, which holds anything."""
+        size = rows * count * dtype.itemsize
+        if name not in self._kept or self._kept[name].size < size:
+            self._kept[name] = np.empty(size, dtype=np.uint8)
+        return self._kept[name][:size].view(dtype).reshape(rows, count)
 
 
 class Decimator:
@@ -160,9 +190,6 @@ class MultirateTransform:
     sampling_rate : float
         In Hz.
     consumer : Consumer
-    offset : ndarray, shape (channels,), optional
-        A constant part of each channel that is taken off all its samples: a filter at rest would be struck by it
-        when the record begins and ends.
     """
 
     def __init__(
@@ -170,13 +197,11 @@ class MultirateTransform:
         rows: int,
         sampling_rate: float,
         consumer: Consumer,
-        offset: NDArray[np.float64] | None = None,
     ) -> None:
         keep_freed_memory()
-        self._offset = None if offset is None or not offset.any() else offset[:, None]
         self.stages = stages_of(sampling_rate)
         self._rows, self._consumer = rows, consumer
-        self._grids = [BlockGrid(rows, LENGTH) for _ in self.stages]
+        self._grids = [OverlappedBlocks(LENGTH) for _ in self.stages]
         self._decimators: list[Decimator | None] = [None] * len(self.stages)
         self._halves = [0] * len(self.stages)
         self._padded = PaddedTransform(rows)
@@ -188,8 +213,8 @@ class MultirateTransform:
     def finish(self) -> None:
         """Take what is left after the last samples, on every stage."""
         for number, grid in enumerate(self._grids):
-            low = self._take(number, grid.rest()) if grid.rest().shape[1] else None
-            self._grids[number] = BlockGrid(self._rows, LENGTH)
+            low = None if grid.rest is None or not grid.rest.shape[1] else self._take(number, grid.rest)
+            self._grids[number] = OverlappedBlocks(LENGTH)
             if low is not None:
                 self._pass_on(number + 1, low)
             decimator, self._decimators[number] = self._decimators[number], None
@@ -197,9 +222,8 @@ class MultirateTransform:
                 self._pass_on(number + 1, decimator.rest())
 
     def _pass_on(self, number: int, samples: NDArray[np.float64]) -> None:
-        blocks = self._grids[number].add(samples)
-        while blocks:  # a block is let go of before the lower rates have theirs
-            low = self._take(number, blocks.pop(0))
+        for block in self._grids[number].feed(samples):
+            low = self._take(number, block)
             if low is not None:
                 self._pass_on(number + 1, low)
 
@@ -210,8 +234,6 @@ class MultirateTransform:
         low = None if stage.last else np.empty((self._rows, LENGTH // FACTOR))
         for rows in few_rows(self._rows):
             part = block[rows]
-            if number == 0 and self._offset is not None:
-                part = part - self._offset[rows]
             transform = self._padded(part, half)
             self._consumer.take(stage, rows, part, transform, half)
             if low is not None:

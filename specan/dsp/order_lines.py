@@ -21,6 +21,10 @@ _NEAR, _NEAREST, _LINES = (
     24,
 )  # bins about a given order that are not noise; first and number of those that are
 MOST_TURNS = 60  # longest common period that is looked for
+LOSS_DB = 0.1  # of a line, from which on it is told: twice what a good tacho leaves
+MOST_LOSS_DB = 60.0  # that is reckoned with
+FEWEST = 8  # pieces of a record that tell how a phase goes
+OTHERS = 0.03  # part of a line's lost power that may show in its size: of noise and other lines it is a half
 BLOCKS = 8  # blocks of turns from which on their scatter is given
 
 
@@ -110,6 +114,82 @@ def fit_lines(samples: Real, per_turn: int, orders: Sequence[float], *, first_tu
     turned = np.exp(-2j * np.pi * given * first_turn)
     gain = _spread(gram, given.size)
     return Lines(found * turned, noise * gain, scatter, period)
+
+
+@dataclass(frozen=True)
+class Departure:
+    """How the phase of a line departs from the angle that it should follow.
+
+    Attributes
+    ----------
+    order : float
+    loss_dB : float
+        By which the line reads low.
+    slope : float
+        Mean change of the phase, cycles a turn.
+    steady : bool
+        Whether the slope alone makes the loss: the angle is right but for a factor.
+    """
+
+    order: float
+    loss_dB: float
+    slope: float
+    steady: bool
+
+    def relative_error(self, orders: ArrayLike) -> Real:
+        """Part of their reading that lines of other orders lack: the loss in dB goes with the order squared."""
+        loss_dB = np.minimum(self.loss_dB * (np.asarray(orders) / self.order) ** 2, MOST_LOSS_DB)
+        return np.asarray(10 ** (loss_dB / 20) - 1)
+
+
+def departure(x: Real, per_turn: int, order: float, highest: float, sloped: bool = False) -> Departure | None:
+    """Whether a line keeps its phase; None where it does, or where nothing can be told.
+
+    The line's complex amplitude z in pieces of a turn, of half a turn and so on: an angle that is wrong turns its phase
+    and leaves its size, mean |z| > |mean z|. Noise and other lines nearby change the size as well: of their power half
+    is seen in the size, of the angle's nothing.
+
+    Parameters
+    ----------
+    x : array (n,)
+        Samples at equal angles.
+    highest : float
+        Order whose loss would be told; it grows with the order squared.
+    sloped : bool
+        The order is not exactly known: a constant change of its phase is none.
+
+    Examples
+    --------
+    >>> u = np.arange(64 * 100) / 64
+    >>> found = departure(np.cos(2 * np.pi * 10 * 1.0002 * u), 64, 10.0, 10.0)
+    >>> round(found.loss_dB, 2), round(found.slope, 6), found.steady
+    (0.58, 0.002, True)
+    >>> departure(np.cos(2 * np.pi * 10 * u), 64, 10.0, 10.0)
+    """
+    turned, found = x * np.exp(-2j * np.pi * order / per_turn * np.arange(x.size)), None
+    least_dB = LOSS_DB * (order / highest) ** 2
+    for part in (1, 2, 4, 8):
+        z = _pieces(turned, per_turn // part)
+        if order < part or z.size < FEWEST:
+            break
+        number = np.arange(z.size)
+        slope, start = np.polyfit(number, np.unwrap(np.angle(z)), 1)
+        level = z * np.exp(-1j * (slope * number + start))
+        power, size = np.mean(np.abs(z) ** 2), np.mean(np.abs(z)) ** 2
+        left, levelled = np.abs(z.mean()) ** 2, np.abs(level.mean()) ** 2
+        left = max(left, levelled) if sloped else left
+        loss_dB = float(10 * np.log10(size / max(left, 1e-30 * size))) if size else 0.0
+        of_angle = power - size < OTHERS * (power - left)
+        if of_angle and loss_dB > max(least_dB, found.loss_dB if found else 0.0):
+            steady = size < 10 ** (LOSS_DB / 10) * levelled
+            found = Departure(order, loss_dB, float(slope / (2 * np.pi) * part), bool(steady))
+    return found
+
+
+def _pieces(turned: NDArray[np.complex128], length: int) -> Complex:
+    """Mean of pieces of so many samples."""
+    count = turned.size // length
+    return turned[: count * length].reshape(count, length).mean(axis=1)
 
 
 def _check_spacing(orders: Real, turns: int) -> float:

@@ -11,10 +11,15 @@ from numpy.typing import NDArray
 class OverlappedBlocks:
     """Cuts consecutive pieces (channels, m) into blocks that begin at 0, hop, 2 hop, ...
 
+    A result that is a sum over blocks depends on where these begin (in its last bits at least). On this grid it depends
+    on the samples alone, not on how much of them a reader holds at once.
+
     Parameters
     ----------
-    block, hop : int
-        Length of a block and distance of their beginnings, in samples.
+    block : int
+        Length of a block in samples.
+    hop : int, optional
+        Distance of their beginnings; by default one follows the other.
     shifts : sequence of int, optional
         Samples by which each channel is read later than the grid says (to align delayed channels).
 
@@ -25,7 +30,8 @@ class OverlappedBlocks:
     [[0.0, 1.0, 2.0, 3.0], [2.0, 3.0, 4.0, 5.0]]
     """
 
-    def __init__(self, block: int, hop: int, shifts: Sequence[int] | None = None) -> None:
+    def __init__(self, block: int, hop: int | None = None, shifts: Sequence[int] | None = None) -> None:
+        hop = block if hop is None else hop
         if not 0 < hop <= block:
             raise ValueError(f"a hop of {hop} samples for blocks of {block}")
         self.block, self.hop = block, hop
@@ -56,6 +62,11 @@ class OverlappedBlocks:
         else:
             yield from self._whole(samples[:, start - held :])
 
+    @property
+    def rest(self) -> NDArray[np.float64] | None:
+        """The samples after the last complete block of those that follow each other; None before the first sample."""
+        return self._held
+
     def _whole(self, samples: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
         start = 0
         while start + self._span <= samples.shape[1]:
@@ -69,56 +80,3 @@ class OverlappedBlocks:
         return np.stack(
             [row[start + s : start + s + self.block] for row, s in zip(samples, self._shifts, strict=True)]
         )
-
-
-class BlockGrid:
-    """Regroups what a reader delivers into blocks that begin at multiples of `size`.
-
-    A result that is a sum over blocks depends on where these begin (in its last bits at least). With the
-    grid laid down here it depends on the samples alone, not on how much of them a reader holds at once.
-
-    Parameters
-    ----------
-    rows : int
-        Number of channels.
-    size : int
-        Samples of a block.
-
-    Examples
-    --------
-    >>> grid = BlockGrid(1, 4)
-    >>> [block.tolist() for block in grid.add(np.arange(6.0)[None])]
-    [[[0.0, 1.0, 2.0, 3.0]]]
-    >>> [block.tolist() for block in grid.add(np.arange(6.0, 9.0)[None])], grid.rest().tolist()
-    ([[[4.0, 5.0, 6.0, 7.0]]], [[8.0]])
-    """
-
-    def __init__(self, rows: int, size: int) -> None:
-        self.size = size
-        self._block: NDArray[np.float64] = np.empty((rows, 0))
-        self._filled = 0
-
-    def add(self, samples: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Take consecutive samples, shape (rows, n); return the blocks that they complete."""
-        blocks, first = [], 0
-        if self._filled:
-            first = min(self.size - self._filled, samples.shape[1])
-            self._hold(samples[:, :first])
-            if self._filled < self.size:
-                return []
-            blocks.append(self._block)
-        whole = first + (samples.shape[1] - first) // self.size * self.size
-        blocks += [samples[:, begin : begin + self.size] for begin in range(first, whole, self.size)]
-        self._block, self._filled = np.empty((samples.shape[0], 0)), 0
-        if whole < samples.shape[1]:
-            self._block = np.empty((samples.shape[0], self.size))
-            self._hold(samples[:, whole:])
-        return blocks
-
-    def _hold(self, samples: NDArray[np.float64]) -> None:
-        self._block[:, self._filled : self._filled + samples.shape[1]] = samples
-        self._filled += samples.shape[1]
-
-    def rest(self) -> NDArray[np.float64]:
-        """The samples after the last complete block, shape (rows, fewer than `size`)."""
-        return self._block[:, : self._filled]

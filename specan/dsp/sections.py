@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -52,12 +54,15 @@ def shape_for(ringing: float, samples: int, stage: int = 0) -> Shape:
     >>> shape_for(8200.0, 51200).points  # a short record
     65536
     """
-    before = LENGTH if ringing > LENGTH else -(-max(round(ringing), LATE + _RINGS) // GRAIN) * GRAIN
+    before = LENGTH if math.isinf(ringing) else min(round(ringing), samples)
+    before = -(-max(before, LATE + _RINGS) // GRAIN) * GRAIN
     whole = -(-(before + samples + LATE + _RINGS + _AFTER) // GRAIN)
-    points = min(_TIMES * before, GRAIN * fast_length(whole), _LONGEST_BELOW if stage else _LONGEST)
+    longest = max(_LONGEST_BELOW if stage else _LONGEST, GRAIN * fast_length(2 * before // GRAIN + 1))
+    points = min(_TIMES * before, GRAIN * fast_length(whole), longest)
     return Shape(before, points - before - _AFTER, _AFTER)
 
 
+@lru_cache(maxsize=256)
 def fast_length(count: int) -> int:
     """The least 2^a 3^b 5^c that is not smaller: transforms of such lengths are fast."""
     while True:
@@ -144,6 +149,12 @@ class Sections:
                 self._exact *= self._factor
             self._exact /= self.scale[:, None]
         return self._exact
+
+    def lines_of(self, samples: NDArray[np.float64]) -> NDArray[np.complex64]:
+        """What samples (rows, points) would add to `spectrum`."""
+        lines = np.fft.rfft(samples)
+        lines *= (1.0 if self._factor is None else self._factor) / self.scale[:, None]
+        return lines.astype(np.complex64)
 
     @property
     def fresh(self) -> NDArray[np.float64]:

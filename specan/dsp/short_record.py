@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from functools import lru_cache
 
 import numpy as np
@@ -11,8 +10,12 @@ from numpy.typing import NDArray
 
 from specan.dsp import bands
 from specan.dsp.frequency_nodes import Spread
-from specan.dsp.multirate import FACTOR, LENGTH, LOWEST_PART, ROWS, Stage, low_pass, stages_of
+from specan.dsp.multirate import FACTOR, LENGTH, LOWEST_PART, ROWS, Memory, Stage, low_pass, stages_of
+from specan.dsp.sections import fast_length
 from specan.dsp.windows import falling_step
+
+# Thinning divides a transform.
+_UNIT = 2 * FACTOR
 
 LONGEST = 4 * LENGTH
 """Samples of a short record. Beyond, a transform of the whole no longer stays in the cache and blocks cost less."""
@@ -95,15 +98,17 @@ def add_energy(
         rows, stream = slice(top, top + ROWS), samples[top : top + ROWS]
         for stage in stages_of(sampling_rate):
             count = stream.shape[1]
-            points = _fast(count + _settling(fraction))
-            padded = _memory.real("padded", len(stream), points)
+            points = _UNIT * fast_length(-(-(count + _settling(fraction)) // _UNIT))
+            padded = _memory.take("padded", len(stream), points, _REAL)
             if factors is None or stage.number > 0:
                 padded[:, :count] = stream
             else:
                 np.multiply(stream, factors, out=padded[:, :count])
             padded[:, count:] = 0.0
-            transform = np.fft.rfft(padded, out=_memory.complex(len(stream), points // 2 + 1))
-            lines = _memory.real("lines", len(stream), points // 2 + 1)
+            transform = np.fft.rfft(
+                padded, out=_memory.take("transform", len(stream), points // 2 + 1, _COMPLEX)
+            )
+            lines = _memory.take("lines", len(stream), points // 2 + 1, _REAL)
             np.multiply(transform.real, transform.real, out=lines)
             lines += np.multiply(transform.imag, transform.imag, out=padded[:, : points // 2 + 1])
             if stage.number == 0:
@@ -115,24 +120,8 @@ def add_energy(
     return energy
 
 
-class _Memory(threading.local):
-    """Arrays that are used again: on fresh memory, a transform takes twice the time."""
-
-    def __init__(self) -> None:
-        self._flat: dict[str, NDArray[np.float64]] = {}
-
-    def real(self, name: str, rows: int, points: int) -> NDArray[np.float64]:
-        """An array of that shape, which holds anything."""
-        if name not in self._flat or self._flat[name].size < rows * points:
-            self._flat[name] = np.empty(rows * points)
-        return self._flat[name][: rows * points].reshape(rows, points)
-
-    def complex(self, rows: int, points: int) -> NDArray[np.complex128]:
-        """Likewise, for a transform."""
-        return self.real("transform", rows, 2 * points).view(np.complex128)
-
-
-_memory = _Memory()
+_REAL, _COMPLEX = np.dtype(np.float64), np.dtype(np.complex128)
+_memory = Memory()
 
 
 def _thinned(transform: NDArray[np.complex128], count: int) -> NDArray[np.float64]:
@@ -148,14 +137,3 @@ def _spread(stage: Stage, points: int, first: int) -> Spread:
     share = share_of_lines(stage, points)
     share[share < _NOTHING * share.max()] = 0.0
     return Spread(first, share, stage.rate / points)
-
-
-@lru_cache(maxsize=64)
-def _fast(least: int) -> int:
-    """The next length from `least` on of which a transform is fast, and that thinning divides."""
-    found, unit = [], 2 * FACTOR
-    for fives in range(7):
-        for threes in range(9):
-            factor = unit * 5**fives * 3**threes
-            found.append(factor << max(0, math.ceil(math.log2(least / factor))))
-    return min(found)

@@ -34,17 +34,17 @@ class SineFit(NamedTuple):
 
 def tone_basis(n: int, rate: float, frequency_hz: float, harmonics: int = 1) -> Real:
     """Rows cos, sin of the fundamental, cos, sin of each harmonic below rate/2, and ones: (2 h + 1, n)."""
-    order = harmonics_below_nyquist(rate, frequency_hz, harmonics)
+    order = harmonics_below_nyquist(rate, frequency_hz, harmonics, n)
     angle = 2 * np.pi * (frequency_hz / rate) * np.arange(n)
     rows = [f(k * angle) for k in range(1, order + 1) for f in (np.cos, np.sin)]
     return np.stack([*rows, np.ones(n)])
 
 
-def harmonics_below_nyquist(rate: float, frequency_hz: float, harmonics: int) -> int:
-    """How many of the wished harmonics lie below half the sampling rate."""
+def harmonics_below_nyquist(rate: float, frequency_hz: float, harmonics: int, n: int) -> int:
+    """How many of the wished harmonics lie half a line of n samples or more below half the sampling rate."""
     if not 0 < frequency_hz < rate / 2:
         raise ValueError(f"frequency {frequency_hz} Hz is not between 0 and {rate / 2} Hz")
-    return max(1, min(harmonics, int(np.ceil(rate / 2 / frequency_hz)) - 1))
+    return max(1, min(harmonics, int(_inside(rate / 2, rate, n) / frequency_hz)))
 
 
 def products(basis: Real, samples: Real) -> Real:
@@ -64,7 +64,7 @@ def fit_sine(samples: Real, rate: float, frequency_hz: float, harmonics: int = 1
     rate, frequency_hz : float
         In hertz. The number of cycles in the record need not be whole.
     harmonics : int
-        1 for the fundamental alone; harmonics at or above rate/2 are left out.
+        1 for the fundamental alone; harmonics at or above rate/2, or less than half a line below it, are left out.
 
     Examples
     --------

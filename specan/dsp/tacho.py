@@ -23,6 +23,8 @@ _LEVELS_APART = (
 )
 _NEAR = 4  # intervals to either side whose median tells what an interval should be
 _SHORT, _LONG = 0.6, 1.5  # of that: below, one pulse is too many; above, pulses are missing
+# Intervals whose pulses can be counted: no more than the neighbours reach that tell what an interval should be.
+COUNTABLE = 2 * _NEAR
 _DEGREE = 5  # of the spline: the change of the speed is smooth too
 
 
@@ -38,12 +40,15 @@ class Pulses:
         Which pulse it is, counted from the first one; a missing pulse leaves a gap.
     missing, double : int
         Pulses that should have been there, and pulses that were taken away.
+    silent : tuple of (float, float)
+        From when to when there are no pulses, and none can be counted: the shaft stands still, or the tacho fails.
     """
 
     time: Real
     number: NDArray[np.int64]
     missing: int
     double: int
+    silent: tuple[tuple[float, float], ...] = ()
 
 
 def pulse_times(samples: Real, sampling_rate: float) -> Real:
@@ -127,17 +132,20 @@ def _levels(x: Real, sampling_rate: float) -> tuple[float, float]:
             raise InputError(
                 f"the tacho rises {rate:.0f} times a second, too often for {sampling_rate:.6g} samples a second",
                 expected=f"at least {FEWEST} samples a pulse",
-                remedy=f"sample at {FEWEST * rate:.0f} Hz or more, take a tacho with fewer pulses a turn, or give the "
+                remedy=f"sample at {FEWEST * rate:.0f} Hz or more, use a tacho with fewer pulses per turn, or give the "
                 "speed; if these are no pulses, name the right channel",
             )
     raise InputError(
-        "the tacho shows no pulses: its signal has no two levels",
+        "the tacho shows no pulses: its signal does not have two levels",
         remedy="name the right channel, or give the speed",
     )
 
 
-def repair(times: Real) -> Pulses:
-    """Take double pulses away and leave gaps where pulses are missing.
+def repair(times: Real, start: float = -np.inf, stop: float = np.inf) -> Pulses:
+    """Take double pulses away and leave gaps where pulses are missing, in one part in which the shaft turns.
+
+    Of several parts, with gaps between them that are too long to be counted, the one that is longest between `start`
+    and `stop` is taken.
 
     What an interval should be is the median of its neighbours. Of two pulses that are too close, that one goes whose
     absence leaves the more even interval.
@@ -166,9 +174,10 @@ def repair(times: Real) -> Pulses:
         away = _worse_of_two(spacing, usual, short)
         double += away.size
         kept = np.delete(kept, away)
+    kept, silent = _longest_part(kept, start, stop)
     spacing = np.diff(kept)
-    steps = np.maximum(np.rint(spacing / _usual(spacing)), 1.0)
-    steps = np.where(spacing < _LONG * _usual(spacing), 1.0, steps).astype(np.int64)
+    usual = _usual(spacing)
+    steps = np.where(spacing < _LONG * usual, 1.0, np.rint(spacing / usual)).astype(np.int64)
     missing = int(np.sum(steps - 1))
     if missing + double > max(1.0, MOST_FAULTS * kept.size) and missing + double > 2:
         raise InputError(
@@ -176,14 +185,35 @@ def repair(times: Real) -> Pulses:
             expected=f"at most {100 * MOST_FAULTS:g} % of them",
             remedy="check its level and its cable, or give the speed",
         )
-    return Pulses(kept, np.concatenate([[0], np.cumsum(steps)]), missing, double)
+    return Pulses(kept, np.concatenate([[0], np.cumsum(steps)]), missing, double, silent)
+
+
+def _longest_part(times: Real, start: float, stop: float) -> tuple[Real, tuple[tuple[float, float], ...]]:
+    """Pulses between two gaps that are too long to be counted, and those gaps.
+
+    A shaft that stops or starts gives ever longer intervals: none tells how many pulses the last one should have.
+    """
+    spacing = np.diff(times)
+    gaps = np.flatnonzero(spacing > COUNTABLE * _usual(spacing))
+    silent = tuple((float(times[k]), float(times[k + 1])) for k in gaps)
+    parts = np.split(times, gaps + 1)
+    kept = max(parts, key=lambda part: min(part[-1], stop) - max(part[0], start))
+    while kept.size > 4:
+        spacing = np.diff(kept)
+        first, *_, last = spacing > _LONG * _usual(spacing)
+        if not (first or last):
+            break
+        kept = kept[int(first) : kept.size - int(last)]
+    return kept, silent
 
 
 def _usual(spacing: Real) -> Real:
-    """Median of the intervals about each one."""
+    """Median of the intervals about each one; where a shaft is slowest, the shorter one of its two neighbours."""
     width = min(_NEAR, (spacing.size - 1) // 2)
     padded = np.pad(spacing, width, mode="reflect") if width else spacing
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1), axis=1)
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1), axis=1)
+    beside = np.pad(spacing, 1, constant_values=0.0)
+    return np.maximum(middle, np.minimum(beside[:-2], beside[2:]))
 
 
 def _worse_of_two(spacing: Real, usual: Real, short: NDArray[np.intp]) -> NDArray[np.intp]:

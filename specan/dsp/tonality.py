@@ -135,7 +135,7 @@ def _with_a_line(x: Real, rate: float, power: Real, share: float, band: tuple[fl
         return Appearance("narrow", frequency, share, 0.0, band)
     if share < TONE_SHARE:
         return Appearance("mixed", frequency, share, amplitude, band)
-    order = harmonics_below_nyquist(rate, frequency, _HARMONICS)
+    order = harmonics_below_nyquist(rate, frequency, _HARMONICS, n)
     whole = fit_sine(x, rate, frequency, order)
     squares = np.abs(whole.phasors) ** 2
     if squares[0] < _FUNDAMENTAL * squares.sum() or _has_other_lines(x, rate, whole.phasors, frequency):

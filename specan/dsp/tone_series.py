@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.overlapped_blocks import BlockGrid
+from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.sine_fit import phasors_of, products, solve_normal, tone_basis
 
 Real = NDArray[np.float64]
@@ -95,14 +95,14 @@ class ToneSeries:
         self.rate, self.frequency_hz, self.block = rate, frequency_hz, block
         self._basis = tone_basis(block, rate, frequency_hz, harmonics)
         self._gram = products(self._basis, self._basis)
-        self._grid = BlockGrid(n_channels, block)
+        self._grid = OverlappedBlocks(block)
         self._series: list[Complex] = []
         self._sum, self._square, self._residual = np.zeros((3, n_channels))
         self._count = 0
 
     def add(self, samples: Real) -> None:
         """Take the next samples (channels, m), m of any length."""
-        for block in self._grid.add(samples):
+        for block in self._grid.feed(samples):
             found = products(self._basis, block)
             self._sum += found[:, -1]
             square = np.add.reduce(block * block, axis=-1)

@@ -104,16 +104,9 @@ def estimate(
     instrument = (auto_instrument, instrument_reference, instrument_response)
     if estimator == "H3c" and any(given is None for given in instrument):
         raise ValueError("H3c needs the spectra of an instrument")
-    if cross.ndim < 2 or cross.size <= _TOGETHER or auto_response.shape != cross.shape:
+
+    def of(rows: slice) -> Estimate:
         return _estimate(
-            estimator, auto_reference, auto_response, cross, n_effective, line_correlation, *instrument
-        )
-    found = Estimate(np.empty(cross.shape, dtype=complex), *(np.empty(cross.shape) for _ in range(3)))
-    step = max(1, _TOGETHER // (cross.size // len(cross)))
-    for first in range(0, len(cross), step):
-        rows = slice(first, first + step)
-        of_rows = None if instrument_response is None else instrument_response[rows]
-        part = _estimate(
             estimator,
             auto_reference,
             auto_response[rows],
@@ -122,11 +115,14 @@ def estimate(
             line_correlation,
             auto_instrument,
             instrument_reference,
-            of_rows,
+            None if instrument_response is None else instrument_response[rows],
         )
-        for total, new in zip(found, part, strict=True):
-            total[rows] = new
-    return found
+
+    step = max(1, _TOGETHER * len(cross) // max(cross.size, 1))
+    if cross.ndim < 2 or len(cross) <= step or auto_response.shape != cross.shape:
+        return of(slice(None))
+    parts = [of(slice(first, first + step)) for first in range(0, len(cross), step)]
+    return Estimate(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
 def _estimate(

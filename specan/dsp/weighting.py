@@ -34,6 +34,14 @@ F_5 = 10.0**2.2
 
 ZEROS: dict[Weighting, int] = {"Z": 0, "A": 4, "B": 3, "C": 2}
 """Zeros at 0 Hz."""
+_C_POLES = (F_1, F_1, F_4, F_4)
+POLES: dict[Weighting, tuple[float, ...]] = {
+    "Z": (),
+    "A": (*_C_POLES, F_2, F_3),
+    "B": (*_C_POLES, F_5),
+    "C": _C_POLES,
+}
+"""Frequencies in Hz, of poles on the negative real axis."""
 
 
 def power_weighting(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.float64]:

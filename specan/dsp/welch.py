@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specan.dsp.motion import convert
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.windows import WindowName, window, window_correlation
 
@@ -126,6 +127,8 @@ class CrossSpectra:
     averaging : {"linear", "exponential", "max", "min"}
         Exponential: each new block has the weight 1/n_exponential once there are that many.
         Max and min hold keep the largest and smallest density of each line, and have no cross spectra.
+    derivatives : sequence of int, optional
+        How many times each channel is differentiated before the window; see `specan.dsp.motion.convert`.
 
     Examples
     --------
@@ -153,6 +156,7 @@ class CrossSpectra:
         shifts: Sequence[int] | None = None,
         averaging: Averaging = "linear",
         n_exponential: int = 10,
+        derivatives: Sequence[int] = (),
     ) -> None:
         if averaging in ("max", "min") and references:
             raise ValueError("a hold has no cross spectra")
@@ -162,6 +166,7 @@ class CrossSpectra:
         self.averaging, self.n_exponential, self.detrend = averaging, n_exponential, detrend
         self.shifts = [0] * n_channels if shifts is None else list(shifts)
         self.n_blocks = 0
+        self._derivatives = [(row, times) for row, times in enumerate(derivatives) if times]
         self._lines = block // 2 if lines is None else min(lines, block // 2)
         self._window = window(window_name, block)
         self._grid = OverlappedBlocks(block, self.hop, shifts)
@@ -182,9 +187,11 @@ class CrossSpectra:
         if self.detrend:
             mean = np.add.reduce(block, axis=-1, keepdims=True) / self.block
             np.subtract(block, mean, out=windowed)
-            windowed *= self._window
         else:
-            np.multiply(block, self._window, out=windowed)
+            np.copyto(windowed, block)
+        for row, times in self._derivatives:
+            convert(windowed[row], times)
+        windowed *= self._window
         spectra = np.fft.rfft(windowed, axis=-1, out=transformed)[:, : self._lines + 1]
         self.n_blocks += 1
         np.multiply(spectra.real, spectra.real, out=power)

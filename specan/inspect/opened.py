@@ -84,20 +84,28 @@ class Chosen:
     @property
     def patterns(self) -> tuple[str, ...]:
         """For the settings of an analysis."""
-        return tuple(f"{c.group}/{c.name}" for c in self.channels)
+        return tuple(c.path for c in self.channels)
 
 
 @dataclass(frozen=True)
 class Opened:
-    """One recording, or two of which the second is laid over the first."""
+    """One recording, or two of which the second is laid over the first.
+
+    Attributes
+    ----------
+    recordings : tuple of Recording
+    arguments : tuple of str
+        Options of the command line with which they were opened.
+    """
 
     recordings: tuple[Recording, ...]
+    arguments: tuple[str, ...] = ()
 
     @property
     def keys(self) -> dict[str, tuple[int, Channel]]:
         """Channels that can be shown, by the name that they have in an address."""
         return {
-            f"{'2:' if number else ''}{c.group}/{c.name}": (number, c)
+            f"{'2:' if number else ''}{c.path}": (number, c)
             for number, recording in enumerate(self.recordings)
             for c in recording.channels
             if c.sampling_rate > 0 and c.n_samples > 0
@@ -120,7 +128,14 @@ class Opened:
         """Keys of channels that are no tachos, nor the channel that is named as one."""
         known = self.keys
         return tuple(
-            k for k in keys if k in known and known[k][1].role != "tacho" and known[k][1].name != named
+            k for k in keys if k in known and known[k][1].role != "tacho" and known[k][1].label != named
+        )
+
+    @property
+    def calibration(self) -> str:
+        """Which calibration the channels have."""
+        return ", ".join(
+            dict.fromkeys(r.calibration_of([c.name for c in r.channels]) for r in self.recordings)
         )
 
     @property

@@ -230,19 +230,19 @@ class Lines:
             PanTool(), BoxZoomTool(), wheel, hover, CrosshairTool(line_alpha=0.4), ResetTool(), SaveTool()
         )
         self.sheet.toolbar.active_scroll = wheel
-        if tip[1] == "degrees":  # ticks at quarters and eighths of a turn
-            self.sheet.yaxis[0].ticker = AdaptiveTicker(base=10, mantissas=[1, 2, 4.5, 9], min_interval=1)
+        if tip[1] == "degrees":  # ticks at halves, quarters and eighths of a turn
+            self.sheet.yaxis[0].ticker = AdaptiveTicker(base=10, mantissas=[1.8, 4.5, 9], min_interval=1)
             self.sheet.ygrid.ticker = self.sheet.yaxis[0].ticker
         self.sheet.toolbar.logo = None
-        # Figures under one another have their frames in line.
-        self.sheet.update(min_border_left=66, min_border_right=8)
+        # Figures under one another have their frames in line: the toolbar is inside, two lines of label fit.
+        self.sheet.update(min_border_left=88, min_border_right=12, toolbar_inner=True)
+        self.sheet.toolbar.autohide = True
         if not named:
             self.sheet.xaxis[0].major_label_text_font_size = "0px"
         if weight < 3:
             self.sheet.yaxis[0].ticker.desired_num_ticks = 2 * weight
         if like is not None:
             self.sheet.toolbar.visible = False
-            self.sheet.min_border_right = 38  # the width of the toolbar of the first
         self._cursor = HarmonicCursor(self.sheet, "height")
         if hertz:
             hertz_axis(self.sheet, self.sheet.xaxis[0])

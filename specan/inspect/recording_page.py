@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bokeh.layouts import column, row
 from bokeh.models import Checkbox, Div, MultiSelect, NumericInput, RadioButtonGroup, ScrollBox
 
+from specan.data.calibration import stated
 from specan.errors import RequestError, SpecanError
 from specan.inspect.kept_bands import KeptBands
 from specan.inspect.look import KEYS, PANEL, BrowserLink, Busy, Dress, asked_for, header, notice, sheet
@@ -24,11 +25,11 @@ from specan.inspect.view import View, commands
 from specan.inspect.waveform_view import WaveformView, read_overviews
 from specan.inspect.work import Tell, Work
 from specan.report.figures import figure_of
+from specan.result import RecordingResult
 
 if TYPE_CHECKING:
     from bokeh.document import Document
 
-Write = Callable[[Any, Path], None]
 FIRST_CHANNELS = 4  # on screen when nothing else is said
 _LEFT, _RIGHT = 214, 270  # px
 _GROWS = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
@@ -46,14 +47,10 @@ class RecordingPage:
     opened : Opened
     kept : KeptBands
         Shared by all windows.
-    writers : mapping of str to callable
-        For each tab, how its command writes its numbers to a file.
     """
 
-    def __init__(
-        self, document: Document, opened: Opened, kept: KeptBands, writers: Mapping[str, Write]
-    ) -> None:
-        self.document, self.opened, self.writers = document, opened, writers
+    def __init__(self, document: Document, opened: Opened, kept: KeptBands) -> None:
+        self.document, self.opened = document, opened
         self.link = BrowserLink()
         self.status = Busy(document, "status", height=20, sizing_mode="stretch_width")
         self.readout = Div(text="", name="readout", sizing_mode="stretch_width")
@@ -138,7 +135,7 @@ class RecordingPage:
 
     def _left(self) -> Any:
         view, keys = self.view, self.opened.keys
-        texts = [(key, plain(self.opened.text(n, f"{c.name}  [{c.unit}]"))) for key, (n, c) in keys.items()]
+        texts = [(key, plain(self.opened.text(n, f"{c.label}  [{c.unit}]"))) for key, (n, c) in keys.items()]
         self._channels = MultiSelect(
             title="Channels (Ctrl, Shift: several)", options=texts, value=list(view.channel),
             size=min(max(len(texts), 4), 28), width=_LEFT - 14, name="channels", sizing_mode="stretch_height",
@@ -158,7 +155,9 @@ class RecordingPage:
         harmonics = Checkbox(label="harmonics", active=view.harmonics, name="harmonics", margin=(26, 0, 0, 4))
         harmonics.on_change("active", lambda a, old, new: self.change(harmonics=new))
         return column(
-            self._channels, row(self._start, self._stop), row(self._cursor, harmonics), width=_LEFT,
+            self._channels, row(self._start, self._stop), row(self._cursor, harmonics),
+            Div(text=notice(f"Calibration: {self.opened.calibration}"), width=_LEFT - 14, name="calibration"),
+            width=_LEFT,
             sizing_mode="stretch_height", styles=PANEL,
         )  # fmt: skip
 
@@ -296,7 +295,7 @@ class RecordingPage:
             self._failed("There is nothing to save on this tab.")
             return
         for number, found in self.found:
-            result = found["numbers"] if isinstance(found, dict) else found
+            result = self._numbers(number, found)
             stem = Path(self.opened.recordings[number].label).stem
             try:
                 content = self._content(tab, kind, result)
@@ -305,14 +304,17 @@ class RecordingPage:
                 return
             self.link.save(f"{stem}_{view.tab}.{kind}", content)
 
+    def _numbers(self, number: int, found: Any) -> Any:
+        """The result of a tab, as the verb gives it."""
+        return stated(found["numbers"] if isinstance(found, dict) else found, self.opened.recordings[number])
+
     def _copy_numbers(self) -> None:
         tab = self.tabs[self.view.tab]
         if not self.found:
             self._failed("There are no numbers on this tab.")
             return
         texts = [
-            self._content(tab, "txt", found["numbers"] if isinstance(found, dict) else found).decode()
-            for _, found in self.found
+            self._content(tab, "txt", self._numbers(number, found)).decode() for number, found in self.found
         ]
         self.link.copy("\n".join(texts))
         self.status.end("The numbers are on the clipboard.")
@@ -324,9 +326,9 @@ class RecordingPage:
 
     def _content(self, tab: Tab, kind: str, result: Any) -> bytes:
         if kind == "txt":
-            if tab.name not in self.writers:
+            if not isinstance(result, RecordingResult):
                 raise RequestError(f"there are no numbers of {tab.title} to save")
-            return text_of(self.writers[tab.name], result)
+            return text_of(result)
         stream = io.BytesIO()
         figure_of(result, tab.figure_view).savefig(stream, format=kind, dpi=150)
         return stream.getvalue()

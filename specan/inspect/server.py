@@ -17,7 +17,7 @@ from bokeh.server.tornado import BokehTornado
 from bokeh.server.util import bind_sockets
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
-from tornado.web import OutputTransform, RequestHandler
+from tornado.web import OutputTransform, RedirectHandler, RequestHandler
 
 from specan.errors import RequestError
 
@@ -38,7 +38,7 @@ def start_server(fill: Callable[[Document], None], address: str = LOOPBACK, port
     fill : callable
         Puts the page into a document, once for every browser window.
     address : str
-        Where to listen.
+        Network address of the page.
     port : int
         0 takes any free one.
 
@@ -57,7 +57,7 @@ def start_server(fill: Callable[[Document], None], address: str = LOOPBACK, port
 
 
 def open_browser(url: str) -> bool:
-    """Show the page in the user's browser; False where there is none."""
+    """Show an address in the user's browser; False where there is none."""
     try:
         return webbrowser.open(url)
     except webbrowser.Error:
@@ -114,6 +114,8 @@ def _in_url(address: str) -> str:
 # - Its ``Host`` is the address that the server is bound to. A foreign name that is made to resolve to this machine (DNS
 #   rebinding) would otherwise be an origin of its own, whose scripts may read the page.
 # - Its path begins with a secret that is drawn anew at each start (128 bits) and is in the address that is printed.
+#   The command line of a browser is seen by every user of the machine: the browser is started with another address,
+#   which leads to the page once.
 # - A websocket, over which effects are accepted, names its ``Origin``, and that is the page itself.
 #
 # No answer may be shown in a frame of another page, where a click could be led astray.
@@ -134,13 +136,15 @@ class PageServer(BaseServer):
     ----------
     url : str
         Address of the page, with its secret.
+    first_url : str
+        Address that leads there once, for the command line of a browser.
     """
 
     def __init__(self, fill: Callable[[Document], None], host: str, address: str, port: int) -> None:
         sockets, port = bind_sockets(address, port)
-        key = secrets.token_urlsafe(16)
+        key, code = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
         try:
-            app = _Guarded(f"{host}:{port}", key, {"/": Application(FunctionHandler(fill))})
+            app = _Guarded(f"{host}:{port}", key, code, {"/": Application(FunctionHandler(fill))})
             http = HTTPServer(app, xheaders=False)
             http.start(1)
             http.add_sockets(sockets)
@@ -149,12 +153,12 @@ class PageServer(BaseServer):
                 one.close()
             raise
         super().__init__(IOLoop.current(), app, http)
-        self.url = f"http://{host}:{port}/{key}/"
+        self.url, self.first_url = (f"http://{host}:{port}/{word}/" for word in (key, code))
 
 
 class _Guarded(BokehTornado):
-    def __init__(self, host: str, key: str, applications: dict[str, Application]) -> None:
-        self._host, self._key = host, key
+    def __init__(self, host: str, key: str, code: str, applications: dict[str, Application]) -> None:
+        self._host, self._key, self._code = host, key, code
         super().__init__(
             applications,
             prefix=key,
@@ -166,18 +170,23 @@ class _Guarded(BokehTornado):
 
     def find_handler(self, request: HTTPServerRequest, **more: Any) -> Any:
         """Look at every request before any other code does."""
-        if not self._known(request):
+        if self._code and self._known(request, self._code):
+            self._code = ""
+            return self.get_handler_delegate(
+                request, RedirectHandler, {"url": f"/{self._key}/", "permanent": False}
+            )
+        if not self._known(request, self._key):
             return self.get_handler_delegate(request, _Refused)
         return super().find_handler(request, **more)
 
-    def _known(self, request: HTTPServerRequest) -> bool:
+    def _known(self, request: HTTPServerRequest, word: str) -> bool:
         host = request.headers.get("Host", "")
         if not self._is_own(host):
             return False
         if request.headers.get("Upgrade") is not None and request.headers.get("Origin") != f"http://{host}":
             return False
         path = (request.path or "").split("/")
-        return len(path) > 1 and secrets.compare_digest(path[1].encode(), self._key.encode())
+        return len(path) > 1 and secrets.compare_digest(path[1].encode(), word.encode())
 
     def _is_own(self, host: str) -> bool:
         """Whether a Host is the address that the server is bound to.

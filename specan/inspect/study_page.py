@@ -244,11 +244,7 @@ class StudyPage:
         self.verdict.text = ""
         if found is not None:
             because = reason(found.to_json())
-            fall = (
-                ""
-                if found.error is None
-                else f" RMS error of {found.error.before.observable}: {found.error.text}."
-            )
+            fall = "" if found.error is None else " ".join(["", *found.error.sentences])
             self.verdict.text = (
                 f'<span style="font-size:17px;font-weight:650">{escape(headline(found))}</span>'
                 f"<div>{escape(because + fall)}</div>"
@@ -282,7 +278,7 @@ class StudyPage:
                 "The uncertainty of the measurement is unknown, so the candidates cannot be ranked."
             )
             return
-        self.progress.begin("Looking for what is missing")
+        self.progress.begin("Searching for the missing effect")
 
         def say(text: str) -> None:
             self.diagnosing.later(lambda: self.progress.go_on(text[:1].upper() + text[1:]))
@@ -306,7 +302,7 @@ class StudyPage:
             self.tried = trial
             self._show(trial)
             self._write_address(tried=uses)
-            self.status.end(f"{name} is tried, not accepted.")
+            self.status.end(f"Trial: {name} (not accepted).")
             self._diagnose_if_due()
             self.accept.update(
                 label=f"Accept {name}", disabled=False, html_attributes={"title": f"Accept {name}"}

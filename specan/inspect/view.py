@@ -10,9 +10,9 @@ from urllib.parse import urlencode
 
 from pydantic import Field, model_validator
 
-from specan.analysis.octave_settings import Fraction
 from specan.analysis.order_settings import BLOCK_TURNS
 from specan.data.spectrum import Scaling
+from specan.dsp.bands import Division
 from specan.dsp.transfer_function import Estimator
 from specan.dsp.weighting import Weighting
 from specan.dsp.windows import WindowName
@@ -81,13 +81,13 @@ class View(_InAddress):
     high: float | None = None
     cursor: float | None = Field(default=None, gt=0.0)
     harmonics: bool = False
-    fraction: Fraction = 3
+    fraction: Division = 3
     weighting: Weighting = "Z"
     averaging: str = Field(default="linear", pattern=r"^(linear|fast|slow|impulse|\d+(\.\d*)?)$")
     hold: Literal["", "max", "min"] = ""
     fmin: float = Field(default=20.0, ge=0.5)
     fmax: float = Field(default=20000.0, gt=0.5)
-    lines: int = Field(default=3200, ge=8, le=1_000_000)
+    lines: int | None = Field(default=None, ge=8, le=1_000_000)
     window: WindowName = "hann"
     overlap: float = Field(default=0.5, ge=0.0, le=0.95)
     scaling: Scaling = "amplitude"
@@ -203,16 +203,14 @@ def commands(opened: Opened, view: View) -> list[str]:
         patterns = chosen.patterns[:1] if view.tab == "spectrogram" else chosen.patterns
         channels = [] if view.tab == "info" else [part for name in patterns for part in ("--channel", name)]
         verb = {"levels": "rms", "spectrogram": "fft"}.get(view.tab, view.tab)
-        found.append(shlex.join(["specan", verb, str(path), *channels, *_options(view)]))
+        found.append(shlex.join(["specan", verb, str(path), *channels, *opened.arguments, *_options(view)]))
     return found
 
 
 def _options(view: View) -> Iterator[str]:
     """Of the verb of a tab, in the order of its help."""
-    if view.tab == "info":
-        return
     usual = View()
-    for option, field in _FIELDS[view.tab]:
+    for option, field, _ in _FIELDS.get(view.tab, ()):
         value = getattr(view, field)
         if field == "hold" and view.averaging == "linear":
             continue
@@ -222,28 +220,39 @@ def _options(view: View) -> Iterator[str]:
         if value is not True:
             yield f"{value:.10g}" if isinstance(value, float) else str(value)
     if view.tab == "spectrogram":
-        yield from ("--spectrogram", "--columns", "500")
+        yield from ("--spectrogram", "--columns", str(COLUMNS))
 
 
-_SECTION = (("--start", "start"), ("--stop", "stop"))
-_BLOCKS = (("--lines", "lines"), ("--window", "window"), ("--overlap", "overlap"))
-_FIELDS = {
+def settings_of(view: View, tab: str) -> dict[str, Any]:
+    """What is on screen, as the settings of the analysis of a tab; what is empty has its default."""
+    found = {setting: getattr(view, field) for _, field, setting in _FIELDS[tab] if setting}
+    return {setting: None if value == "" else value for setting, value in found.items()}
+
+
+COLUMNS = 500  # of a spectrogram on the page
+# Of each tab: options of its verb, fields of the view, settings of its analysis; what only is drawn has no setting.
+_SECTION = (("--start", "start", "start_s"), ("--stop", "stop", "stop_s"))
+_BLOCKS = tuple((f"--{name}", name, name) for name in ("lines", "window", "overlap"))
+_FIELDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     "octave": (
-        ("--fraction", "fraction"), ("--weighting", "weighting"), ("--averaging", "averaging"), ("--hold", "hold"),
-        ("--fmin", "fmin"), ("--fmax", "fmax"), *_SECTION,
+        *((f"--{name}", name, name) for name in ("fraction", "weighting", "averaging", "hold", "fmin", "fmax")),
+        *_SECTION,
     ),
     "fft": (
-        *_BLOCKS, ("--scaling", "scaling"), ("--averaging", "spectrum_averaging"), ("--blocks", "blocks"),
-        ("--reference", "reference"), *_SECTION,
+        *_BLOCKS, ("--scaling", "scaling", "scaling"), ("--averaging", "spectrum_averaging", "averaging"),
+        ("--blocks", "blocks", "n_exponential"), ("--reference", "reference", "reference"), *_SECTION,
     ),
     "frf": (
-        ("--reference", "over"), ("--estimator", "estimator"), ("--instrument", "instrument"), *_BLOCKS,
-        ("--unwrap", "unwrapped"), *_SECTION,
+        ("--reference", "over", "reference"), ("--estimator", "estimator", "estimator"),
+        ("--instrument", "instrument", "instrument"), *_BLOCKS, ("--unwrap", "unwrapped", ""), *_SECTION,
     ),
-    "levels": (("--averaging", "level_averaging"), ("--weighting", "level_weighting"), *_SECTION),
+    "levels": (
+        ("--averaging", "level_averaging", "averaging"), ("--weighting", "level_weighting", "weighting"), *_SECTION,
+    ),
     "spectrogram": (*_BLOCKS, *_SECTION),
     "orders": (
-        *_SECTION, ("--tacho", "tacho"), ("--pulses", "pulses"), ("--ratio", "ratio"), ("--speed", "speed"),
-        ("--max-order", "max_order"), ("--turns", "turns"), ("--map", "order_map"),
+        *_SECTION, ("--tacho", "tacho", "tacho"), ("--pulses", "pulses", "pulses_per_turn"),
+        ("--ratio", "ratio", "ratio"), ("--speed", "speed", "speed_hz"), ("--max-order", "max_order", "max_order"),
+        ("--turns", "turns", "turns"), ("--map", "order_map", ""),
     ),
 }  # fmt: skip

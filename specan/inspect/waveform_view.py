@@ -132,7 +132,7 @@ class WaveformView:
         self._section.update(left=view.start, right=self._end if view.stop is None else view.stop)
 
     def _text(self, number: int, channel: Channel) -> str:
-        return self._opened.text(number, channel.name)
+        return self._opened.text(number, channel.label)
 
 
 STEP = 1024  # samples behind one pair of the overview

@@ -79,8 +79,8 @@ class Work:
             return
         except Exception as fault:
             # The page must go on: what is unexpected is told there, and in full on the terminal.
-            logging.getLogger(__name__).exception("the page met something it does not know")
-            message = f"specan met something it does not know: {type(fault).__name__}: {fault}"
+            logging.getLogger(__name__).exception("internal error on the page")
+            message = f"Internal error: {type(fault).__name__}: {fault}"
             self.later(lambda: self._failed(message))
             return
         if ticket == self._ticket:

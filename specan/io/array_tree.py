@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from specan.data.recording import Recording, SampleSource
-from specan.errors import InputError
+from specan.errors import NoSignalError
 from specan.io.channel_table import ChannelTable, channel_of
 from specan.io.roles import identify
 from specan.io.sampling_rate import TIME_UNITS, Rate, axis_of, is_rate, is_time
@@ -100,11 +100,14 @@ class Tree:
         ``{path: text or list of texts}``.
     numbers : mapping
         ``{path: number}`` of single ones.
+    aside : mapping
+        ``{name: reason}`` of what is not read.
     """
 
     arrays: dict[Path, Array] = field(default_factory=dict)
     words: dict[Path, Any] = field(default_factory=dict)
     numbers: dict[Path, float] = field(default_factory=dict)
+    aside: dict[str, str] = field(default_factory=dict)
 
     def recording(
         self, label: str, channel_table: ChannelTable | None, sampling_rate: float | None
@@ -135,7 +138,7 @@ def signals_of(tree: Tree) -> tuple[list[Signal], list[Place], dict[str, str]]:
     """Signals, where their samples lie, and what was set aside with the reason."""
     signals: list[Signal] = []
     places: list[Place] = []
-    aside: dict[str, str] = {}
+    aside = dict(tree.aside)
     for path, array in tree.arrays.items():
         name = "/".join(path)
         if array.size < LEAST or not array.n_samples:
@@ -295,7 +298,7 @@ def recording_of(
     """
     if not signals:
         why = "; ".join(f"{name}: {reason}" for name, reason in list((set_aside or {}).items())[:4])
-        raise InputError(f"{label} holds no time signal" + (f" ({why})" if why else ""))
+        raise NoSignalError(f"{label} holds no time signal" + (f" ({why})" if why else ""))
     channels = []
     for place, signal in enumerate(signals):
         identity = identify(signal.name, {"unit_string": signal.unit} if signal.unit else {})

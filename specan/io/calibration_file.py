@@ -12,6 +12,7 @@ from specan.data.channel import PhaseCalibration
 from specan.io.output_file import text_file
 from specan.schema import Settings, parse, read_toml
 
+FILE_NAME = "calibration.toml"
 _HEADER = """\
 # Sensitivities and phases of channels, as `specan calibrate` found them.
 # Phases are relative to the first channel of their phase group; positive means that the channel leads.
@@ -65,16 +66,14 @@ def read_calibration(path: Path | str) -> Calibration:
     """
     path = Path(path)
     content = parse(_File, read_toml(path), path.name)
-    return Calibration(
-        channels=tuple(_channel(row) for row in content.channel),
-        made_from=content.made_from,
-        calibrator_frequency_hz=content.calibrator_frequency_hz,
-        calibrator_level_dB=content.calibrator_level_dB,
-        u_calibrator_percent=content.u_calibrator_percent,
-        calibrator_decided=content.calibrator_decided,
-        notes=content.notes,
-        source=path.name,
-    )
+    said = content.model_dump(exclude={"schema_", "channel"})
+    return Calibration(channels=tuple(map(_channel, content.channel)), source=path.name, **said)
+
+
+def calibration_beside(path: Path) -> Path | None:
+    """The `calibration.toml` in the directory of a recording, None where there is none."""
+    beside = path.parent / FILE_NAME
+    return beside if beside.is_file() else None
 
 
 def write_calibration(calibration: Calibration, path: Path | str) -> None:
@@ -85,15 +84,10 @@ def write_calibration(calibration: Calibration, path: Path | str) -> None:
     import tomlkit
 
     content: dict[str, Any] = {"schema": 1, "made_from": list(calibration.made_from)}
-    for key in ("calibrator_frequency_hz", "calibrator_level_dB"):
-        if getattr(calibration, key) is not None:
-            content[key] = float(getattr(calibration, key))
-    if calibration.u_calibrator_percent:
-        content["u_calibrator_percent"] = float(calibration.u_calibrator_percent)
-    if calibration.calibrator_decided:
-        content["calibrator_decided"] = list(calibration.calibrator_decided)
-    if calibration.notes:
-        content["notes"] = list(calibration.notes)
+    for name, field in _File.model_fields.items():
+        value = getattr(calibration, name, field.default)
+        if name != "made_from" and value != field.default:
+            content[name] = list(value) if isinstance(value, tuple) else float(value)
     content["channel"] = [_row(c) for c in calibration.channels]
     path = Path(path)
     with text_file(path) as file:
@@ -111,17 +105,10 @@ def _channel(row: _Row) -> ChannelCalibration:
             group=row.phase_group,
             inverted=row.polarity == "inverted",
         )
-    return ChannelCalibration(
-        channel=row.channel,
-        sensitivity=row.sensitivity,
-        unit=row.unit,
-        u_sensitivity_percent=row.u_sensitivity_percent,
-        phase=phase,
-        scatter_percent=row.scatter_percent,
-        drift_percent=row.drift_percent,
-        verdict=row.verdict,
-        reasons=row.reasons,
-    )
+    own = {
+        name: value for name, value in row.model_dump().items() if name in ChannelCalibration.__annotations__
+    }
+    return ChannelCalibration(phase=phase, **own)
 
 
 def _row(channel: ChannelCalibration) -> dict[str, Any]:

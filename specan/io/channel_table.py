@@ -16,7 +16,7 @@ from specan.data.channel import SMALLEST_GAIN, Channel, Role, gain_of, is_known,
 from specan.errors import InputError, RequestError
 from specan.io.roles import Identity, derivatives_of
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ
-from specan.schema import Settings, parse, read_toml
+from specan.schema import Settings, parse, read_toml, regular
 
 NAMES = ("channels.toml", "channels.csv")
 
@@ -234,7 +234,7 @@ def _contradict(label: str, name: str, raw: str, table: str, source: str) -> Non
 def _csv_rows(path: Path) -> list[tuple[int, Mapping[str, Any]]]:
     """Rows with their line numbers; empty cells are left out, a spreadsheet's decimal comma is read."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = regular(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise RequestError(f"the file {path} does not exist", remedy="check the path") from None
     except (OSError, UnicodeDecodeError) as fault:

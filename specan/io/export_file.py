@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import importlib
 import struct
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from specan import __version__
 from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
-from specan.errors import RequestError
+from specan.errors import RequestError, library
 from specan.io.output_file import whole_file
 from specan.io.results_text import escaped, harmless
 
@@ -43,27 +42,12 @@ class Excerpt:
         """Number of samples of each channel."""
         return self.stop - self.start
 
-    def names(self) -> list[str]:
-        """Names of the channels, with their group where two channels share a name."""
-        plain = [c.name for c in self.channels]
-        return [c.name if plain.count(c.name) == 1 else f"{c.group}/{c.name}" for c in self.channels]
-
     def blocks(self) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
         """Time in seconds from the beginning of the recording, and samples (channels, n)."""
         first = self.start
         for samples in self.recording.blocks(self.channels, BLOCK, self.start, self.stop):
             yield (first + np.arange(samples.shape[1])) / self.rate, samples
             first += samples.shape[1]
-
-
-def library(name: str, extra: str) -> Any:
-    """A library that only some users need."""
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise RequestError(
-            f"{name} is not installed", expected="it for this format", remedy=f"pip install 'specan[{extra}]'"
-        ) from None
 
 
 def write_excerpt(excerpt: Excerpt, form: str, path: Path, decimal: str = ".") -> None:
@@ -77,7 +61,7 @@ def write_excerpt(excerpt: Excerpt, form: str, path: Path, decimal: str = ".") -
 def together(channels: Sequence[Channel]) -> str:
     """Units of several channels in words: ``Pa (Mic 1, Mic 2), V (Generator)``."""
     units = dict.fromkeys(c.unit for c in channels)
-    return ", ".join(f"{unit} ({', '.join(c.name for c in channels if c.unit == unit)})" for unit in units)
+    return ", ".join(f"{unit} ({', '.join(c.label for c in channels if c.unit == unit)})" for unit in units)
 
 
 def write_csv(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
@@ -103,7 +87,7 @@ def write_csv(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
     separator = "," if decimal == "." else ";"
     header = [
         "time_s",
-        *(harmless(f"{n} [{c.unit}]") for n, c in zip(excerpt.names(), excerpt.channels, strict=True)),
+        *(harmless(f"{c.label} [{c.unit}]") for c in excerpt.channels),
     ]
     row = separator.join(["%.9g"] * len(header)) + "\n"
     encoding = "utf-8" if decimal == "." else "utf-8-sig"
@@ -163,9 +147,9 @@ def write_parquet(excerpt: Excerpt, path: Path) -> None:
     """
     pyarrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
     fields = [pyarrow.field("time_s", pyarrow.float64(), metadata={"unit": "s"})]
-    for name, channel in zip(excerpt.names(), excerpt.channels, strict=True):
+    for channel in excerpt.channels:
         about = {"unit": channel.unit, "role": channel.role, "group": escaped(channel.group)}
-        fields.append(pyarrow.field(escaped(name), pyarrow.float64(), metadata=about))
+        fields.append(pyarrow.field(escaped(channel.label), pyarrow.float64(), metadata=about))
     whole = {
         "writer": f"specan {__version__}",
         "recording": escaped(excerpt.recording.label),
@@ -193,10 +177,7 @@ def write_uff(excerpt: Excerpt, path: Path) -> None:
         pyuff is not installed, or the file cannot be written.
     """
     pyuff = library("pyuff", "uff")
-    named = enumerate(zip(excerpt.names(), excerpt.channels, strict=True), 1)
-    _write(
-        pyuff, path, (_data_set(pyuff, excerpt, number, name, channel) for number, (name, channel) in named)
-    )
+    _write(pyuff, path, (_data_set(pyuff, excerpt, k, c) for k, c in enumerate(excerpt.channels, 1)))
 
 
 def write_uff_transfer(found: FrequencyResponse, path: Path) -> None:
@@ -286,18 +267,18 @@ def _above(unit: str, below: str) -> str:
     return unit.removesuffix(f"/({below})").removesuffix(f"/{below}")
 
 
-def _data_set(pyuff: Any, excerpt: Excerpt, number: int, name: str, channel: Channel) -> Any:
+def _data_set(pyuff: Any, excerpt: Excerpt, number: int, channel: Channel) -> Any:
     samples = excerpt.recording.read([channel], excerpt.start, excerpt.stop)[0]
     return pyuff.prepare_58(
         binary=1,
-        id1=name[:80],
+        id1=channel.label[:80],
         id2=excerpt.recording.label[-80:],
         id3=f"role {channel.role}",
         id4=f"specan {__version__}",
         func_type=1,  # time response
         ver_num=1,
         load_case_id=0,
-        rsp_ent_name=name[:10].strip() or "NONE",
+        rsp_ent_name=channel.label[:10].strip() or "NONE",
         rsp_node=number,
         rsp_dir=0,
         ref_ent_name="NONE",

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from specan.data.recording import Recording
-from specan.errors import InputError
+from specan.errors import InputError, library
 from specan.io.array_tree import Array, Tree
 from specan.io.channel_table import ChannelTable
-from specan.io.export_file import library
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 
@@ -49,19 +48,34 @@ def open_recording(
     try:
         with h5py.File(path, "r") as file:
             attributes((), file)
+            _refuse_links(h5py, file, tree)
 
             def visit(name: str, node: Any) -> None:
                 where = tuple(name.split("/"))
                 if where[0].startswith("#"):  # MATLAB's own store of references
                     return
                 attributes(where, node)
-                if isinstance(node, h5py.Dataset):
+                if isinstance(node, h5py.Group):
+                    _refuse_links(h5py, node, tree)
+                elif node.external or node.is_virtual:
+                    tree.aside[name] = _ELSEWHERE
+                else:
                     _dataset(h5py, file, path, where, node, tree)
 
             file.visititems(visit)
     except OSError as fault:
         raise InputError(f"{path.name} is a damaged HDF5 file ({fault})", remedy="copy it again") from None
     return tree.recording(label, channel_table, sampling_rate)
+
+
+_ELSEWHERE = "its samples lie in another file, which is not read; copy them into this one"
+
+
+def _refuse_links(h5py: Any, group: Any, tree: Tree) -> None:
+    """Names that lead to another file: a file of a stranger could name any file of this machine."""
+    for name in group:
+        if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
+            tree.aside["/".join((group.name.strip("/"), name)).strip("/")] = _ELSEWHERE
 
 
 def _dataset(h5py: Any, file: Any, path: Path, where: tuple[str, ...], node: Any, tree: Tree) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from specan.data.limits import LimitCurve
 from specan.errors import InputError, nearest
+from specan.schema import regular
 
 FREQUENCY, LOWER, UPPER = ("band_hz", "frequency_hz"), "lower_dB", "upper_dB"
 _TOTAL = "total-"
@@ -25,10 +26,10 @@ def read_limits(path: Path) -> LimitCurve:
     InputError
         The file cannot be read or holds no limits; the message names the line.
     """
-    if not path.is_file():
-        raise InputError(f"the file of limits {path} does not exist", remedy="check the path")
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = regular(path).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"the file of limits {path} does not exist", remedy="check the path") from None
     except (OSError, UnicodeDecodeError) as fault:
         raise InputError(f"{path} cannot be read ({fault})", expected="a table of limits as text") from None
     lines = [

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+import pickle
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,10 @@ from specan.data.recording import Recording
 from specan.errors import InputError
 from specan.io.array_tree import Array, Tree
 from specan.io.channel_table import ChannelTable
+
+# Memory that a file may take: what Python and scipy need, and for each byte of the file 32. Integers of 16 bits that
+# were saved as double are packed to a quarter at best, signals hardly at all; scipy holds three copies.
+_BYTES, _BYTES_FOR_A_BYTE = 1 << 30, 32
 
 
 def recognises(start: bytes) -> bool:
@@ -32,31 +39,35 @@ def open_recording(
     Raises
     ------
     InputError
-        The file is damaged, or holds no signal.
+        The file is damaged, takes too much memory, or holds no signal.
     """
-    from scipy.io import loadmat
-
-    try:
-        content = loadmat(path, simplify_cells=True)
-    except Exception as fault:  # a damaged file ends in many errors
-        raise InputError(
-            f"{path.name} is a damaged MAT file ({type(fault).__name__}: {fault})", remedy="save it again"
-        ) from None
     tree = Tree()
-    for where, value in _leaves(content, ()):
-        if isinstance(value, str):
-            tree.words[where] = value.strip()
-        elif (
-            isinstance(value, np.ndarray)
-            and value.dtype.kind in "OU"
-            and all(isinstance(v, str) for v in value.flat)
-        ):
-            tree.words[where] = [str(v).strip() for v in value.flat]
-        elif np.ndim(value) == 0 and np.issubdtype(np.asarray(value).dtype, np.number):
-            tree.numbers[where] = float(np.real(value))
-        elif isinstance(value, np.ndarray):
+    for where, value in _variables(path).items():
+        if isinstance(value, (str, list)):
+            tree.words[where] = value
+        elif isinstance(value, float):
+            tree.numbers[where] = value
+        elif value is not None:
             tree.arrays[where] = _in_memory(value)
     return tree.recording(label, channel_table, sampling_rate)
+
+
+def _variables(path: Path) -> dict[tuple[str, ...], Any]:
+    """Words, numbers and arrays of a file, by their paths; read in a process of their own, which may crash."""
+    most = _BYTES + _BYTES_FOR_A_BYTE * path.stat().st_size
+    done = subprocess.run(
+        [sys.executable, "-m", "specan.io.mat_worker", str(path.absolute()), str(most)],
+        capture_output=True, check=False,
+        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},  # threads hold memory
+    )  # fmt: skip
+    try:
+        found = pickle.loads(done.stdout)
+    except Exception:
+        last = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
+        found = " ".join(["its reader crashed", *last])
+    if isinstance(found, str):
+        raise InputError(f"{path.name} is a damaged MAT file ({found})", remedy="save it again")
+    return dict(found)
 
 
 def _in_memory(value: np.ndarray) -> Array:
@@ -68,20 +79,3 @@ def _in_memory(value: np.ndarray) -> Array:
         return flat[start:stop, column]
 
     return Array(value.shape, value.dtype.kind, read)
-
-
-def _leaves(content: Any, above: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Variables, and members of structures and of lists of structures, by their paths."""
-    if isinstance(content, dict):
-        for name, value in content.items():
-            if not name.startswith("__"):
-                yield from _leaves(value, (*above, name))
-    elif isinstance(content, (list, tuple)) or (isinstance(content, np.ndarray) and _structures(content)):
-        for number, value in enumerate(np.asarray(content, dtype=object).flat, 1):
-            yield from _leaves(value, (*above, str(number)))
-    else:
-        yield above, content
-
-
-def _structures(content: np.ndarray) -> bool:
-    return content.dtype.kind == "O" and any(isinstance(v, (dict, np.ndarray)) for v in content.flat)

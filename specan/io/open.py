@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import stat
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -13,12 +12,11 @@ from typing import Any, NoReturn
 
 from specan.data.calibration import Calibration, apply
 from specan.data.recording import Recording
-from specan.errors import InputError, RequestError, SpecanError
+from specan.errors import InputError, NoSignalError, RequestError, SpecanError
 from specan.io.calibration_file import read_calibration
-from specan.io.channel_table import ChannelTable, find_channel_table, read_channel_table
+from specan.io.channel_table import NAMES, ChannelTable, find_channel_table, read_channel_table
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ, is_rate
-
-SUFFIXES = (".tdms", ".wav")
+from specan.schema import regular
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ def open_recording(
 def find_recordings(directories: Sequence[Path | str]) -> list[Found]:
     """Recordings in directories and below them, and directories that cannot be read, sorted by label.
 
-    ``*.tdms`` and ``*.wav`` in any case. Directories of one name get a number, so that labels differ.
+    Files with the endings of `suffixes` in any case. Directories of one name get a number, so that labels differ.
 
     Raises
     ------
@@ -120,16 +118,17 @@ def find_recordings(directories: Sequence[Path | str]) -> list[Found]:
         A directory does not exist.
     """
     found = []
+    endings = suffixes()
     prefixes = _prefixes([Path(d) for d in directories])
     for directory, prefix in zip(map(Path, directories), prefixes, strict=True):
         if not os.path.isdir(directory):  # Path.is_dir raises where a name is too long
             what = "is a file" if os.path.exists(directory) else "does not exist"
             raise RequestError(f"the directory {directory} {what}", remedy="name a directory of recordings")
-        found += [Found(path, prefix + below) for path, below in _below(directory)]
+        found += [Found(path, prefix + below) for path, below in _below(directory, endings)]
     return sorted(found, key=lambda f: f.label)
 
 
-def _below(directory: Path) -> Iterator[tuple[Path, str]]:
+def _below(directory: Path, endings: tuple[str, ...]) -> Iterator[tuple[Path, str]]:
     """Recordings, and directories that cannot be read: what they hold would be missed without a word.
 
     Each with its path from `directory` on. There may be very many: a path is taken apart once for a directory.
@@ -141,7 +140,7 @@ def _below(directory: Path) -> Iterator[tuple[Path, str]]:
         inside = "" if here == directory else here.relative_to(directory).as_posix() + "/"
         for name in files:  # a broken link and a pipe are inputs that fail
             stem, dot, end = name.rpartition(".")
-            if stem and (dot + end).lower() in SUFFIXES:
+            if stem and (dot + end).lower() in endings and name.lower() not in NAMES:
                 yield here / name, inside + name
     for path in closed:
         yield path, path.relative_to(directory).as_posix()
@@ -210,10 +209,12 @@ def format_of(path: Path) -> str:
         The file is missing, cannot be read, is empty, or is something else; the message says what.
     """
     try:
-        if not stat.S_ISREG(mode := os.stat(path).st_mode):
-            _refuse(path, mode)
-        with path.open("rb") as file:
+        if path.is_dir():
+            _refuse(path)
+        with regular(path).open("rb") as file:
             start = file.read(BEGINNING)
+    except RequestError as fault:  # one recording of several, which costs only itself
+        raise InputError(fault.found, expected="a recording") from None
     except FileNotFoundError:
         raise InputError(f"the file {path} does not exist", remedy="check the path") from None
     except OSError as fault:
@@ -225,14 +226,12 @@ def format_of(path: Path) -> str:
     what, remedy = _describe(start)
     named = path.suffix.lower() in (".tdms", ".wav")
     expected = "a TDMS or WAV recording" if named else "a recording: TDMS, WAV, UFF, MAT, HDF5 or CSV"
-    raise InputError(f"{path.name} is {what}", expected=expected, remedy=remedy)
+    kind = NoSignalError if _is_text(start) and start and not named else InputError
+    raise kind(f"{path.name} is {what}", expected=expected, remedy=remedy)
 
 
-def _refuse(path: Path, mode: int) -> NoReturn:
-    """A pipe would be waited for, and a device has no end."""
-    if not stat.S_ISDIR(mode):
-        what = "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
-        raise InputError(f"{path} is {what}, not a file", expected="a recording")
+def _refuse(path: Path) -> NoReturn:
+    """Say what a directory in place of a recording costs."""
     try:
         os.scandir(path).close()
     except OSError as fault:
@@ -270,35 +269,52 @@ def _is_text(start: bytes) -> bool:
 #
 # A format is a module with ``recognises(start: bytes) -> bool``, told by the first bytes of a file, and
 # ``open_recording(path, *, label, channel_table, sampling_rate) -> Recording``. A package of yours names it as an
-# entry point of the group ``specan.formats``. A file's name decides nothing.
+# entry point of the group ``specan.formats``; its ``SUFFIXES`` are then looked for in directories too. A file's name
+# decides nothing.
 
-# name -> module; tried in this order, those without a mark of their own last
+
+@dataclass(frozen=True)
+class Format:
+    """A built-in format.
+
+    Attributes
+    ----------
+    module : str
+    suffixes : tuple of str
+        Of the files that are looked for in directories. Parameters and tables may end so too: they hold no signal.
+    marks : tuple of bytes
+        At the beginning of a file; they spare the import of a module that has nothing to do with it. None for text.
+    """
+
+    module: str
+    suffixes: tuple[str, ...]
+    marks: tuple[bytes, ...] = ()
+
+
+# tried in this order, text last
 FORMATS = {
-    "tdms": "specan.io.tdms",
-    "wav": "specan.io.wav",
-    "hdf5": "specan.io.hdf5",
-    "mat": "specan.io.mat",
-    "uff": "specan.io.uff",
-    "csv": "specan.io.csv_signals",
-}
-# Marks at the beginning of a file, which spare the import of modules that have nothing to do with it.
-_MARKS = {
-    "tdms": (b"TDSm",),
-    "wav": (b"RIFF", b"RIFX", b"RF64"),
-    "hdf5": (b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file"),
-    "mat": (b"MATLAB 5.0 MAT-file",),
-    "uff": (b"    -1", b"-1", b"   -1"),
+    "tdms": Format("specan.io.tdms", (".tdms",), (b"TDSm",)),
+    "wav": Format("specan.io.wav", (".wav",), (b"RIFF", b"RIFX", b"RF64")),
+    "hdf5": Format("specan.io.hdf5", (".h5", ".hdf5"), (b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file")),
+    "mat": Format("specan.io.mat", (".mat",), (b"MATLAB 5.0 MAT-file",)),
+    "uff": Format("specan.io.uff", (".uff", ".unv"), (b"    -1", b"-1", b"   -1")),
+    "csv": Format("specan.io.csv_signals", (".csv",)),
 }
 ENTRY_POINTS = "specan.formats"
 BEGINNING = 4096  # bytes that a format is shown
 
 
+def suffixes() -> tuple[str, ...]:
+    """Endings of the files that are looked for in directories, lower case."""
+    own = (getattr(point.load(), "SUFFIXES", ()) for point in entry_points(group=ENTRY_POINTS))
+    return tuple(s for one in (*(f.suffixes for f in FORMATS.values()), *own) for s in one)
+
+
 def recognised(start: bytes) -> str:
     """Name of the format of a file that begins so; empty where none is recognised."""
-    for name, module in FORMATS.items():
-        marks = _MARKS.get(name)
-        possible = b"\0" not in start if marks is None else start.startswith(marks)
-        if possible and importlib.import_module(module).recognises(start):
+    for name, known in FORMATS.items():
+        possible = start.startswith(known.marks) if known.marks else b"\0" not in start
+        if possible and importlib.import_module(known.module).recognises(start):
             return name
     for point in entry_points(group=ENTRY_POINTS):
         if point.load().recognises(start):
@@ -309,5 +325,5 @@ def recognised(start: bytes) -> str:
 def format_named(name: str) -> Any:
     """Module of a format."""
     if name in FORMATS:
-        return importlib.import_module(FORMATS[name])
+        return importlib.import_module(FORMATS[name].module)
     return next(point for point in entry_points(group=ENTRY_POINTS) if point.name == name).load()

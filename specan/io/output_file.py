@@ -7,6 +7,7 @@ a slip of tab completion must not cost a measurement. See docs/decisions/batch.m
 from __future__ import annotations
 
 import csv
+import glob
 import os
 import re
 import stat
@@ -37,7 +38,15 @@ _RECORDINGS = (
 )
 _MARK = re.compile(rb"specan \d+\.\d")
 # Where a program may name itself, and what a file of that format begins with.
-_MARKED_FORMATS = (b"\x89PNG", b"%PDF", b"<?xml", b"<!DOCTYPE html>", b"PAR1", b"    -1")
+_MARKED_FORMATS = (
+    b"\x89PNG",
+    b"%PDF",
+    b"<?xml",
+    b"<!DOCTYPE html>",
+    b"PAR1",
+    b"    -1",
+    b'{\n  "written_by": "specan ',
+)
 _TABLE = re.compile(rb"# specan \d+\.\d")
 _CALIBRATION = b"# Sensitivities and phases of channels, as `specan calibrate`"
 # An export: the first column is the time, every other one ends with its unit in brackets.
@@ -116,9 +125,10 @@ def whole_file(path: Path) -> Iterator[Path]:
     if is_recording(path):
         check_output(path, force=True)  # it was not there when the work began
     path = path.resolve() if path.is_symlink() else path
-    half = path.with_name(f".{path.name}{_PART}")
+    # One for each process: of two that write to one place, the last to finish wins, and neither mixes with the other.
+    half = path.with_name(f".{path.name}.{os.getpid()}{_PART}")
     try:
-        half.unlink(missing_ok=True)
+        _remove_abandoned(path)
         yield half
         half.replace(path)
     except BrokenPipeError:
@@ -126,7 +136,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     except OSError as fault:
         raise RequestError(
             f"{path} cannot be written ({fault.strerror or fault})",
-            expected="a place with room that may be written to",
+            expected="an existing, writable directory with free space",
             remedy="choose another place",
         ) from None
     finally:
@@ -176,6 +186,28 @@ def write_encoded(file: TextIO, parts: Iterable[bytes]) -> None:
     file.flush()
     for part in parts:
         file.buffer.write(part)
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove what processes that are no more have left beside a file."""
+    for half in path.parent.glob(f".{glob.escape(path.name)}.*{_PART}"):
+        number = half.name.removesuffix(_PART).rpartition(".")[2]
+        if number.isdigit() and not _runs(int(number)):
+            with suppress(OSError):
+                half.unlink()
+
+
+def _runs(process: int) -> bool:
+    """Whether a process is there; Windows does not remove a file that one has open, and need not be asked."""
+    if os.name == "nt":
+        return process == os.getpid()
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
 def remove_parts(directory: Path) -> None:

@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from specan import __version__
-from specan.errors import RequestError, nearest
-from specan.io.output_file import text_file, write_encoded
+from specan.errors import RequestError, library, nearest
+from specan.io.output_file import text_file, whole_file, write_encoded
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from specan.result import RecordingResult
 
 __all__ = ["cells", "plain", "word"]
 
@@ -177,7 +179,7 @@ def _cells(name: str, values: Any) -> list[str]:
         return frequencies(values)
     if name == "phase_deg":
         return phases(values)
-    if name == "coherence":
+    if name in ("coherence", "speed_hz", "time_s"):
         return fixed(values, 4)
     if name.endswith("_dB"):
         return levels(values)
@@ -205,9 +207,19 @@ def write_table(
     blocks : iterable of str or bytes
         Lines of the table as `rows` makes them, in order, or encoded; may come from a generator.
     """
+    form = path.suffix.lower()
+    if form in (".xlsx", ".parquet"):
+        _write_frame(path, form, list(header), columns, blocks)
+        return
     with text_file(path) as file:
         for line in header:
             file.write(f"# {escaped(' '.join(line.split()))}\n")
+        if form == ".csv":
+            sheet = csv.writer(file, lineterminator="\n")
+            sheet.writerow(columns)
+            for lines in map(_text, blocks):
+                sheet.writerows(cells(line) for line in lines.split("\n")[:-1])
+            return
         file.write("\t".join(columns) + "\n")
         for block in blocks:
             if isinstance(block, bytes):
@@ -216,17 +228,57 @@ def write_table(
                 file.write(block)
 
 
-def write_result(
-    path: Path, verb: str, found: Any, about: Iterable[str], tables: Iterable[Mapping[str, Any]]
-) -> None:
-    """Write one result: named columns as `table_lines` takes them, one set after the other.
+def _text(block: str | bytes) -> str:
+    return block.decode("utf-8") if isinstance(block, bytes) else block
 
-    The header says which verb made it, and ends with its settings and notes.
+
+_SHEET_ROWS = 1_048_576  # of a workbook
+
+
+def _write_frame(
+    path: Path, form: str, header: Sequence[str], columns: Sequence[str], blocks: Iterable[str | bytes]
+) -> None:
+    """The same table as a workbook, with the header on a second sheet, or as Parquet, with it among the metadata."""
+    import io
+
+    import pandas as pd
+
+    library(*(("openpyxl", "xlsx") if form == ".xlsx" else ("pyarrow", "parquet")))
+    text = "".join(["\t".join(columns), "\n", *map(_text, blocks)])
+    frame = pd.read_csv(
+        io.StringIO(text), sep="\t", keep_default_na=False, na_values=[""], dtype={"channel": str}
+    )
+    if form == ".xlsx" and len(frame) >= _SHEET_ROWS:
+        raise RequestError(
+            f"{len(frame)} rows do not fit a workbook",
+            expected=f"less than {_SHEET_ROWS}",
+            remedy="write .csv",
+        )
+    about = list(map(escaped, header))
+    with whole_file(path) as half, half.open("wb") as file:
+        if form == ".parquet":
+            frame.attrs = {"header": about}
+            frame.to_parquet(file, index=False, engine="pyarrow")
+            return
+        with pd.ExcelWriter(file, engine="openpyxl") as book:
+            frame.to_excel(book, sheet_name="specan", index=False)
+            pd.DataFrame({"about": list(map(harmless, header))}).to_excel(
+                book, sheet_name="about", index=False
+            )
+
+
+def write_result(found: RecordingResult, path: Path, tables: Iterable[Mapping[str, Any]] = ()) -> None:
+    """Write a result, or these tables of it: named columns as `table_lines` takes them, one set after the other.
+
+    The header says which verb made it, and ends with its settings, calibration and notes.
     """
-    header = [f"specan {__version__} {verb}", *about, f"settings: {found.settings}", *found.notes]
-    parts = iter(tables)
+    settings = dict(found.settings)
+    said = settings.pop("calibration", None)
+    calibration = [f"calibration: {said}"] if said else []
+    header = [f"specan {__version__} {found.verb}", *found.about(), f"settings: {settings}", *calibration]
+    parts = iter(tables or found.tables())
     first = next(parts)
-    write_table(path, header, list(first), map(table_lines, chain([first], parts)))
+    write_table(path, [*header, *found.notes], list(first), map(table_lines, chain([first], parts)))
 
 
 # A name as a cell of a table: read back as it was by pandas, R and spreadsheets, whatever it holds.

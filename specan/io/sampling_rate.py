@@ -111,7 +111,7 @@ def from_increment(
     elif step == 1.0:
         tried.append("wf_increment is 1.0, which stands for 'not set'")
     elif step * scale > 1.0 or step * scale < 1.0 / FASTEST_HZ:
-        tried.append(f"wf_increment is {step * scale:g} s, which is no interval of sampling")
+        tried.append(f"wf_increment is {step * scale:g} s, which is not a sampling interval")
     else:
         hz, rounded = _snap(step * scale)
         how = f"wf_increment {increment!r}" + (f" {unit}" if unit else " s")

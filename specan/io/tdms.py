@@ -22,6 +22,7 @@ from specan.io.tdms_headers import Headers, TdmsObject, read_headers
 from specan.io.tdms_scaling import scaling_of
 from specan.io.tdms_source import Feed, TdmsSource
 
+_ZERO = np.datetime64("1904-01-01")  # of the clock of TDMS
 _EMPTY, _CUT_OFF = "it has no samples", "it was cut off"
 _NO_NUMBERS = {
     "String": "it holds text", "ComplexSingleFloat": "its samples are complex",
@@ -77,6 +78,9 @@ class _Opening:
     )  # reasons that the user can do something about
     notes: list[str] = field(default_factory=list)
     axes: dict[str, list[Axis]] = field(default_factory=dict)
+    begun: list[float] = field(
+        default_factory=list
+    )  # wf_start_time of each channel in us, NaN where it is not said
 
     def take(self, found: TdmsObject) -> None:
         """Make a channel of an object, or set it aside with the reason."""
@@ -100,13 +104,21 @@ class _Opening:
             self.notes.append(f"{index} belongs to another file; it is not used")
         return Recording(
             label=self.label,
-            channels=tuple(self.channels),
+            channels=self._on_one_clock(),
             source=TdmsSource(self.headers.path, layout, self.feeds),
             properties=self.headers.properties,
             group_properties=self.headers.groups,
             flags=("truncated",) if layout.truncated else (),
             notes=tuple(self.notes),
             set_aside=self.set_aside,
+        )
+
+    def _on_one_clock(self) -> tuple[Channel, ...]:
+        """The channels with their starts counted from the first wf_start_time."""
+        after = 1e-6 * (np.array(self.begun) - min((t for t in self.begun if t == t), default=0.0))
+        return tuple(
+            replace(channel, start_offset_s=channel.start_offset_s + float(late)) if late > 0 else channel
+            for channel, late in zip(self.channels, after, strict=True)
         )
 
     def _refuse(self) -> NoReturn:
@@ -178,6 +190,7 @@ class _Opening:
                 decisions=decisions,
             )
         )
+        self.begun.append(_began(found.properties))
         self.feeds.append(Feed(found.group, found.name, track, found.path, scaling, line, foreign))
 
     def _rate(self, found: TdmsObject, n_samples: int, row: Row | None) -> rates.Rate:
@@ -235,6 +248,15 @@ class _Opening:
 
     def _group(self, found: TdmsObject) -> Mapping[str, Any]:
         return self.headers.groups.get(found.group, {})
+
+
+def _began(properties: Mapping[str, Any]) -> float:
+    """wf_start_time in microseconds; NaN where it is missing, or the zero of its clock, where nobody set it."""
+    said = properties.get("wf_start_time")
+    if not isinstance(said, np.datetime64) or np.isnat(said):
+        return math.nan
+    after = float((said - _ZERO) / np.timedelta64(1, "us"))
+    return after if after > 0 else math.nan
 
 
 class _Aside(InputError):

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.recording import ArraySource, Recording
-from specan.errors import InputError
+from specan.errors import InputError, NoSignalError, library
 from specan.io.array_tree import Signal, recording_of
 from specan.io.channel_table import ChannelTable
-from specan.io.export_file import library
 from specan.io.sampling_rate import Rate, axis_of
 
 # Function types of data set 58, record 6, field 1.
@@ -158,7 +157,7 @@ def open_recording(
     sets = read_uff(path, (TIME_RESPONSE,))
     if not sets:
         others = len(read_uff(path, (TRANSFER_FUNCTION,)))
-        raise InputError(
+        raise NoSignalError(
             f"{label} is a universal file without a time response"
             + (f"; it holds {others} transfer functions" if others else ""),
             remedy="give transfer functions to a study: specan study new" if others else "",

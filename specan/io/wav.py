@@ -161,6 +161,8 @@ def _frames_24(path: Path, said: str) -> _Frames:
         ) from None
     if width != 3:
         raise InputError(f"{path.name} is a WAV file of {8 * width} bits ({said})", remedy="convert it")
+    if n_frames * n_channels * width > path.stat().st_size:
+        raise InputError(f"{path.name} is cut off", remedy="copy or record it again")
 
     def read(start: int, stop: int) -> NDArray[np.float64]:
         with wave.open(str(path), "rb") as file:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import pkgutil
+import sys
 import traceback
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
@@ -14,23 +15,17 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect
 from specan.models.model import Model
-from specan.schema import read_toml
+from specan.schema import read_toml, regular
 
-# name -> package that holds `build(rig) -> Model` and `EXAMPLE_RIG`
-MODELS = {
-    "planetary-gear": "specan.models.planetary_gear",
-    "room": "specan.models.room",
-    "worm-gear": "specan.models.worm_gear",
-}
-
-FMU = ".fmu"  # ending of a Functional Mock-up Unit
 ENTRY_POINTS = "specan.effects"
 MODEL_ENTRY_POINTS = "specan.models"  # name = module with `build(rig) -> Model`, and perhaps `EXAMPLE_RIG`
+# ending of a file = module with `model_from(path) -> Model` and `files_of(path)`, those that decide what it is
+FILE_ENTRY_POINTS = "specan.model_files"
 
 
 def model_names() -> list[str]:
-    """Names of the models that are built in and of those that installed packages bring."""
-    return sorted({*MODELS, *(point.name for point in entry_points(group=MODEL_ENTRY_POINTS))})
+    """Names of the models that specan and other installed packages bring."""
+    return sorted({point.name for point in entry_points(group=MODEL_ENTRY_POINTS)})
 
 
 def load_model(name: str | Path, rig: Mapping[str, Any]) -> Model:
@@ -62,33 +57,38 @@ def load_model(name: str | Path, rig: Mapping[str, Any]) -> Model:
 
 def is_file(name: str | Path) -> bool:
     """Whether a model is named by its file."""
-    return str(name).endswith((".py", FMU))
+    return str(name).endswith(".py") or _format_of(Path(name)) is not None
+
+
+def _format_of(path: Path) -> Any:
+    """The module for model files with this ending; None for Python and for names of models."""
+    found = entry_points(group=FILE_ENTRY_POINTS, name=path.suffix.removeprefix(".")) if path.suffix else ()
+    return next((point.load() for point in found), None)
 
 
 def content_of(path: Path) -> bytes:
-    """Everything that decides what a model file is: with an FMU also the TOML file beside it."""
-    if path.suffix != FMU:
-        return path.read_bytes()
-    return b"".join(file.read_bytes() for file in files_of(path))
+    """Everything that decides what a model file is."""
+    return b"".join(regular(file).read_bytes() for file in files_of(path))
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
-    """The model file and the one that belongs to it."""
-    return (path, path.with_suffix(".toml")) if path.suffix == FMU else (path,)
+    """The model file and those that belong to it."""
+    kind = _format_of(path)
+    return (path,) if kind is None else kind.files_of(path)
 
 
 def model_from_file(path: Path, rig: Mapping[str, Any], content: bytes | None = None) -> Model:
-    """Load a user's own model from a Python file, or from the `content` that was hashed for it; or from an FMU.
+    """Load a user's own model from a Python file, or from the `content` that was hashed for it.
+
+    Files of other endings are those of the entry points of the group ``specan.model_files``.
 
     Raises
     ------
     RequestError
         The file is missing, is not a valid Python, fails, or holds no model or several.
     """
-    if path.suffix == FMU:
-        from specan.models.fmu.build import model_from_fmu
-
-        model = model_from_fmu(path)
+    if (kind := _format_of(path)) is not None:
+        model: Model = kind.model_from(path)
         return model.with_rig(rig) if rig else model
     module = _module_from(path, "model", content)
     build = getattr(module, "build", None)
@@ -113,10 +113,11 @@ def example_model(name: str) -> Model:
 
 def example_rig(name: str) -> Mapping[str, Any]:
     """The content of the example rig file that comes with a model; empty for a file that states none."""
-    if str(name).endswith(FMU):
-        return {}
     if is_file(name):
-        rig: Mapping[str, Any] = getattr(_module_from(Path(name), "model"), "EXAMPLE_RIG", {})
+        python = str(name).endswith(".py")
+        rig: Mapping[str, Any] = (
+            getattr(_module_from(Path(name), "model"), "EXAMPLE_RIG", {}) if python else {}
+        )
         return rig
     found: Mapping[str, Any] | None = getattr(_package(name), "EXAMPLE_RIG", None)
     if found is None:
@@ -130,21 +131,21 @@ def model_summary(name: str) -> str:
 
 
 def model_effects(name: str) -> tuple[str, ...]:
-    """Names of the effects that a built-in or installed model knows."""
-    if name in MODELS:
-        return tuple(effects_in(f"{MODELS[name]}.effects"))
+    """Names of the effects that an installed model knows."""
+    home = f"{_package(name).__name__}.effects"
+    if importlib.util.find_spec(home):
+        return tuple(effects_in(home))
     return tuple(example_model(name).effects)
 
 
 def _package(name: str) -> Any:
-    if name in MODELS:
-        return importlib.import_module(MODELS[name])
     for point in entry_points(group=MODEL_ENTRY_POINTS):
         if point.name == name:
             return point.load()
+    endings = [f"a file .{point.name}" for point in entry_points(group=FILE_ENTRY_POINTS)]
     raise RequestError(
         f"there is no model {name!r}",
-        expected="one of " + ", ".join(model_names()) + ", a Python file (.py), or an FMU (.fmu)",
+        expected="one of " + ", ".join([*model_names(), "a file .py", *endings]),
         remedy=nearest(name, model_names()),
     )
 
@@ -181,7 +182,7 @@ def effects_from_file(path: Path, content: bytes | None = None) -> list[Effect]:
 def _module_from(path: Path, what: str, content: bytes | None = None) -> Any:
     """Run a user's file as a module of its own; `what` it holds is for messages."""
     try:
-        source = path.read_bytes() if content is None else content
+        source = regular(path).read_bytes() if content is None else content
         code = compile(source, str(path), "exec")
     except FileNotFoundError:
         raise RequestError(f"the {what} file {path} does not exist", remedy="check the path") from None
@@ -195,6 +196,7 @@ def _module_from(path: Path, what: str, content: bytes | None = None) -> Any:
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
     module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # where what numba keeps on disk looks for it
     _run(lambda: exec(code, module.__dict__), path, what)
     return module
 

@@ -46,7 +46,7 @@ class ModelReport:
     effects : tuple of str
         Effects that keep the rules.
     alike : tuple of (str, str)
-        Pairs of effects that no measurement within the limits tells apart.
+        Pairs of effects that no measurement within the limits separates.
     hidden : tuple of str
         Effects that the base's parameters imitate everywhere within the limits.
     notes : tuple of str
@@ -114,7 +114,7 @@ def check_model(model: Model, progress: Callable[[str], None] | None = None) -> 
         except RequestError as fault:
             raise _told_of(effect, fault) from None
         passed.append(name)
-    say("what no measurement could tell apart")
+    say("effects that no measurement could distinguish")
     alike, hidden = _indistinguishable(model, base, free, conditions)
     return ModelReport(
         len(next(iter(conditions.values()))), seconds, free, tuple(passed), alike, hidden, notes

@@ -113,9 +113,8 @@ def rig_template(model: Model, example: Mapping[str, Any]) -> str:
 
     Examples
     --------
-    >>> from specan.models.catalogue import example_model
-    >>> from specan.models.worm_gear import EXAMPLE_RIG
-    >>> rig_template(example_model("worm-gear"), EXAMPLE_RIG).splitlines()[0]
+    >>> from specan.models.catalogue import example_model, example_rig
+    >>> rig_template(example_model("worm-gear"), example_rig("worm-gear")).splitlines()[0]
     '# What is known of a set-up of the model worm-gear. The numbers are those of an example: put in your own.'
     """
     import tomlkit

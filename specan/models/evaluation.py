@@ -254,15 +254,9 @@ class Evaluator:
             self._downstream_cache[changed] = frozenset(touched)
         return self._downstream_cache[changed]
 
-    def read_by(self, touched: frozenset[str], wanted: Iterable[str]) -> frozenset[str]:
-        """Other quantities that some of them read directly, and those that are wanted."""
-        if touched not in self._read_by:
-            self._read_by[touched] = frozenset(r for name in touched for r in self._reads[name])
-        return self._read_by[touched].union(wanted) - touched
-
-    @cached_property
-    def _read_by(self) -> dict[frozenset[str], frozenset[str]]:
-        return {}
+    def read_by(self, touched: frozenset[str]) -> frozenset[str]:
+        """Other quantities that some of them read directly."""
+        return frozenset(r for name in touched for r in self._reads[name]) - touched
 
     def _value(
         self,

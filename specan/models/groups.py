@@ -64,8 +64,9 @@ def with_groups(model: ModelT, axes: Sequence[str]) -> ModelT:
 def _set_apart(node: Quantity, model: Any) -> tuple[Quantity, dict[str, Quantity]]:
     """A quantity that reads its free parameters as quantities, and these."""
     chosen = {n: p for n, p in node.parameters.items() if not p.fixed}
-    if not node.reads or not chosen or node.opaque or node.collection:
-        return node, {}  # a parameter on its own is a quantity already
+    alone = not node.reads and set(node.parameters) == {"value"}  # a quantity already
+    if alone or not chosen or node.opaque or node.collection:
+        return node, {}
     taken = {*model.quantities, *model.conditions}
     names = {n: n if n not in taken else f"{node.name}_{n}" for n in chosen}
     own = {new: _constant(new, chosen[old]) for old, new in names.items()}

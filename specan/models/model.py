@@ -13,7 +13,7 @@ from specan.models.evaluation import Evaluator
 from specan.models.from_function import PREFIX, as_declared, fields_from_functions, name_of, title_of
 from specan.models.groups import check_groups, with_groups
 from specan.models.loops import components
-from specan.models.measurement_kinds import OrderLines, Receivers, TableRules
+from specan.models.measurement_kinds import Receivers, TableRules
 from specan.models.quantity import Condition, Frf, Observable, Quantity, RigStatement, rig_statement
 
 
@@ -101,8 +101,8 @@ class Model:
         What its tables obey, and which of their columns follow from others.
     receivers : Receivers, optional
         Where it predicts transfer functions: the channels and their places.
-    order_lines : OrderLines, optional
-        Where it predicts order lines: which, and what a recording tells about them.
+    for_kinds : mapping
+        What it tells a kind of measurement of its own: ``{kind: statement}``, which only that kind's module reads.
     settings : mapping
         The checked rig file, for the model's own simulation and figures; a study never reads it.
     law : LawSpace, optional
@@ -133,7 +133,7 @@ class Model:
     words: Words = field(default_factory=Words)
     table_rules: TableRules | None = None
     receivers: Receivers | None = None
-    order_lines: OrderLines | None = None
+    for_kinds: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     law: LawSpace | None = None
     unsuited: Mapping[str, str] = field(default_factory=dict)
@@ -355,7 +355,7 @@ class Model:
                 raise RequestError(f"{use.name} is not an effect of this rig: {self.unsuited[use.name]}")
             if effect is None:
                 raise RequestError(
-                    f"{self.name} knows no effect {use.name!r}", remedy=nearest(use.name, self.effects)
+                    f"{self.name} has no effect {use.name!r}", remedy=nearest(use.name, self.effects)
                 )
             if effect.at and use.at not in self.axes[effect.at]:
                 raise RequestError(

@@ -256,7 +256,7 @@ def _judge(
         if type(fault).__name__ != "DimensionalityError":
             unchecked.append(name)
             return
-        found = f"terms that do not fit each other ({fault})"
+        found = f"terms with different units ({fault})"
     if not found:
         return
     if any(p.unit in ("1", "") for p in parameters.values()) or _has_bare_numbers(plain):

@@ -61,8 +61,9 @@ def batch_report(report: BatchReport, settings: BatchSettings) -> str:
     counts = {kind: len(report.of_kind(kind)) for kind in ("done", "aside", "failed")}
     parts = [
         f"<h1>Batch: {escape(where)}</h1>",
-        f'<p class="verdict">{counts["done"]} analysed, {counts["aside"]} put aside, '
+        f'<p class="verdict">{counts["done"]} analysed, {counts["aside"]} skipped, '
         f"{counts['failed']} failed.</p>",
+        *(f"<p>Calibration: {escape(line)}.</p>" for line in report.calibration),
         *(_noise(tables["noise.txt"], report) if "noise.txt" in tables else []),
         *(_bands(tables["bands.txt"], report) if "bands.txt" in tables else []),
         *(_listing(tables["sine.txt"], "Sines", SINES) if "sine.txt" in tables else []),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
+from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
 from specan.errors import RequestError
@@ -10,6 +12,8 @@ from specan.errors import RequestError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+# Of installed packages: class = function, or class.view, of a comparison with a model class.model.
+ENTRY_POINTS = "specan.figures"
 # class, and the view of it -> where its figure is drawn; by name, so that neither matplotlib nor the class is loaded.
 FIGURES = {
     "Recording": "specan.report.figures_waveforms:figure_waveforms",
@@ -28,7 +32,6 @@ FIGURES = {
     "NextMeasurements": "specan.report.figures_diagnosis:figure_next",
     "Change": "specan.report.figures_change:figure_change",
     "History": "specan.report.figures_change:figure_history",
-    "Impedance": "specan.report.figures_room:figure_impedance",
     "Diagnosis": "specan.report.figures_diagnosis:figure_diagnosis",
 }
 
@@ -42,13 +45,22 @@ def figure_of(result: Any, view: str = "", **options: Any) -> Figure:
         There is none.
     """
     kinds = [f"{kind.__name__} {view}".rstrip() for kind in type(result).__mro__]
-    name = next((kind for kind in kinds if kind in FIGURES), None)
-    if name is None:
+    draw = next(filter(None, map(figure_named, kinds)), None)
+    if draw is None:
         raise RequestError(
             f"there is no figure of a {kinds[0]}",
             expected="one of " + ", ".join(FIGURES),
             remedy="use its data frame",
         )
-    module, _, function = FIGURES[name].partition(":")
-    figure: Figure = getattr(importlib.import_module(module), function)(result, **options)
-    return figure
+    return draw(result, **options)
+
+
+def figure_named(kind: str) -> Callable[..., Figure] | None:
+    """What draws a class, or a view of it: here, or of an installed package."""
+    own = {point.name.replace(".", " "): point.value for point in entry_points(group=ENTRY_POINTS)}
+    place = FIGURES.get(kind) or own.get(kind)
+    if place is None:
+        return None
+    module, _, function = place.partition(":")
+    draw: Callable[..., Figure] = getattr(importlib.import_module(module), function)
+    return draw

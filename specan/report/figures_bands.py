@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.band_levels import BandLevels
+from specan.data.band_levels import BandLevels, division_name
 from specan.data.decay import DecayTimes
 from specan.data.levels import SignalLevels
 from specan.report.figure_style import (
@@ -128,28 +128,29 @@ def _limit(axes: Axes, found: BandLevels, rows: Sequence[int]) -> None:
 
 @styled
 def figure_level_history(found: BandLevels, channel: int = 0) -> Figure:
-    """Time-weighted band levels of one channel against time, and its overall levels above them."""
+    """Time-weighted band levels of one channel against time, and its overall levels above them.
+
+    A reading is drawn over the interval that it ends: it holds what happened there.
+    """
     history = found.history
     if history is None:
         raise ValueError("a linear average has no history")
     figure = new_figure(6.4)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 3])
+    times = np.append(history.time_s[:1] - history.interval_s, history.time_s)
     for weighting, levels in history.overall_dB.items():
         if np.isfinite(levels[channel]).any():
-            above.plot(history.time_s, levels[channel], label=f"L{weighting}", linewidth=1.0)
+            highest = history.overall_max_dB[weighting][channel]
+            label = f"L{weighting}, max {highest:.1f} dB"
+            drawn = above.stairs(levels[channel], times, baseline=None, label=label, linewidth=1.0)
+            above.axhline(highest, color=drawn.get_edgecolor(), linewidth=0.6, linestyle=":")
     text = found.references[channel].text
     above.set_ylabel(level_label(text))
     legend_above(above)
-    half = history.interval_s / 2
-    times = np.append(history.time_s - half, history.time_s[-1] + half)
     edges = np.append(found.lower_hz, found.upper_hz[-1])
     level = history.level_dB[channel]
-    finite = level[np.isfinite(level)]
-    top = float(finite.max()) if finite.size else 0.0
-    mesh = below.pcolormesh(
-        times, edges, level, cmap="cividis", vmin=max(top - _DYNAMICS_DB, float(finite.min()) if finite.size else 0.0),
-        vmax=top, rasterized=True,
-    )  # fmt: skip
+    low, high = level_limits(level, _DYNAMICS_DB, below=0.0, above=0.0)
+    mesh = below.pcolormesh(times, edges, level, cmap="cividis", vmin=low, vmax=high, rasterized=True)
     octave_axis(below, float(edges[0]), float(edges[-1]), "y")
     below.set_ylabel("Mid-band frequency / Hz")
     below.set_xlabel("Time / s")
@@ -163,7 +164,7 @@ def _facts(found: BandLevels) -> list[str]:
     held = f", {found.hold} hold" if found.hold else ""
     stop = found.start_s + found.duration_s
     return [
-        f"1/{found.fraction} octave, {found.weighting} weighting, {found.averaging} averaging{held}, "
+        f"{division_name(found.fraction)}, {found.weighting} weighting, {found.averaging} averaging{held}, "
         f"{found.start_s:g} s to {stop:g} s"
     ]
 

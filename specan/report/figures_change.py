@@ -19,10 +19,12 @@ from specan.report.figure_style import (
     octave_axis,
     styled,
 )
+from specan.report.figures import figure_named
+from specan.report.figures_study import readings
 from specan.report.figures_study_frf import measured_transfer
 from specan.report.residual_map import axis_text, map_axes
 from specan.report.study_words import fall_text, history_sentence, state_of
-from specan.study.history import History, Step
+from specan.study.history import History, Step, error_pairs
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.table import TableObservation
 from specan.units import axis_label
@@ -57,7 +59,10 @@ def figure_change(change: Change) -> Figure:
     two.set_ylabel("")
     two.tick_params(labelleft=False)
     after = change.after
-    texts = [f"{text.replace('fitted', 'Fitted')}: {fall_text(a, b)}" for text, a, b in _errors(change)]
+    texts = [
+        f"{text.replace('fitted', 'Fitted').replace('held-out', 'held out')}: {fall_text(a, b)}"
+        for text, a, b in error_pairs(change.before, change.after)
+    ]
     what = {"add": "with", "drop": "without"}.get(after.action, after.action)
     heading(
         figure, f"{change.study.directory.resolve().name}, step {after.step}: {what} {after.effect}",
@@ -66,18 +71,10 @@ def figure_change(change: Change) -> Figure:
     return figure
 
 
-def _errors(change: Change) -> list[tuple[str, Any, Any]]:
-    """Errors before and after, on the data that have both."""
-    before, after = change.before, change.after
-    pairs = (
-        ("fitted", before.fit_error, after.fit_error),
-        ("held out", before.held_out_error, after.held_out_error),
-    )
-    return [(text, a, b) for text, a, b in pairs if a is not None and b is not None]
-
-
 def _bars(axes: Axes, change: Change) -> None:
-    rows = _errors(change)
+    main = change.after.fit_error["metric"]  # other observables have other units
+    pairs = error_pairs(change.before, change.after)
+    rows = [(text.split()[0].replace("-", " "), a, b) for text, a, b in pairs if b["metric"] == main]
     for place, (_, before, after) in enumerate(rows):
         for shift, value, colour, text in ((-0.2, before, BEFORE, "before"), (0.2, after, AFTER, "after")):
             axes.bar(place + shift, value["value"], 0.38, color=colour, label=text if place == 0 else "")
@@ -94,10 +91,13 @@ def _bars(axes: Axes, change: Change) -> None:
 def _residuals(axes: Axes, study: Study, after: bool) -> float:
     """Draw what the model is off by; returns how far the axis has to reach."""
     observation = study.problem.observations[0]
-    predicted = study.problem.predictions(study.shown.theta)[0]
+    predicted = study.problem.plain(study.shown.theta)[0]
     axes.axhline(0, color="0.5", lw=0.8)
     if isinstance(observation, FrfObservation):
         return _level_errors(axes, observation, predicted)
+    own = figure_named(f"Residuals {observation.kind}")
+    if own is not None:
+        return own(axes, observation, predicted)  # type: ignore[return-value]
     return _table_residuals(axes, observation, predicted, study, after)  # type: ignore[arg-type]
 
 
@@ -110,12 +110,12 @@ def _table_residuals(
     sigma = observation.sigma[first]
     names = map_axes({n: v[first] for n, v in observation.labels.items()})
     order = sorted(names, key=lambda n: np.unique(observation.labels[n]).size, reverse=True)
-    x = observation.labels[order[0]][first] if order else np.arange(residual.size)
+    x = readings(study, observation, order[0])[first] if order else np.arange(residual.size)
     if study.data.known:
         reach = 2 * float(np.median(sigma))
         axes.axhspan(-reach, reach, color="0.92", lw=0)
-    for text, colour, mine, shift in _groups(observation, first, order):
-        axes.plot(x[mine] + shift, residual[mine], "o", ms=3, color=colour, label=text)
+    for text, colour, mine in _groups(observation, first, order):
+        axes.plot(x[mine], residual[mine], "o", ms=3, color=colour, label=text)
     axes.set_ylabel(axis_label(f"Model - measured {name}", study.model.observables[name].unit))
     axes.set_xlabel(axis_text(order[0], observation.variables) if order else "reading")
     if after and len(order) > 1:
@@ -125,25 +125,14 @@ def _table_residuals(
 
 
 def _groups(observation: TableObservation, rows: NDArray[np.bool_], order: Sequence[str]) -> list[Any]:
-    """Rows of each level of the second variable, side by side so that they can be distinguished."""
-    if len(order) < 2:
-        return [("", COLOURS[0], np.ones(int(rows.sum()), bool), 0.0)]
-    x = np.unique(observation.labels[order[0]][rows])
-    values = observation.labels[order[1]][rows]
+    """Rows of each level of the second variable."""
+    values = observation.labels[order[1]][rows] if len(order) > 1 else np.zeros(int(rows.sum()))
     levels = np.unique(values)
-    numeric = x.dtype.kind in "fiu" and x.size > 1
-    gap = float(np.min(np.diff(x))) if numeric else 0.0
-    if levels.size > MOST_COLOURS:
-        return [("", COLOURS[0], np.ones(values.size, bool), 0.0)]
-    middle = (levels.size - 1) / 2
+    if not 1 < levels.size <= MOST_COLOURS:
+        return [("", COLOURS[0], np.ones(values.size, bool))]
     return [
-        (
-            f"{level:g}" if values.dtype.kind in "fiu" else str(level),
-            colour,
-            values == level,
-            (k - middle) * 0.12 * gap,
-        )
-        for k, (level, colour) in enumerate(zip(levels, COLOURS, strict=False))
+        (f"{level:g}" if values.dtype.kind in "fiu" else str(level), colour, values == level)
+        for level, colour in zip(levels, COLOURS, strict=False)
     ]
 
 

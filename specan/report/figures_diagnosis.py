@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
-from specan.study.verdict import Diagnosis, NextMeasurements, Ranked, headline
+from specan.study.verdict import Diagnosis, NextMeasurements, Ranked, headline, percent
 from specan.units import axis_label
 
 if TYPE_CHECKING:
@@ -44,7 +44,8 @@ def figure_diagnosis(found: Diagnosis) -> Figure:
         )  # fmt: skip
         axes.annotate(f" {_beside(row)}", (row.error_after, place), va="center", fontsize=8, color="0.3")
     axes.set_yticks(
-        range(len(ranked) + first), [*(["model as it is"] if first else []), *(_name(row) for row in ranked)]
+        range(len(ranked) + first),
+        [*(["model as it is"] if first else []), *(" + ".join(row.names) for row in ranked)],
     )
     axes.set_ylim(len(ranked) + first - 0.4, -0.6)
     axes.set_xlim(0, 1.28 * max([row.error_after for row in ranked] + [now.rms if now else 0.0]))
@@ -57,22 +58,20 @@ def figure_diagnosis(found: Diagnosis) -> Figure:
     heading(
         figure, headline(found),
         fit + "Dark: named by the verdict. Hatched: with values that are not plausible. Beside each bar: error left, "
-        "probability of such a fall by chance, fall in BIC.",
+        + ("probability." if ranked[0].probability is not None
+           else "probability of such a fall by chance, fall in BIC."),
     )  # fmt: skip
     return figure
 
 
 def _beside(row: Ranked) -> str:
-    chance = "p < 1e-12" if row.p_value < 1e-12 else f"p {row.p_value:.1g}"
-    return f"{row.error_after:.3g}   {chance}   {row.delta_bic:+.0f}" + (
-        "" if row.plausible else "   implausible"
-    )
-
-
-def _name(row: Ranked) -> str:
-    places = {name: list(found) for name, found in row.at.items()}
-    parts = [f"{n}@{places[n].pop(0)}" if places.get(n) else n for n in row.effects]
-    return " + ".join(parts)
+    """What stands beside a bar: the error, and how probable the set is."""
+    if row.probability is not None:
+        told = percent(row.probability)
+    else:
+        p = row.p_value or 0.0
+        told = f"{'p < 1e-12' if p < 1e-12 else f'p {p:.1g}'}   {row.delta_bic:+,.0f}"
+    return f"{row.error_after:.3g}   {told}" + ("" if row.plausible else "   implausible")
 
 
 @styled

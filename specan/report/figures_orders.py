@@ -14,10 +14,12 @@ from specan.report.figure_style import (
     legend_above,
     legend_below,
     level_label,
+    level_limits,
     new_figure,
     outer_lines,
     styled,
 )
+from specan.result import counted
 from specan.units import level_reference
 
 if TYPE_CHECKING:
@@ -73,14 +75,13 @@ def figure_order_map(found: OrderSpectrum) -> Figure:
     speed = found.speed_hz[place]
     for row, one in enumerate(axes):
         picture = found.map_level_dB[place, row][:, found.order > 0]
-        finite = picture[np.isfinite(picture)]
-        top = float(finite.max()) if finite.size else 0.0
+        low, high = level_limits(picture, _DYNAMICS_DB, below=0.0, above=0.0)
         mesh = one.pcolormesh(
             found.order[found.order > 0],
             speed,
             np.ma.masked_invalid(picture),
-            vmin=max(top - _DYNAMICS_DB, float(finite.min()) if finite.size else top - 1.0),
-            vmax=top,
+            vmin=low,
+            vmax=high,
             cmap="cividis",
             shading="nearest",
             rasterized=True,
@@ -97,4 +98,4 @@ def figure_order_map(found: OrderSpectrum) -> Figure:
 def _facts(found: OrderSpectrum) -> str:
     low, mean, high = found.tacho.speed_hz
     speed = f"{mean:.4g} Hz" if high - low < 0.01 * mean else f"{low:.4g} to {high:.4g} Hz"
-    return f"Orders of a shaft at {speed}, blocks of {found.block_turns} turns"
+    return f"Orders of a shaft at {speed}, blocks of {counted(found.block_turns, 'turn')}"

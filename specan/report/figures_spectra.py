@@ -29,6 +29,7 @@ from specan.report.figure_style import (
     styled,
     with_gaps,
 )
+from specan.result import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -145,7 +146,7 @@ def _worth(found: FrequencyResponse, relative: NDArray[np.float64]) -> str:
     if coherence.size:
         texts.append(f"coherence {float(np.median(coherence)):.3g} (median)")
     if found.n_blocks > 1:
-        texts.append(f"{found.n_blocks} blocks")
+        texts.append(f"{counted(found.n_blocks, 'block')}")
     return ", ".join(texts)
 
 
@@ -176,8 +177,8 @@ def figure_spectrum(found: Spectrum) -> Figure:
     scale = found.scale
     heading(
         figure, found.label or "Spectrum",
-        f"{scale.scaling}, {scale.window}, {found.averaging} averaging of {found.n_blocks} blocks, line spacing "
-        f"{scale.line_spacing_hz:.4g} Hz, noise bandwidth {scale.enbw_hz:.4g} Hz",
+        f"{scale.scaling}, {scale.window}, {found.averaging} averaging of {counted(found.n_blocks, 'block')}, "
+        f"line spacing {scale.line_spacing_hz:.4g} Hz, noise bandwidth {scale.enbw_hz:.4g} Hz",
         _strongest(found),
     )  # fmt: skip
     if len(references) == 1:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
+from specan.report.figures import figure_named
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.residual_map import axis_text, residual_map
 from specan.report.study_words import state_of
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from specan.study.comparison import Comparison
     from specan.study.study import Study
 
-FIGURES = {"frf": figure_compare_frf}  # kind of measurement: its figure; rows of a table without one
 MOST_PANELS = 4
 MOST_LINES = 7
 POINTS = 60  # along a curve
@@ -43,16 +43,12 @@ class _Panel:
 
 
 def figure_comparison(study: Study, channel: str | None = None) -> Figure:
-    """What ``study compare --plot`` draws: where the model has receivers, their errors and the curves of one.
-
-    Otherwise see `figure_compare`.
-    """
-    from specan.report.figures_room import figure_errors
-
+    """What ``study compare --plot`` draws: of responses the figure that the model brings, or `figure_compare`."""
     recorded = study.frf_errors()
-    if not recorded or study.model.receivers is None:
+    own = figure_named(f"Comparison {study.model.name}")
+    if not recorded or own is None:
         return figure_compare(study, channel)
-    return figure_errors(study, recorded[0], recorded[0].number(channel))
+    return own(study, recorded[0], recorded[0].number(channel))
 
 
 def figure_of_comparison(found: Comparison, channel: str | None = None) -> Figure:
@@ -64,7 +60,7 @@ def figure_of_comparison(found: Comparison, channel: str | None = None) -> Figur
 def figure_compare(study: Study, channel: str | None = None) -> Figure:
     """Measured values with two standard uncertainties beside the fitted model, and what is between them.
 
-    Of recordings, transfer functions (see `figure_compare_frf`). Of tables, one pair of panels for every
+    Of transfer functions, see `figure_compare_frf`. Of tables, one pair of panels for every
     observable and, with three operating variables, for every level of the third. The curves run at the
     levels of the other variables; where readings lie beside their level (a brake that misses its set
     value), they are brought to it by the model, so that the gap between point and curve is the residual.
@@ -75,12 +71,13 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
         A `channel` that there is not, or one of a table.
     """
     observation = study.problem.observations[0]
-    if observation.kind in FIGURES:
-        return FIGURES[observation.kind](study, channel)
+    own = figure_compare_frf if observation.kind == "frf" else figure_named(f"Comparison {observation.kind}")
+    if own is not None:
+        return own(study, channel)
     assert isinstance(observation, TableObservation)
     if channel is not None:
         raise RequestError("a table has no channels", remedy="leave out --channel")
-    predicted = study.problem.predictions(study.shown.theta)[0]
+    predicted = study.problem.plain(study.shown.theta)[0]
     panels = _panels(observation)
     figure = new_figure(6.2, max(1.4 + 2.75 * len(panels), 5.6))
     grid = figure.subplots(2, len(panels), squeeze=False, sharex="col", height_ratios=[2, 1])
@@ -165,7 +162,7 @@ def _draw(
     top: Axes,
     bottom: Axes,
 ) -> None:
-    x = _x(study, observation, panel.x)
+    x = readings(study, observation, panel.x)
     at_level = _predict(study, observation, _at_levels(study, observation, panel.x))
     shown = observation.measured - predicted + at_level
     z = (predicted - observation.measured) / observation.sigma
@@ -198,9 +195,11 @@ def _condition_of(study: Study, column: str) -> str:
     return next(n for n, c in study.model.conditions.items() if c.column == column)
 
 
-def _x(study: Study, observation: TableObservation, column: str) -> NDArray[np.float64]:
-    """Values along x as they were read, in the column's unit."""
-    name = _condition_of(study, column)
+def readings(study: Study, observation: TableObservation, column: str) -> NDArray[Any]:
+    """Values along an operating variable as they were read, in the column's unit; its labels where it is no number."""
+    name = next((n for n, c in study.model.conditions.items() if c.column == column and not c.group), None)
+    if name is None:
+        return observation.labels[column]
     condition = study.model.conditions[name]
     return np.asarray(convert(observation.conditions[name], condition.unit, condition.column_unit))
 
@@ -229,7 +228,7 @@ def _curve(
     study: Study, observation: TableObservation, panel: _Panel, mine: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The model along x, everything else as in the first of the rows."""
-    x = _x(study, observation, panel.x)[mine]
+    x = readings(study, observation, panel.x)[mine]
     along = np.linspace(x.min(), x.max(), POINTS)
     name = _condition_of(study, panel.x)
     condition = study.model.conditions[name]

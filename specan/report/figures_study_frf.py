@@ -44,7 +44,7 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
     """
     observation = study.problem.observations[0]
     assert isinstance(observation, FrfObservation)
-    found = measured_transfer(observation, study.problem.predictions(study.shown.theta)[0])
+    found = measured_transfer(observation, study.problem.plain(study.shown.theta)[0])
     chosen = found.by_misfit()[:MOST_CHANNELS] if channel is None else [_number(found, channel)]
     unit = study.model.observables[str(observation.observable[0])].unit
     figure = new_figure(6.4, max(1.2 + 3.0 * len(chosen), 5.6))
@@ -173,9 +173,7 @@ def measured_transfer(observation: FrfObservation, predicted: Array) -> Measured
     """
     kept = observation.kept
     measured = np.where(kept, observation.response, np.nan)
-    model = np.full(kept.shape, np.nan, dtype=complex)
-    half = observation.n // 2
-    model[kept] = predicted[:half] + 1j * predicted[half:]
+    model = observation.lines_of(predicted, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         turned = observation.common / measured[..., None]
         noise = observation.noise / np.abs(measured)

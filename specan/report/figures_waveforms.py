@@ -55,10 +55,10 @@ def figure_waveforms(
             axes.set_ylim(-end, end)
             axes.set_yticks([])
             axes.spines["left"].set_visible(False)
-            axes.set_ylabel(channel.name, rotation=0, ha="right", va="center", fontsize=7)
+            axes.set_ylabel(channel.label, rotation=0, ha="right", va="center", fontsize=7)
         else:
             axes.set_ylabel(
-                f"{channel.name} / {channel.unit}", rotation=0, ha="right", va="center", fontsize=8
+                f"{channel.label} / {channel.unit}", rotation=0, ha="right", va="center", fontsize=8
             )
         if axes is not sheet[-1]:
             axes.spines["bottom"].set_visible(False)

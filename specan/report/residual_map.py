@@ -15,7 +15,7 @@ from specan.study.localisation.localise import Block, localise
 from specan.study.observation import Variable, variable_named
 
 _LEAST_END = 6.0  # of the colour scale: what is below is what chance may do
-_MOST_SHARE = 0.95  # of the cells that the scale tells apart where the model fails everywhere
+_MOST_SHARE = 0.95  # of the cells that the scale separates where the model fails everywhere
 _FREQUENCY = "third_octave_hz"  # always lies across
 
 
@@ -87,8 +87,11 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
                 worst = max(found, key=lambda b: abs(b.z))
                 z[i, j], texts[i][j] = worst.z, worst.text
                 significant[i, j] = any(b.significant for b in found)
-    names_across = tuple(_text(level) for level in columns)
-    names_up = tuple(_text(level) for level in rows) if up else ("",)
+    variables = problem.observations[0].variables
+    names_across = tuple(variable_named(across, variables).short(level, unit=False) for level in columns)
+    names_up = (
+        tuple(variable_named(up, variables).short(level, unit=False) for level in rows) if up else ("",)
+    )
     return ResidualMap(
         across,
         up,
@@ -98,7 +101,7 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
         count,
         significant,
         tuple(map(tuple, texts)),
-        dict(problem.observations[0].variables),
+        dict(variables),
     )
 
 
@@ -146,7 +149,3 @@ def _blocks_of(
             if np.array_equal(labels[one[0]] == one[1], mine) and frozenset([one]) in blocks:
                 return blocks[frozenset([one])]
     return found or ()
-
-
-def _text(level: Any) -> str:
-    return level if isinstance(level, str) else f"{level:g}"

@@ -18,9 +18,9 @@ from specan.report.figures_study import figure_compare, figure_map
 from specan.report.html_page import bullets, page, picture, table
 from specan.report.residual_map import map_axes
 from specan.report.study_words import fall_text
-from specan.study.history import History, Step, diagnosis_of
+from specan.study.history import History, Step, diagnosis_of, error_pairs
 from specan.study.study_file import NAME
-from specan.study.verdict import headline, headline_of, reason
+from specan.study.verdict import headline, headline_of, placed, reason
 from specan.units import axis_label, printed_unit
 
 if TYPE_CHECKING:
@@ -78,16 +78,11 @@ def _story_lines(steps: Sequence[Step], diagnosis: Diagnosis | None) -> list[str
 
 
 def _falls(before: Step, after: Step) -> str:
-    pairs = [
-        ("fitted", before.fit_error, after.fit_error),
-        ("held-out", before.held_out_error, after.held_out_error),
-    ]
     return ", and ".join(
         f"on {kind} data went from {fall_text(a, b)}"
         if a != b
         else f"on {kind} data stayed at {fall_text(a, b)}"
-        for kind, a, b in pairs
-        if a is not None and b is not None
+        for kind, a, b in error_pairs(before, after)
     )
 
 
@@ -112,26 +107,28 @@ def _led_to(content: Mapping[str, Any] | None, before: Step) -> list[str]:
     if rows:
         now = f"{before.fit_error['value']:.3g}"
         grey = [False, *(not row["plausible"] for row in content["ranking"][:MOST_RIVALS])]
-        parts.append(table(_header(before), [["model as it was", now, "", "", ""], *rows], grey))
+        parts.append(table(_header(before), [["model as it was", now, "", "", "", ""], *rows], grey))
     return parts
 
 
 def _header(step: Step) -> list[str]:
     left = axis_label("error left", step.fit_error["unit"])
-    return ["candidate", left, "fall in BIC", "p", "gain on left-out conditions"]
+    return ["candidate", left, "probability", "fall in BIC", "p", "gain on left-out conditions"]
 
 
 def _candidate(row: Mapping[str, Any]) -> list[Any]:
     """One row of a ranking, as ``study diagnose --json`` prints it."""
     numbers = [
         (row["error_after"], ".3g"),
-        (row["delta_bic"], ".1f"),
-        (row["p_value"], ".1g"),
-        (row["held_out_gain"], ".1f"),
+        (row.get("probability"), ".2g"),
+        (row.get("delta_bic"), ",.1f"),
+        (row.get("p_value"), ".1g"),
+        (row.get("held_out_gain"), ".1f"),
     ]
-    places = [f"{name}@{place}" for name in row["effects"] for place in row["at"].get(name, ())]
-    names = [*places, *(name for name in row["effects"] if name not in row["at"])]
-    return [" + ".join(names), *("" if value is None else format(value, form) for value, form in numbers)]
+    return [
+        " + ".join(placed(row["effects"], row["at"])),
+        *("" if value is None else format(value, form) for value, form in numbers),
+    ]
 
 
 def _comparison(study: Study, found: Comparison) -> list[str]:
@@ -217,16 +214,21 @@ def _rejected(found: Diagnosis | None) -> list[str]:
             [*_candidate(row), "; ".join(_value(n, p) for n, p in row["parameters"].items())] for row in rows
         ]
         parts += [
-            "<h2>Candidates that were tried</h2>",
+            "<h2>Candidates tested</h2>",
             table(header, cells, [not row["plausible"] for row in rows]),
         ]
     visible = [
-        [n, "invisible at any plausible size" if v is None else f"{v['value']:.2g} {printed_unit(v['unit'])}"]
+        [
+            n,
+            "not detectable at any plausible size"
+            if v is None
+            else f"{v['value']:.2g} {printed_unit(v['unit'])}",
+        ]
         for n, v in found.smallest_visible.items()
     ]
     visible += [[n, f"not testable: {why}"] for n, why in found.not_testable.items()]
     if visible:
-        parts += ["<h2>Smallest effect that these data would show</h2>", table(["effect", "size"], visible)]
+        parts += ["<h2>Smallest detectable effects</h2>", table(["effect", "size"], visible)]
     return parts
 
 

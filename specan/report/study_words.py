@@ -26,10 +26,12 @@ def state_of(study: Study) -> list[str]:
 def history_sentence(steps: Sequence[Step]) -> str:
     """``Fitted: 0.0276 to 0.0065 Nm (-77 %). Held out: 0.03 to 0.0072 Nm (-76 %).``"""
     texts = []
-    for attribute, text in (("fit_error", "Fitted"), ("held_out_error", "Held out")):
-        errors = [e for s in steps if (e := getattr(s, attribute)) is not None]
-        if errors:
-            texts.append(f"{text}: {fall_text(errors[0], errors[-1])}.")
+    for kind, text in (("fit", "Fitted"), ("held_out", "Held out")):
+        known = [errors for s in steps if (errors := s.of_each(kind))]
+        for name in known[-1] if known else ():
+            ends = [one[name] for one in known if name in one]
+            said = text if len(known[-1]) == 1 else f"{text} {name}"
+            texts.append(f"{said}: {fall_text(ends[0], ends[-1])}.")
     return " ".join(texts)
 
 

@@ -50,6 +50,17 @@ class Comparison(Result):
         rows = self.parameters.values()
         return {"parameter": list(self.parameters), **{n: [row[n] for row in rows] for n in names}}
 
+    @property
+    def path_gains(self) -> list[dict[str, Any]]:
+        """Of each recording of order lines: gains that were learned from it, and the error without them."""
+        problem = self.study.problem
+        values = problem.values_at(self.study.shown.theta)
+        return [
+            o.path_gains(problem.assembly, problem.seen_by(o, values))
+            for o in problem.observations
+            if hasattr(o, "path_gains")
+        ]
+
     def content(self) -> dict[str, Any]:
         """What ``specan study compare --json`` prints; `recordings` only where curves were compared."""
         study, where, known = self.study, self.localisation, self.study.data.known
@@ -78,4 +89,5 @@ class Comparison(Result):
             "assumptions": study.data.statements,
             "mistaken_set_up": study.mistaken_set_up.text,
             **({"recordings": [one.as_dict() for one in recorded]} if recorded else {}),
+            **({"path_gains": gains} if (gains := self.path_gains) else {}),
         }

@@ -109,7 +109,9 @@ def _with_doubts(explained: Explained) -> Conclusion:
         or better_but_too_far(search, sets)
     )
     if not (reasons or suspect) and len(sets) == 1:
-        reasons.append("no other explanation in the catalogue fits as well, and nothing is left")
+        reasons.append(
+            "no other explanation in the catalogue fits as well, and no significant residual is left"
+        )
     return replace(found, reason="; ".join(reasons), doubt=left or bool(second) or bool(one) or suspect)
 
 

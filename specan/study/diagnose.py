@@ -6,14 +6,14 @@ best, accept or reject them; compare what is left; see where the model fails; pr
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from specan.errors import ComputationError
+from specan.errors import RequestError, SpecanError, unforeseen
 from specan.models.effect import ParameterName
 from specan.study.conclusion import (
     Conclusion,
@@ -27,8 +27,10 @@ from specan.study.conclusion import (
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
+from specan.study.evidence.diagnosis import diagnosis
 from specan.study.localisation.localise import Block, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up, undeclared_shifts
+from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
 from specan.study.selection.alternatives import alternatives, other_forms, refit_promising
 from specan.study.selection.doubtful_data import (
@@ -48,7 +50,7 @@ from specan.study.verdict import (
     Diagnosis,
     LackOfFit,
     error_fall,
-    main_error,
+    errors,
     parameters_of,
     places_of,
     ranking,
@@ -77,7 +79,7 @@ class Stopped(KeyboardInterrupt):
 
     @cached_property
     def content(self) -> dict[str, Any]:
-        """The effects that were refitted, the likeliest first, as plain values; of the latest search that has any.
+        """The effects that were refitted, most likely first, as plain values; of the latest search that has any.
 
         ``rough`` where only a few lines, known to some per cent, were looked at so far.
         """
@@ -85,7 +87,7 @@ class Stopped(KeyboardInterrupt):
         done = [r for r in refits.done.values() if r.uses] if refits else []
         rows = []
         for refit in sorted(done, key=lambda r: r.bic(1.0)):
-            error = main_error(refit)
+            error = errors(refit)[0]
             rows.append(
                 {
                     "effects": sorted(map(str, refit.uses)),
@@ -104,6 +106,7 @@ def diagnose(
     base: Fit | None = None,
     set_up: MistakenSetUp | None = None,
     bootstrap: bool = False,
+    probabilities: bool = False,
     progress: Progress | None = None,
     begun: list[Search] | None = None,
 ) -> Diagnosis:
@@ -119,6 +122,8 @@ def diagnose(
         What `mistaken_set_up` has found, where it has been looked for already.
     bootstrap : bool
         Family-wise probabilities by simulation of the maximum over all candidates instead of a bound.
+    probabilities : bool
+        Tables: judge by how probable each explanation is, instead of by tests one by one.
     progress : callable, optional
         Told in a few words what is being done.
     begun : list of Search, optional
@@ -138,6 +143,13 @@ def diagnose(
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress, begun = progress or unheard, [] if begun is None else begun
+    if probabilities:
+        if not all(isinstance(o, TableObservation) for o in problem.observations):
+            raise RequestError(
+                "probabilities of explanations are worked out for tables only",
+                remedy="diagnose transfer functions and order lines without them",
+            )
+        return diagnosis(problem, start.fit, progress)
     declared = Search(Refits(start), (), bootstrap, progress, part=(0.0, ENDS))
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data", 0.0)
@@ -159,13 +171,11 @@ def diagnose(
         search.run()
         refit_promising(search)
         sets = alternatives(search)
-        _check_failures(search)
         tried[form] = Explained(search, sets, conclude(search, sets))
         if not form and tried[form].found.nothing_left:
             break
     progress("where the model fails, and what to measure next", ENDS)
-    forms = likeliest_form(tried)
-    return _verdict(forms, with_forms(forms))
+    return _verdict(likeliest_form(tried))
 
 
 def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
@@ -230,30 +240,69 @@ def untestable(start: Refit) -> str:
     return ""
 
 
-def _check_failures(search: Search) -> None:
-    """A set that the score test would have let through must not be lost to a fit that failed."""
+def _failures(search: Search) -> list[str]:
+    """Sets that the score test would have let through, and whose fit failed."""
+    said = []
     for uses, reason in search.refits.failed.items():
-        if len(uses) == 1:
-            step = search.step(search.base)
-            gain = step.by_use[next(iter(uses))][0].chi2_reduction
-            if search.best.uses or gain / search.base.dispersion < step.acceptance.needed_reduction:
-                continue
-            raise ComputationError(
-                f"the fit with {', '.join(map(str, uses))} failed ({reason}) though the data ask for it",
-                remedy="give its parameters other bounds or start values",
-            )
+        step = search.step(search.base)
+        scored = step.by_use.get(next(iter(uses)), [])
+        if len(uses) == 1 and not search.best.uses and scored:
+            gain = scored[0].chi2_reduction
+            if gain / search.base.dispersion >= step.acceptance.needed_reduction:
+                said.append(
+                    f"the fit with {', '.join(map(str, uses))} failed ({reason}) though the data support it: give its "
+                    "parameters other bounds or start values"
+                )
+    return said
 
 
-def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
+class Beside:
+    """What is told beside a verdict: a part that fails is told in a sentence, and costs nothing else.
+
+    Attributes
+    ----------
+    failures : list of str
+    """
+
+    def __init__(self) -> None:
+        self.failures: list[str] = []
+
+    def __call__(self, what: str, find: Callable[[], Any], otherwise: Any) -> Any:
+        """What `find` gives; `otherwise` where it fails."""
+        try:
+            return find()
+        except Exception as fault:
+            reason = fault.found if isinstance(fault, SpecanError) else unforeseen(fault)
+            self.failures.append(f"{what} could not be worked out ({reason})")
+            return otherwise
+
+
+def _verdict(forms: OfForms) -> Diagnosis:
     """What is found, what it rests on, and what to measure next."""
     search, sets = forms.best.search, forms.best.sets
-    base, best = search.base, search.best
-    step = search.step(best)
-    fails_at = localise(base.problem, base.fit).fails_at
-    visible = by_effect(
-        [*minimum_detectable_sizes(step.seen, step.acceptance, best.dispersion), *_of_members(search)]
-    )
-    rows = ranking(search, sets)
+    base, best, beside = search.base, search.best, Beside()
+    found = beside("what speaks against the verdict", lambda: with_forms(forms), forms.best.found)
+    fails_at = beside("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
+    rows = beside("the table of what was tried", lambda: ranking(search, sets), ())
+    proposals = beside("what to measure next", lambda: _next(search, sets, found.kind, fails_at), ())
+    law = beside("a law of what is left", lambda: _law_of_what_is_left(search, found), None)
+    error = beside("the error", lambda: error_fall(base, best), None)
+    visible = beside("the smallest visible sizes", lambda: _visible(search, sets), {})
+    pulled = found.values or beside("what is off its known value", lambda: pulls(best), ())
+    remarks: list[tuple[str, Callable[[], Iterable[str]]]] = [
+        ("copied rows", lambda: [copied_rows(base)]),
+        ("suspect rows", lambda: [suspect_rows(base)]),
+        ("rows without load", lambda: [rows_of_two_kinds(base)]),
+        ("a drift over the rows", lambda: [drift_over_rows(best)]),
+        ("odd repeats", lambda: [odd_repeat(base)]),
+        ("rivals with values that are not known", lambda: better_but_too_far(search, sets)),
+        ("instruments off their certificates", lambda: _off_certificates(best, pulled)),
+        ("the scatter beside its uncertainty", lambda: _too_good(base)),
+        ("shifts of modes", lambda: _undeclared(base, found)),
+        ("sizes with other forms", lambda: forms.sizes(rows[0].parameters) if best.uses and rows else ()),
+        ("fits that failed", lambda: [_not_settled(base), *_failures(search)]),
+    ]
+    said = [text for what, find in remarks for text in beside(what, find, ()) if text]
     return Diagnosis(
         verdict=found.kind,
         reason=found.reason,
@@ -264,30 +313,34 @@ def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
         lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
         model_discrepancy_percent=_discrepancy(base.problem),
         fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
-        residual_law=_law_of_what_is_left(search, found),
+        residual_law=law,
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
         other_form=forms.form,
-        next_measurement=tuple(asdict(p) for p in _next(search, sets, found.kind, fails_at)),
-        pulls=shown(found.values or pulls(best)),
-        error=error_fall(base, best),
-        remarks=tuple(
-            r
-            for r in (
-                copied_rows(base),
-                suspect_rows(base),
-                rows_of_two_kinds(base),
-                drift_over_rows(base),
-                odd_repeat(base),
-                *better_but_too_far(search, sets),
-                *_off_certificates(best, found.values or pulls(best)),
-                *_too_good(base),
-                *_undeclared(base, found),
-                *(forms.sizes(rows[0].parameters) if best.uses else ()),
-            )
-            if r
-        ),
+        next_measurement=tuple(asdict(p) for p in proposals),
+        pulls=shown(pulled),
+        error=error,
+        remarks=(*said, *beside.failures),
     )
+
+
+def _visible(search: Search, sets: Sequence[Refit]) -> dict[str, Any]:
+    """Smallest sizes that would be seen: of what is named from the base, of the others beside the best set."""
+    named = frozenset(use for refit in sets for use in refit.uses)
+    beside, base = search.step(search.best), search.step(search.base)
+    worth = search.best.dispersion
+    others = minimum_detectable_sizes(beside.seen, beside.acceptance, worth)
+    own = minimum_detectable_sizes(base.seen, base.acceptance, worth, named) if named else []
+    seen = [one for one in own if one.value is not None]  # what was seen is not invisible
+    names = {str(use) for use in named}
+    return by_effect([*(one for one in others if one.use not in names), *seen])
+
+
+def _not_settled(base: Refit) -> str:
+    """A sentence where the fit of the model as it is was given up."""
+    if base.fit.converged:
+        return ""
+    return "the fit of the model as it is did not settle, and may be too poor: give start values or narrower bounds"
 
 
 def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Block]) -> Sequence[Proposal]:
@@ -342,14 +395,6 @@ def _off_certificates(best: Refit, pulled: Sequence[Pull]) -> tuple[str, ...]:
         for pull in far
         if names
     )
-
-
-def _of_members(search: Search) -> list[Any]:
-    """Smallest visible sizes of the effects that were found, from the base."""
-    if not search.best.uses:
-        return []
-    step = search.step(search.base)
-    return minimum_detectable_sizes(step.seen, step.acceptance, search.best.dispersion, search.best.uses)
 
 
 def _discrepancy(problem: Problem) -> float:

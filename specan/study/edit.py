@@ -18,7 +18,7 @@ from specan.result import Result
 from specan.study.build_problem import undetermined
 from specan.study.create import effect_entry, hold_undetermined
 from specan.study.estimation.fit import fit, intervals_95, profile_interval
-from specan.study.history import History, Step, changing, commit, line_of
+from specan.study.history import History, Step, changing, commit, error_pairs, line_of
 from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyFile, StudyText, read_study_file
@@ -89,17 +89,13 @@ class Change(Result):
 
     def columns(self) -> dict[str, Any]:
         """Errors before and after, on fitted and on held-out data."""
-        pairs = {
-            "fitted": (self.before.fit_error, self.after.fit_error),
-            "held-out": (self.before.held_out_error, self.after.held_out_error),
-        }
-        known = {data: (one, two) for data, (one, two) in pairs.items() if one and two}
+        pairs = error_pairs(self.before, self.after)
         return {
-            "data": list(known),
-            "metric": [two["metric"] for _, two in known.values()],
-            "before": [one["value"] for one, _ in known.values()],
-            "after": [two["value"] for _, two in known.values()],
-            "unit": [two["unit"] for _, two in known.values()],
+            "data": [data for data, _, _ in pairs],
+            "metric": [two["metric"] for _, _, two in pairs],
+            "before": [one["value"] for _, one, _ in pairs],
+            "after": [two["value"] for _, _, two in pairs],
+            "unit": [two["unit"] for _, _, two in pairs],
         }
 
 
@@ -158,7 +154,7 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
         changed = Study(study.directory, draft=text)
         after = _kept(changed, by_hand, "drop", use, because)
         _commit(changed, by_hand, after)
-    remarks = [f"{use} goes back under its certificate"] if has_prior else []
+    remarks = [f"{use} is constrained by its certificate again"] if has_prior else []
     remarks += _on_errors(before, after, expected_to_fall=False)
     return Change(before, after, study, changed, {}, (), tuple(remarks))
 
@@ -265,7 +261,7 @@ def _check_addable(study: Study, use: Use) -> None:
     model = study.model
     if use.name not in model.effects:
         raise RequestError(
-            f"{model.name} knows no effect {use.name!r}", remedy=nearest(use.name, model.effects)
+            f"{model.name} has no effect {use.name!r}", remedy=nearest(use.name, model.effects)
         )
     model.assemble([use])
     if str(use) in study.model_effects:
@@ -306,8 +302,8 @@ def _remarks_on_adding(
     count = len(new.best.theta) - len(old.best.theta)
     if new.data.known and fall < count * np.log(new.problem.n_effective):
         remarks.append(
-            f"chi-square falls by {fall:.1f}, less than its {count} new parameter{'s' * (count != 1)} would by chance "
-            f"and thrift allow ({count * np.log(new.problem.n_effective):.1f}): the data do not ask for {use}"
+            f"chi-square falls by {fall:.1f}, less than the penalty of {count} new parameter{'s' * (count != 1)} "
+            f"({count * np.log(new.problem.n_effective):.1f}): {use} is not supported by the data"
         )
     for name in new.best.at_bound:
         ends = new.problem.domain(name.whole)
@@ -320,20 +316,15 @@ def _remarks_on_adding(
     free = [n for n in undetermined(new.problem, new.best.theta) if n.whole not in new.problem.priors]
     remarks += [f"{name} is not determined by these data at the values that were found" for name in free]
     if new.data.known:
-        remarks += [f"{other} has become superfluous" for other in _superfluous(old, new)]
+        remarks += [f"{other} is no longer needed" for other in _superfluous(old, new)]
     return remarks
 
 
 def _on_errors(before: Step, after: Step, expected_to_fall: bool) -> list[str]:
     remarks = []
-    for what, key, one, two in (
-        ("fitted", "fit", before.fit_error, after.fit_error),
-        ("held-out", "held_out", before.held_out_error, after.held_out_error),
-    ):
-        if one is None or two is None:
-            continue
+    for what, one, two in error_pairs(before, after):
         # Twice the relative standard deviation of the RMS of n independent values, 1 / sqrt(2 n).
-        by_chance = np.sqrt(2.0 / max(sum(row["n"] for row in after.errors.get(key, ())), 1))
+        by_chance = np.sqrt(2.0 / max(two["n"], 1))
         if expected_to_fall and two["value"] > one["value"] * (1 + max(SAME, by_chance)):
             remarks.append(RISES.format(what))
         elif expected_to_fall and two["value"] > one["value"] * (1 - SAME):

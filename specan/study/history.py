@@ -102,6 +102,28 @@ class Step:
         """Plain values."""
         return {**vars(self), "model_effects": list(self.model_effects), "at_bound": list(self.at_bound)}
 
+    def of_each(self, kind: str) -> dict[str, Mapping[str, Any]]:
+        """Error of every observable, in the form of `fit_error`; `kind` as in `errors`."""
+        return {
+            e["observable"]: {
+                "value": e["rms"],
+                "unit": e["unit"],
+                "metric": f"RMS of {e['observable']}",
+                "n": e["n"],
+            }
+            for e in self.errors.get(kind, ())
+        }
+
+
+def error_pairs(before: Step, after: Step) -> list[tuple[str, Mapping[str, Any], Mapping[str, Any]]]:
+    """Errors at two steps on ``fitted`` and on ``held-out`` data; of several observables, with their names."""
+    found = []
+    for data, kind in (("fitted", "fit"), ("held-out", "held_out")):
+        old, new = before.of_each(kind), after.of_each(kind)
+        names = [name for name in new if name in old]
+        found += [(data if len(names) == 1 else f"{data} {name}", old[name], new[name]) for name in names]
+    return found
+
 
 def line_of(step: Step) -> str:
     """A step as the line that is kept of it."""
@@ -113,6 +135,7 @@ class History(Result):
 
     def __init__(self, directory: Path) -> None:
         self.path = directory / NAME
+        self.ignored: list[str] = []  # lines that cannot be read: they stay in the file
         self.steps = self._read()
 
     dimensions = ("step",)
@@ -149,7 +172,8 @@ class History(Result):
         if not self.path.exists():
             return []
         steps = []
-        for number, line in enumerate(self.path.read_text(encoding="utf-8").splitlines(), 1):
+        text = self.path.read_text(encoding="utf-8", errors="replace")
+        for number, line in enumerate(text.split("\n"), 1):
             if not line.strip():
                 continue
             try:
@@ -158,10 +182,7 @@ class History(Result):
                 content["at_bound"] = tuple(content["at_bound"])
                 steps.append(Step(**content))
             except (ValueError, TypeError, KeyError) as fault:
-                raise RequestError(
-                    f"{self.path}, line {number} is damaged ({fault})",
-                    remedy="restore the file from a copy, or remove that line",
-                ) from None
+                self.ignored.append(f"{self.path}, line {number} is damaged ({fault}) and ignored")
         return steps
 
 
@@ -209,6 +230,8 @@ def commit(directory: Path, study_text: str | None, history_lines: str) -> None:
     """
     history = directory / NAME
     size = history.stat().st_size if history.exists() else 0
+    if size and not history.read_bytes().endswith(b"\n"):  # half a line, which stays a line of its own
+        history_lines = "\n" + history_lines
     pending = {"study": study_text, "history_size": size, "history": history_lines}
     _write_whole(directory / PENDING, json.dumps(pending))
     _finish(directory)

@@ -19,7 +19,7 @@ from specan.study.design.operating_points import propose as propose_measurements
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import observable_errors
 from specan.study.estimation.problem import Problem
-from specan.study.selection.acceptance import left_out_error
+from specan.study.selection.acceptance import left_out_errors
 from specan.study.selection.law_search import LEVEL, Law, search_laws
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
@@ -136,7 +136,7 @@ class ProposedLaws(Result):
 
 
 def propose_laws(study: Study) -> ProposedLaws:
-    """Look for laws in what a study's model leaves, and write those that the data admit as effect files.
+    """Search the residuals of a study for laws, and write those that the data admit as effect files.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def propose_laws(study: Study) -> ProposedLaws:
     study.require_uncertainty("propose")
     start = Refit(frozenset(), study.problem, study.best)
     found = search_laws(start)
-    before, left_out = _error(start), left_out_error(start)
+    before, left_out = _error(start), next(iter(left_out_errors(start)), None)
     sources = {name: source_of(law, name) for name, law in _named(found.laws).items()}
     files = {name: Path(FOLDER) / f"{name}.py" for name in sources}
     # One catalogue for all, so that the refits can be compared.
@@ -195,7 +195,7 @@ def _write(path: Path, source: str) -> None:
 
 
 def _error(refit: Refit) -> Any:
-    predicted = refit.problem.predictions(refit.fit.theta)
+    predicted = refit.problem.plain(refit.fit.theta)
     return observable_errors(refit.problem, refit.problem.observations, predicted)[0]
 
 
@@ -220,7 +220,7 @@ def _fitted(
         return None
     count = sum(n.owner == name for n in problem.names)
     refit = Refit(frozenset({use}), problem, best, count, 1)
-    left_out = left_out_error(refit)
+    left_out = next(iter(left_out_errors(refit)), None)
     proposed = ProposedLaw(
         name=name,
         file=file,

@@ -17,6 +17,7 @@ from specan.io.output_file import text_file
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
+from specan.result import counted
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.comparison import Comparison
 from specan.study.estimation.continuation import continuation_fit, linearised, shifts_of
@@ -113,7 +114,8 @@ class Study:
 
     def __repr__(self) -> str:
         effects = ", ".join(self.model_effects) or "no effects"
-        return f"<Study: {self.directory}, {self.model.name} with {effects}, {len(self.history.steps)} steps>"
+        steps = counted(len(self.history.steps), "step")
+        return f"<Study: {self.directory}, {self.model.name} with {effects}, {steps}>"
 
     # --- files ------------------------------------------------------------------------------------
 
@@ -266,7 +268,13 @@ class Study:
     @cached_property
     def best(self) -> Fit:
         """The fit of the model as it is."""
-        return self.kept.find("fit", Fit) or self.kept.keep("fit", fit(self.problem, starts=STARTS))
+        found = self.kept.find("fit", Fit)
+        if found is None:
+            found = fit(self.problem, starts=STARTS)
+            if self.problem.strategy.continuation and found.reduced_chi2 > POOR_FIT:  # astray, perhaps
+                found = min(found, fit(self.problem, self._near), key=lambda one: one.chi2)
+            self.kept.keep("fit", found)
+        return found
 
     @cached_property
     def shown(self) -> Fit:
@@ -324,7 +332,12 @@ class Study:
         return curve_errors(self.problem, self.shown)
 
     def diagnose(
-        self, *, bootstrap: bool = False, progress: Progress | None = None, jobs: int = 1
+        self,
+        *,
+        bootstrap: bool = False,
+        probabilities: bool = False,
+        progress: Progress | None = None,
+        jobs: int = 1,
     ) -> Diagnosis:
         """Find out which effect the model is missing; computed once for each state of the study, and kept with it.
 
@@ -336,7 +349,7 @@ class Study:
             The uncertainty of the measurement is unknown.
         """
         self.require_uncertainty("diagnose")
-        name = "bootstrap" if bootstrap else "diagnosis"
+        name = "probabilities" if probabilities else "bootstrap" if bootstrap else "diagnosis"
         found = self.kept.find(name, Diagnosis)
         if found is None:
             from specan.study.diagnose import Stopped, diagnose
@@ -346,7 +359,7 @@ class Study:
                 with working(jobs) if jobs > 1 else contextlib.nullcontext():
                     found = diagnose(
                         self.problem, base=self.best, set_up=self.kept.find("set_up", MistakenSetUp),
-                        bootstrap=bootstrap, progress=progress, begun=begun,
+                        bootstrap=bootstrap, probabilities=probabilities, progress=progress, begun=begun,
                     )  # fmt: skip
             except KeyboardInterrupt:
                 stopped = Stopped(tuple(begun))

@@ -15,7 +15,7 @@ from specan.errors import RequestError
 from specan.models import Use
 from specan.models.catalogue import rig_files
 from specan.models.effect import ParameterName
-from specan.schema import Settings, parse, read_toml
+from specan.schema import Settings, parse, read_toml, regular
 
 NAME = "study.toml"
 
@@ -137,7 +137,7 @@ def file_hash(path: Path) -> str:
     """
     digest = hashlib.sha256()
     try:
-        with path.open("rb") as stream:
+        with regular(path).open("rb") as stream:
             while block := stream.read(1 << 20):
                 digest.update(block)
     except OSError as fault:
@@ -168,7 +168,7 @@ class StudyText:
 
         self.path = path
         self.document: Any = (
-            tomlkit.parse(path.read_text(encoding="utf-8-sig")) if document is None else document
+            tomlkit.parse(regular(path).read_text(encoding="utf-8-sig")) if document is None else document
         )
 
     @classmethod

@@ -18,6 +18,7 @@ import numpy as np
 from specan.errors import RequestError
 from specan.models import Effect, Model, Use
 from specan.models.catalogue import content_of, effects_from_file, files_of, model_from_file
+from specan.schema import regular
 from specan.study.observation import Observation
 from specan.study.study_file import EffectFileEntry
 
@@ -103,7 +104,7 @@ def read_effect_file(path: Path) -> EffectFile:
     """
     if not path.exists():
         raise RequestError(f"the effect file {path} does not exist", remedy="check the path")
-    content = path.read_bytes()
+    content = regular(path).read_bytes()
     return EffectFile(path, content, tuple(effects_from_file(path, content)))
 
 

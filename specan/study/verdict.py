@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from specan.models import Use
 from specan.result import Result, counted
 from specan.study.estimation.fit import intervals_95, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
-from specan.study.selection.acceptance import left_out_error
+from specan.study.selection.acceptance import left_out_errors
 from specan.study.selection.doubtful_data import CARRIES
 from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.pulls import Pull, pulls, shown
@@ -23,7 +23,19 @@ from specan.study.selection.residual_law import ResidualLaw
 from specan.study.selection.search import Search
 
 
-@dataclass(frozen=True)
+def placed(effects: Sequence[str], at: Mapping[str, Sequence[str]]) -> list[str]:
+    """Effects with their places, as ``study add`` takes them; each once.
+
+    Examples
+    --------
+    >>> placed(["leak", "offset", "offset"], {"offset": ["Mic 1", "Mic 2"]})
+    ['leak', 'offset@Mic 1', 'offset@Mic 2']
+    """
+    places = [f"{name}@{place}" for name, found in at.items() for place in found]
+    return sorted([*places, *(name for name in effects if name not in at)])
+
+
+@dataclass(frozen=True, kw_only=True)
 class Ranked:
     """One set of effects and how the model does with it.
 
@@ -33,14 +45,20 @@ class Ranked:
         Bare names.
     at : mapping
         Elements of an axis at which an effect acts: ``{"drag": ("z1",)}``.
-    delta_bic : float
+    probability : float or None
+        Of a table: that of this explanation among all.
+    ln_evidence : float or None
+        Of a table: ln of its evidence over that of the model as it is.
+    delta_bic : float or None
         Fall in BIC from the base.
-    p_value : float
+    p_value : float or None
         Family-wise probability of such a fall by chance; of two effects, from the better one alone.
-    held_out_gain : float
+    held_out_gain : float or None
         Gain in blocked cross-validation, in units of chi-square.
     error_after : float
         RMS of measured less predicted, in the observable's SI unit.
+    others_after : mapping
+        The same of further observables, by name.
     level_after_dB : float or None
         Of transfer functions: RMS over channels and third octaves of the error of their levels.
     parameters : mapping
@@ -53,21 +71,56 @@ class Ranked:
 
     effects: tuple[str, ...]
     at: Mapping[str, tuple[str, ...]]
-    delta_bic: float
-    p_value: float
-    held_out_gain: float
+    probability: float | None = None
+    ln_evidence: float | None = None
+    delta_bic: float | None = None
+    p_value: float | None = None
+    held_out_gain: float | None = None
     error_after: float
     parameters: Mapping[str, Mapping[str, Any]]
     plausible: bool
     at_bound: bool
     pulls: tuple[Pull, ...] = ()
     level_after_dB: float | None = None
+    others_after: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> list[str]:
+        """Effects with their places."""
+        return placed(self.effects, self.at)
 
     def content(self) -> dict[str, Any]:
-        """What JSON says of it; no level where there is none."""
+        """What JSON says of it; nothing of what there is none."""
         return {
-            name: value for name, value in vars(self).items() if (name, value) != ("level_after_dB", None)
+            name: value
+            for name, value in vars(self).items()
+            if value is not None and (name, value) != ("others_after", {})
         }
+
+
+@dataclass(frozen=True)
+class Probability:
+    """How probable one explanation of the data is.
+
+    Attributes
+    ----------
+    explanation : str
+        ``windage``, ``nothing is missing``, ``something else``, or a fault of the data.
+    kind : str
+        ``effects``, ``nothing``, ``unknown`` or ``fault``.
+    effects : tuple of str
+        Bare names.
+    at : mapping
+        Where they act.
+    probability : float
+        Among all explanations; they add up to one.
+    """
+
+    explanation: str
+    kind: str
+    effects: tuple[str, ...]
+    at: Mapping[str, tuple[str, ...]]
+    probability: float
 
 
 @dataclass(frozen=True)
@@ -80,12 +133,20 @@ class ErrorFall:
         On the fitted data.
     left_out_before, left_out_after : ObservableError or None
         In cross-validation: every level of every operating variable predicted from the others.
+    others : tuple of ErrorFall
+        Of further observables.
     """
 
     before: ObservableError
     after: ObservableError
     left_out_before: ObservableError | None = None
     left_out_after: ObservableError | None = None
+    others: tuple[ErrorFall, ...] = ()
+
+    @property
+    def sentences(self) -> list[str]:
+        """One for each observable: ``Error (RMS of stretch): 0.45 to 0.21 mm (3.2 to 1.5 %).``"""
+        return [f"Error (RMS of {one.before.observable}): {one.text}." for one in (self, *self.others)]
 
     @property
     def text(self) -> str:
@@ -99,7 +160,8 @@ class ErrorFall:
         """Plain values."""
         names = ("before", "after", "left_out_before", "left_out_after")
         found = {name: getattr(self, name) for name in names}
-        return {name: None if e is None else e.as_dict() for name, e in found.items()}
+        plain: dict[str, Any] = {name: None if e is None else e.as_dict() for name, e in found.items()}
+        return plain | ({"others": [one.to_json() for one in self.others]} if self.others else {})
 
 
 def _fall(before: ObservableError, after: ObservableError) -> str:
@@ -143,7 +205,11 @@ class NextMeasurements(Result):
 
     def summary(self) -> str:
         """How many there are."""
-        return counted(len(self.rows), "proposal") if self.rows else "nothing is left to decide"
+        if self.rows:
+            return counted(len(self.rows), "proposal")
+        if self.verdict in ("effect", "nothing-missing"):
+            return "nothing is left to decide: no two explanations compete for these data"
+        return "no measurement within the rig's limits is known that would decide"
 
     def columns(self) -> dict[str, Any]:
         """One row for each measurement, in words."""
@@ -161,13 +227,16 @@ class Diagnosis(Result):
     Attributes
     ----------
     verdict : str
-        ``effect``, ``group``, ``nothing-missing``, ``fits-only-if``, ``unknown-effect`` or ``cannot-tell``.
+        ``effect``, ``group``, ``nothing-missing``, ``fits-only-if``, ``unknown-effect``, ``faulty-data`` or
+        ``cannot-tell``.
     reason : str
         One sentence on how the verdict came about.
     alternatives : tuple of tuple of str
         Every set of effects that the data cannot distinguish from the best; names in one set act together.
     at : mapping
         Where effects of the alternatives act.
+    probabilities : tuple of Probability
+        Of a table: every explanation, the likeliest first.
     unknown_possible : bool
         Something that is not in the catalogue explains the data as well.
     pulls : tuple of Pull
@@ -187,6 +256,7 @@ class Diagnosis(Result):
     alternatives: tuple[tuple[str, ...], ...] = ()
     at: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     unknown_possible: bool = False
+    probabilities: tuple[Probability, ...] = ()
     ranking: tuple[Ranked, ...] = ()
     lack_of_fit: LackOfFit | None = None
     model_discrepancy_percent: float = 0.0
@@ -208,10 +278,12 @@ class Diagnosis(Result):
         return f"{self.verdict}{': ' if names else ''}{names} ({self.reason})"
 
     def columns(self) -> dict[str, Any]:
-        """One row for each set of effects that was tried, the likeliest first."""
-        plain = ("delta_bic", "p_value", "held_out_gain", "error_after", "plausible", "at_bound")
+        """One row for each set of effects that was tried, most likely first."""
+        tests = ("probability", "ln_evidence", "delta_bic", "p_value", "held_out_gain")
+        told = [name for name in tests if any(getattr(row, name) is not None for row in self.ranking)]
+        plain = [*told, "error_after", "plausible", "at_bound"]
         return {
-            "effects": [" + ".join(row.effects) for row in self.ranking],
+            "effects": [" + ".join(dict.fromkeys(row.effects)) for row in self.ranking],
             "at": [
                 "; ".join(f"{n}@{p}" for n, places in row.at.items() for p in places) for row in self.ranking
             ],
@@ -238,6 +310,7 @@ class Diagnosis(Result):
             "effects": self.effects,
             "at": self.at,
             "unknown_possible": self.unknown_possible,
+            **({"probabilities": self.probabilities} if self.probabilities else {}),
             "pulls": self.pulls,
             "error": None if self.error is None else self.error.to_json(),
             "remarks": self.remarks,
@@ -256,13 +329,13 @@ class Diagnosis(Result):
 
 
 def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
-    """Every set that was refitted: those that the data cannot distinguish, then the others, the likeliest first."""
+    """Every set that was refitted: those that the data cannot distinguish, then the others, most likely first."""
     base, dispersion = search.base, search.best.dispersion
     others = [r for r in search.refits.done.values() if r.uses and r not in sets]
     others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
     rows = []
     for refit in [*sets, *others]:
-        decision, error = search.decision(refit), main_error(refit)
+        decision, (error, *more) = search.decision(refit), errors(refit)
         linearised = refit.problem.strategy.linearised_covariance
         told = about_itself(refit) if refit in sets and linearised else refit
         rows.append(
@@ -274,6 +347,7 @@ def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
                 held_out_gain=decision.held_out_gain,
                 error_after=error.rms,
                 level_after_dB=error.level_dB,
+                others_after={e.observable: e.rms for e in more},
                 parameters=parameters_of(told, refit in sets),
                 plausible=search.believable(refit),
                 at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
@@ -313,17 +387,19 @@ def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, A
 
 def error_fall(base: Refit, best: Refit) -> ErrorFall:
     """Errors of a model as it is and with what was found; on left-out conditions where refits are cheap."""
-    before, after = main_error(base), main_error(best)
-    if not base.problem.strategy.secondary_refits:
-        return ErrorFall(before, after)
-    return ErrorFall(before, after, left_out_error(base), left_out_error(best))
+    refits = base.problem.strategy.secondary_refits
+    one, two = ({e.observable: e for e in left_out_errors(r)} if refits else {} for r in (base, best))
+    first, *others = (
+        ErrorFall(before, after, one.get(before.observable), two.get(before.observable))
+        for before, after in zip(errors(base), errors(best), strict=True)
+    )
+    return replace(first, others=tuple(others))
 
 
-def main_error(refit: Refit) -> ObservableError:
-    """Error of the observable with most values, in its unit."""
+def errors(refit: Refit) -> list[ObservableError]:
+    """Errors of every observable in its unit, the one with most values first."""
     problem = refit.problem
-    predicted = problem.plain(refit.fit.theta)
-    return observable_errors(problem, problem.observations, predicted)[0]
+    return observable_errors(problem, problem.observations, problem.plain(refit.fit.theta))
 
 
 def places_of(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:
@@ -338,11 +414,13 @@ def places_of(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:
 VERDICTS = {
     "effect": "Missing: {names}.",
     "group": "Missing: {names}; these data cannot tell which.",
-    "nothing-missing": "Nothing is missing, as far as these data can tell.",
+    "nothing-missing": "Nothing is missing, as far as these data can tell{sure}.",
     "fits-only-if": "It fits, but only with values outside what is known.",
-    "unknown-effect": "Something is missing that is not on the list of effects.",
+    "unknown-effect": "Something is missing that is not on the list of effects{sure}.",
+    "faulty-data": "The data have a fault: {fault}{sure}.",
     "cannot-tell": "These data cannot tell.",
 }
+LEAST_TOLD = 0.02  # probability of something else, from which a headline with names says it
 MOST_IN_HEADLINE = 3  # sets of effects; the others stand in the table
 # Nothing-missing where the data alone would rather take values that contradict what is known.
 WITHIN_WHAT_IS_KNOWN = "Nothing is missing if the values are as known; the data alone would take others."
@@ -352,7 +430,7 @@ OR_WRONG_DATA = "One condition is wrong, or something is missing there that is n
 
 
 def headline(found: Diagnosis) -> str:
-    """The verdict as one sentence: ``Missing: windage or seal-drag; these data cannot tell which.``"""
+    """The verdict as one sentence: ``Missing: windage (97 %) or seal-drag (2 %); these data cannot tell which.``"""
     return headline_of(found.to_json())
 
 
@@ -364,19 +442,71 @@ def headline_of(content: Mapping[str, Any]) -> str:
     >>> headline_of({"verdict": "group", "alternatives": [["windage"], ["seal-drag", "churning"]]})
     'Missing: windage or seal-drag with churning; these data cannot tell which.'
     """
-    if content["verdict"] == "nothing-missing" and content.get("other_form"):
-        return f"Nothing is missing with {content['other_form']}."
-    if content["verdict"] == "nothing-missing" and content.get("unknown_possible"):
+    sure = _Sure(content.get("probabilities") or ())
+    kind = content["verdict"]
+    if kind == "nothing-missing" and content.get("other_form"):
+        return f"Nothing is missing with {content['other_form']}{sure.of('nothing')}."
+    if kind == "nothing-missing" and content.get("unknown_possible") and not sure.stated:
         return WITHIN_WHAT_IS_KNOWN
-    if content["verdict"] == "unknown-effect" and any(CARRIES in text for text in content.get("remarks", ())):
+    if kind == "unknown-effect" and any(CARRIES in text for text in content.get("remarks", ())):
         return OR_WRONG_DATA
     # The simplest first; the table below has them by likelihood.
-    sets = [" with ".join(members) for members in sorted(content["alternatives"], key=len)]
+    sets = [
+        " with ".join(members) + sure.of_effects(members, len(content["alternatives"]) > 1)
+        for members in sorted(content["alternatives"], key=len)
+    ]
     more = len(sets) - MOST_IN_HEADLINE
     names = " or ".join(
         [*sets[:MOST_IN_HEADLINE], *([f"one of {more} others"] if more > 1 else sets[MOST_IN_HEADLINE:])]
     )
-    return VERDICTS[content["verdict"]].format(names=names)
+    unknown = sum(one["probability"] for one in sure.stated if one["kind"] == "unknown")
+    if unknown >= LEAST_TOLD:
+        names += f" or something else{sure.of('unknown')}"
+    of = {"nothing-missing": "nothing", "unknown-effect": "unknown", "faulty-data": "fault"}
+    told = sure.of(of[kind]) if kind in of else ""
+    return VERDICTS[kind].format(names=names, sure=told, fault=sure.fault)
+
+
+class _Sure:
+    """How probable explanations are, as a headline says it; nothing where no probabilities are stated."""
+
+    def __init__(self, stated: Sequence[Any]) -> None:
+        self.stated = [one if isinstance(one, Mapping) else vars(one) for one in stated]
+
+    @property
+    def fault(self) -> str:
+        """The likeliest fault of the data."""
+        return next((str(one["explanation"]) for one in self.stated if one["kind"] == "fault"), "")
+
+    def of(self, kind: str) -> str:
+        """Of all explanations of a kind: `` (97 %)``."""
+        return self._text(sum(one["probability"] for one in self.stated if one["kind"] == kind))
+
+    def of_effects(self, names: Sequence[str], alone: bool) -> str:
+        """Of a set; where it stands for itself, with or without further effects or faults of the data."""
+        told = [
+            one["probability"]
+            for one in self.stated
+            if one["kind"] in (("effects",) if alone else ("effects", "fault"))
+            and (set(one["effects"]) == set(names) if alone else set(one["effects"]) >= set(names))
+        ]
+        return self._text(sum(told))
+
+    def _text(self, probability: float) -> str:
+        return f" ({percent(probability)})" if self.stated else ""
+
+
+def percent(probability: float) -> str:
+    """A probability as a person reads it, never as a certainty.
+
+    Examples
+    --------
+    >>> percent(0.974), percent(0.9999), percent(0.001)
+    ('97 %', 'above 99 %', 'below 1 %')
+    """
+    if probability > 0.995:
+        return "above 99 %"
+    return f"{100 * probability:.0f} %" if probability >= 0.005 else "below 1 %"
 
 
 def reason(content: Mapping[str, Any]) -> str:

@@ -7,12 +7,12 @@ import pytest
 
 from specan.analysis import accumulator
 from specan.analysis.batch.inputs import Input, find_inputs
-from specan.analysis.batch.one_file import RmsPass
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.run import run_batch
 from specan.analysis.batch.settings import BatchSettings, read_settings
 from specan.analysis.batch.table_lines import noise_lines
 from specan.analysis.batch.tables import write_tables
+from specan.analysis.section import rms_about_mean
 from specan.analysis.tone import Tone
 from specan.analysis.transfer_function import TransferFunction
 from specan.data.recording import ArraySource, Channel, Recording
@@ -119,7 +119,7 @@ def test_sines_over_different_references_are_not_joined(tmp_path: Path) -> None:
             Channel(vibrometer, unit="m/s", role="vibrometer", sampling_rate=RATE, n_samples=4000),
         )
         tables.append(Tone()(Recording(f"sub/{number}.tdms", channels, ArraySource(samples))))
-    results = [FileResult(t.label, "done", tone=t) for t in tables]
+    results = [FileResult(t.label, "done", tones=(t,)) for t in tables]
     write_tables(tmp_path, ["settings"], results, {})
     skipped = (tmp_path / "skipped.txt").read_text().splitlines()[-1].split("\t")
     assert skipped[:3] == ["sub/*", "", "aside"]
@@ -148,10 +148,8 @@ def test_words_of_a_line_are_put_together() -> None:
 def test_rms_of_a_large_constant_part() -> None:
     channel = Channel("p", unit="Pa", sampling_rate=1.0, n_samples=100_000)
     x = 101_325.0 + np.sin(np.arange(100_000.0))[None]
-    rms = RmsPass((channel,))
-    for piece in np.array_split(x, 7, axis=1):
-        rms.add(piece)
-    assert rms.result()[0] == pytest.approx(np.std(x), rel=1e-9)
+    found = rms_about_mean(Recording("r", (channel,), ArraySource(list(x))), (channel,), 100_000)
+    assert found[0] == pytest.approx(np.std(x), rel=1e-9)
 
 
 def test_a_setting_given_on_the_command_line_overrules_the_file(tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def test_a_kept_result_is_the_result(entry: Input, tmp_path: Path) -> None:
     assert repr(again) == repr(kept)
     assert {table: kept.lines(table) for table in kept.places} == dict(outcome.result.blocks)
     # Every digit of the tone table, NaN and units included.
-    assert repr(kept.result.tone) == repr(outcome.result.tone)
+    assert repr(kept.result.tones) == repr(outcome.result.tones)
     assert kept.result.about == outcome.result.about
     assert kept.identity == outcome.identity
     assert store.find("b.tdms") is None

@@ -9,6 +9,7 @@ from specan.analysis import conformance
 from specan.dsp import band_energy, bands, frequency_nodes, weighting
 
 
+@pytest.mark.long
 def test_every_requirement_is_met_and_every_standard_is_there() -> None:
     found = list(conformance.checks(48000.0))
     assert [f"{c.clause} {c.what}: {c.found}" for c in found if not c.passed] == []
@@ -31,6 +32,7 @@ def test_a_filter_of_too_low_an_order_is_told(monkeypatch: pytest.MonkeyPatch) -
     assert "5.10" in failed
 
 
+@pytest.mark.long
 def test_a_weighting_that_is_off_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     true = weighting.power_weighting
     monkeypatch.setattr(

@@ -89,7 +89,7 @@ def test_a_range_that_is_not_there_has_no_line() -> None:
 
 
 def test_what_cannot_be_evaluated_is_refused() -> None:
-    with pytest.raises(InputError, match="no impulse response"):
+    with pytest.raises(InputError, match="holds one value only; expected an impulse response"):
         Decay()(recording(np.zeros(4000)))
     with pytest.raises(RequestError, match="8000 Hz, sampled at 16000 Hz"):
         Decay(fmax=8000)(recording(diffuse(1, 0.5)))

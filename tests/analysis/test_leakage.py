@@ -100,6 +100,45 @@ def test_a_short_response_keeps_3200_lines_and_no_flag():
         assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
 
 
+def swept(kind, impulse, seconds, before=0.5):
+    """A sweep from 20 Hz to 0.45 of the rate between silences, and what the impulse response makes of it."""
+    rng, t, low, high = np.random.default_rng(5), np.arange(int(seconds * RATE)) / RATE, 20.0, 0.45 * RATE
+    cycles = low * t + (high - low) * t**2 / (2 * seconds)
+    if kind == "exponential":
+        pace = np.log(high / low) / seconds
+        cycles = low / pace * np.expm1(t * pace)
+    edge = np.minimum(1.0, np.minimum(t, t[::-1]) / 0.01)
+    x = np.pad(np.sin(2 * np.pi * cycles) * edge, (int(before * RATE), int(RATE)))
+    y = fftconvolve(x, impulse)[: len(x)]
+    return [s + share * np.std(s) * rng.standard_normal(len(s)) for s, share in ((x, 1e-4), (y, 1e-3))]
+
+
+@pytest.mark.parametrize("kind", ["exponential", "linear"])
+@pytest.mark.parametrize(
+    ("seconds", "t60_s", "lines", "before"),
+    [(10.0, 0.0, 3200, 0.5), (60.0, 0.0, 3200, 0.5), (10.0, 0.2, 6400, 25.0), (40.0, 1.0, 12800, 0.5)],
+)
+def test_of_a_sweep_the_interval_holds_the_truth_and_is_not_far_above_it(kind, seconds, t60_s, lines, before):
+    """Each line is driven for a moment only, maybe after the first blocks that are looked at."""
+    impulse = room(t60_s) / np.sqrt(1 + 100 * t60_s) if t60_s else np.array([0.5, 1.0, 0.3, -0.2])
+    found = TransferFunction()(recording(swept(kind, impulse, seconds, before)))
+    assert len(found.frequency_hz) in (lines // 2, lines, 2 * lines)
+    true, driven = truth(impulse, found), slice(*np.searchsorted(found.frequency_hz, [50.0, 4500.0]))
+    for inside in held(found, true):
+        assert np.mean(inside[driven]) > 0.92
+    error = np.abs(found.response[0] / true - 1)[driven]
+    assert np.median(found.u_magnitude_percent[0, driven]) < 300 * np.median(error)
+    assert "leakage" not in found.flags[0]
+    assert np.mean(found.line_flags["leakage"][0, driven]) < 0.15
+    assert any("75 %" in note for note in found.notes)
+
+
+def test_an_overlap_that_is_asked_for_stays():
+    signals = swept("linear", np.array([1.0, 0.5]), 10.0)
+    assert TransferFunction(overlap=0.5)(recording(signals)).settings["overlap"] == 0.5
+    assert TransferFunction()(recording(driven(np.array([1.0])))).settings["overlap"] == 0.5
+
+
 @pytest.mark.parametrize("late", [0.4, 0.7])
 def test_an_echo_is_leakage_also_beyond_half_a_block(late):
     """H1 of an echo a at lag x has a rho(x) of it: what is lost is a (1 - rho(x))."""

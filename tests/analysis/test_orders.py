@@ -1,5 +1,8 @@
 """Order analysis: signals that are known by angle, tachos with faults, requests that cannot be."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -97,11 +100,11 @@ def errors(found) -> tuple[np.ndarray, np.ndarray]:
     "case",
     [
         {},
-        {"ramp": 0.2},
+        pytest.param({"ramp": 0.2}, marks=pytest.mark.long),
         {"flutter": 0.08},
         {"per_turn": 1},
-        {"per_turn": 32, "jitter": 2e-5, "faults": True},
-        {"per_turn": 60, "jitter": 1e-5, "faults": True, "ramp": 0.1},
+        pytest.param({"per_turn": 32, "jitter": 2e-5, "faults": True}, marks=pytest.mark.long),
+        pytest.param({"per_turn": 60, "jitter": 1e-5, "faults": True, "ramp": 0.1}, marks=pytest.mark.long),
         {"per_turn": 32, "jitter": 1e-5, "faults": True, "flutter": 0.04, "noise": 0.01},
     ],
     ids=str,
@@ -140,6 +143,47 @@ def test_a_stated_speed_that_drifts_is_told():
     assert any("the speed is not constant as stated" in note for note in found.notes)
 
 
+def low_but_told(found) -> np.ndarray:
+    """Levels of the lines; what they lack is within two standard uncertainties as they are stated."""
+    truth = np.array([a for a, _ in LINES.values()])
+    size = np.abs(found.lines.amplitude[0])
+    assert np.all(truth - size < 2 * found.lines.u[0] + 0.01 * truth)
+    return 20 * np.log10(size / truth)
+
+
+def test_a_stated_speed_that_does_not_fit_is_told_with_the_one_that_does():
+    found = Orders(orders=tuple(LINES), speed_hz=8.002)(recording(duration=8.0))
+    assert low_but_told(found)[2] < -3
+    (note,) = (n for n in found.notes if "the speed is not 8.002 Hz" in n)
+    assert float(note.partition("turns at ")[2].split()[0]) == pytest.approx(8.0, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("shaft", "said"),
+    [({"speed_hz": 8.0}, "not constant as stated"), ({}, "Tacho carrier is not that of the vibration")],
+)
+def test_changes_of_the_speed_that_nothing_follows_are_told(shaft, said):
+    """Three per cent twice a second: four pulses a period do not tell it from jitter, the lines do."""
+    found = Orders(orders=tuple(LINES), **shaft)(recording(duration=8.0, per_turn=1, flutter=0.24))
+    assert low_but_told(found)[-1] < -0.4
+    assert any(said in note for note in found.notes)
+
+
+def test_a_tacho_that_stops_is_told_and_what_it_covers_is_analysed():
+    made = recording(duration=8.0)
+    x, pulses = made.source.samples
+    half = x.size // 2
+    silent = np.where(np.arange(x.size) < half, pulses, 0.0)
+    broken = Recording("run.tdms", made.channels, ArraySource([x, silent]))
+    found = Orders(orders=tuple(LINES))(broken)
+    assert np.abs(errors(found)[0]).max() < 0.01
+    assert found.turns == pytest.approx(30, abs=2)
+    assert any(
+        "no pulses from 3.996 to 8.000 s" in n and "analysed is 0.000 to 3.996 s" in n for n in found.notes
+    )
+
+
+@pytest.mark.long
 def test_a_drifting_speed_is_told_and_followed():
     found = Orders(max_order=80.0)(recording(ramp=0.2))
     assert any("the speed drifts between" in note for note in found.notes)
@@ -149,22 +193,24 @@ def test_a_drifting_speed_is_told_and_followed():
     assert np.abs(20 * np.log10(each / 2.0)).max() < 0.05
 
 
+@pytest.mark.long
 def test_uncertainty_is_the_scatter_of_repetitions():
     """Monte Carlo: the stated standard uncertainty is that of repeated noise."""
     truth = np.array([a * np.exp(1j * np.radians(p)) for a, p in LINES.values()])
-    base = recording(duration=6.0, per_turn=8)
+    base = recording(duration=4.0, per_turn=8)
     x, pulses = base.source.samples
     found = []
-    for seed in range(40):
+    for seed in range(24):
         noisy = x + 0.5 * np.random.default_rng(seed).standard_normal(x.size)
         made = Recording("run.tdms", base.channels, ArraySource([noisy, pulses]))
         found.append(Orders(orders=tuple(LINES))(made).lines)
     gap = np.stack([(one.amplitude[0] - truth) for one in found])
     real = np.sqrt(np.mean(np.abs(gap) ** 2, axis=0) / 2)
     stated = np.sqrt(np.mean([one.u[0] ** 2 for one in found], axis=0))
-    assert np.all(np.abs(stated / real - 1) < 0.25)  # 40 complex repetitions tell 8 %, five lines
+    assert np.all(np.abs(stated / real - 1) < 0.3)  # 24 complex repetitions tell 10 %, five lines
 
 
+@pytest.mark.long
 def test_the_synchronous_average_holds_what_repeats():
     found = Orders(max_order=210.0, average_turns=7)(recording(noise=0.5, duration=30.0))
     # all lines repeat after 7 turns
@@ -213,7 +259,7 @@ def test_bad_input_is_told_in_a_sentence():
     assert "turns of the shaft" in text
     text = refused(RequestError, recording(speed=80.0, duration=4.0), mesh=66.0)
     assert "order 198" in text
-    assert "25600 samples a second" in text
+    assert "a sampling rate of 25600 Hz" in text
     text = refused(InputError, recording(duration=1.0), orders=(66.0, 66.01))
     assert "cannot be distinguished" in text
     made = recording(duration=3.0)
@@ -236,3 +282,27 @@ def test_bad_input_is_told_in_a_sentence():
             made.source,
         ),
     )
+
+
+def test_a_tacho_that_stops_is_told():
+    whole = recording(duration=4.0)
+    samples = [x.copy() for x in whole.source.samples]
+    samples[1][int(2 * RATE) :] = 0.0
+    found = Orders(orders=(1.0,))(Recording("run.tdms", whole.channels, ArraySource(samples)))
+    (note,) = found.notes
+    assert re.search(r"no pulses from (1\.99|2\.0)\d* to 4\.000 s.*analysed is 0\.000 to (1\.99|2\.0)", note)
+    assert Orders(orders=(1.0,))(whole).notes == ()
+
+
+def test_a_tacho_that_begins_later_is_aligned():
+    """The same signals, the tacho cut off by 0.25 s: the orders have the same phases."""
+    whole = recording(duration=4.0)
+    late = int(0.25 * RATE)
+    acc, tacho = whole.channels
+    cut = replace(tacho, n_samples=tacho.n_samples - late, start_offset_s=late / RATE)
+    samples = [whole.source.samples[0], whole.source.samples[1][late:]]
+    found = Orders(orders=(1.0, 63.0))(Recording("run.tdms", (acc, cut), ArraySource(samples)))
+    # 8 turns a second: 0.25 s are two turns, after which the shaft stands where it stood.
+    truth = np.array([LINES[1.0][1], LINES[63.0][1]])
+    np.testing.assert_allclose(found.lines.phase_deg[0], truth, atol=0.3)
+    assert any("begin up to 0.25 s apart" in note for note in found.notes)

@@ -113,6 +113,33 @@ def test_a_tone_is_seen_to_be_clipped_without_a_full_scale(
     assert flags(tone(hz, rate, noise, step, 9.0)) == ()
 
 
+@pytest.mark.parametrize("hz", [1000.0, 1100.0, 1250.0, 1300.0, 1700.0, 2450.0])
+def test_a_clean_tone_that_repeats_is_seen_to_be_clipped(hz: float) -> None:
+    """At 8 kHz, wherever it is sampled: of four samples besides the rails no other sine can be made."""
+    time = np.arange(24000) / 8000.0
+    for phase in np.random.default_rng(round(hz)).uniform(0, 2 * np.pi, 6):
+        whole = np.sin(2 * np.pi * hz * time + phase)
+        assert flags(whole) == ()
+        for top in (0.95, 0.9, 0.8):
+            cut = np.clip(whole, -top, top)
+            seen = np.unique(np.abs(cut[:160]).round(9))
+            enough = seen.size > 3 and np.abs(whole).max() > top + 1e-3
+            if enough:
+                assert flags(cut) == ("clipped",), (phase, top)
+
+
+@pytest.mark.parametrize("hz", [1000.0, 1100.0, 1600.0, 2000.0])
+@pytest.mark.parametrize("step", [1e-12, 1e-5, 1e-3])
+def test_a_distorted_tone_that_repeats_is_not_clipped(hz: float, step: float) -> None:
+    """Harmonics of an amplifier: its samples are on no sine, the largest no more than the others."""
+    time = np.arange(24000) / 8000.0
+    for phase in np.random.default_rng(1).uniform(0, 2 * np.pi, 8):
+        angle = 2 * np.pi * hz * time + phase
+        for share in (1e-6, 1e-3, 0.05):
+            samples = np.sin(angle) + share * np.sin(3 * angle + 0.4) + share / 2 * np.cos(2 * angle)
+            assert flags(np.round(samples / step) * step) == (), (phase, share)
+
+
 def test_a_clean_slow_sine_cut_near_its_top_is_clipped() -> None:
     time = np.arange(51200) / 51200.0
     clean = np.sin(2 * np.pi * 50 * time)

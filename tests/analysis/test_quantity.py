@@ -67,3 +67,32 @@ def test_without_motion_it_is_refused() -> None:
     mic = Channel("Mic", unit="Pa", sampling_rate=RATE, n_samples=N)
     with pytest.raises(RequestError, match="no channel can be shown as velocity"):
         Recording("a.tdms", (mic,), ArraySource([MOTIONS["m"]])).in_quantity("velocity")
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "velocity"])
+@pytest.mark.parametrize(
+    ("frequency", "settings"),
+    [
+        (100.3, {"whole": True}),
+        (100.3, {"lines": 400, "averaging": "linear"}),
+        (57.0, {"lines": 1600, "window": "flat-top"}),
+    ],
+)
+def test_what_a_window_leaks_is_not_integrated(
+    quantity: str, frequency: float, settings: dict[str, object]
+) -> None:
+    """1 m/s^2 beside an offset: the largest line is the tone's, and nothing is lower than a stated frequency."""
+    rate = 5120.0
+    t = np.arange(round(5 * rate)) / rate
+    channel = Channel("Acc", unit="m/s^2", sampling_rate=rate, n_samples=t.size)
+    acceleration = 0.02 + np.cos(2 * np.pi * frequency * t + 0.4)
+    shown = Recording("a.tdms", (channel,), ArraySource([acceleration])).in_quantity(quantity)
+    found = FourierSpectrum(**settings)(shown)
+    true = 1 / (2 * np.pi * frequency) ** (2 if quantity == "displacement" else 1)
+    spacing = found.frequency_hz[1]
+    away = np.abs(found.frequency_hz - frequency) > 8 * spacing
+    assert found.frequency_hz[np.argmax(found.values[0])] == pytest.approx(frequency, abs=spacing)
+    assert found.rms[0] == pytest.approx(true / np.sqrt(2), rel=5e-3)
+    assert found.values[0, away].max() < 0.01 * true
+    assert (found.values[0, :3] == 0).all()
+    assert any("integrated from" in note for note in found.notes)

@@ -34,6 +34,8 @@ ANALYSES = {
     "batch": "specan.analysis.batch.settings:BatchSettings",
 }
 
+SPRING = ROOT / "tests" / "own_model" / "spring.py"
+
 
 def recording(names=("Mic 1", "Vibro"), groups=("", ""), **signals) -> specan.Recording:
     """A tone of 1 Pa RMS at 1 kHz over a velocity of 0.1 m/s, 90 degrees ahead of it."""
@@ -214,7 +216,7 @@ def test_a_model_is_built_from_a_rig_file_its_content_or_the_example(tmp_path):
 
 @pytest.mark.parametrize("wrong", [3, ["a.tdms"], None])
 def test_what_is_no_recording_is_said(wrong):
-    with pytest.raises(RequestError, match="is no recording; expected a Recording, or the path"):
+    with pytest.raises(RequestError, match="expected a Recording or the path of one file, found a"):
         specan.rms(wrong)
 
 
@@ -293,9 +295,13 @@ def test_a_study_does_what_the_verbs_do(tmp_path, monkeypatch):
                 lines.append(f"{pull:g},{room:g},{1e3 * x + 0.2 * random.standard_normal():.4f},{repeat}")
     (tmp_path / "spring.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     study = specan.Study.new(
-        tmp_path / "s", ROOT / "tests" / "own_model" / "spring.py", tmp_path / "spring.csv",
+        tmp_path / "s", SPRING, tmp_path / "spring.csv",
         rig=tmp_path / "rig.toml", hold_out="pull=30",
     )  # fmt: skip
+    with pytest.raises(RequestError, match="the model is a Model in memory"):
+        specan.Study.new(tmp_path / "t", study.compare().study.model, tmp_path / "spring.csv")
+    with pytest.raises(RequestError, match="the measured data are a DataFrame in memory"):
+        specan.Study.new(tmp_path / "t", SPRING, study.compare().to_dataframe())
     assert study.assumptions
     assert "opening" not in study.effects
     before = study.compare()

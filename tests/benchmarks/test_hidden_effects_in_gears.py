@@ -8,6 +8,8 @@ from hidden_effects.gear_cases import OUTSIDE, SEEN, UNSEEN, planned
 from hidden_effects.judge import table
 from hidden_effects.run import run_case
 
+pytestmark = pytest.mark.long
+
 
 def test_cases_are_the_same_again_and_cover_the_catalogue() -> None:
     one, two = planned("single", 18), planned("single", 18)

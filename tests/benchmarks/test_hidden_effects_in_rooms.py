@@ -125,6 +125,7 @@ def opened(case, folder, cache):
     return case, truth, folder
 
 
+@pytest.mark.long
 def test_what_the_data_could_know_and_what_adding_does(cache, tmp_path):
     """Measured without a search: the verdict is given, and few candidates are."""
     rivals = {"microphone-gain", "microphone-position", "piston-size"}
@@ -146,6 +147,7 @@ def test_what_the_data_could_know_and_what_adding_does(cache, tmp_path):
     assert found["added"]["excess_after"] < 0.5 * found["added"]["excess_before"]
 
 
+@pytest.mark.long
 def test_an_undisturbed_room_leaves_little(cache, tmp_path):
     silent = {"verdict": "nothing-missing", "ranking": []}
     found = room_engine.measure(*opened(small("null", 1003, {}), tmp_path, cache), silent)

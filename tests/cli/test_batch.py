@@ -359,6 +359,27 @@ def test_a_failed_calibrator_recording_costs_the_others_nothing(
     assert (tmp_path / "out" / "calibration.toml").is_file()
 
 
+@pytest.mark.parametrize("name", ["calibration.toml", "report.html"])
+def test_what_somebody_wrote_into_the_output_directory_stays(
+    name: str, place: Path, tmp_path: Path, rig: Rig
+) -> None:
+    write_tdms(place / "calibrator.tdms", rig, calibrator_take(rig, (1, 2), 12000, RATE, 60))
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / name).write_text("of somebody")
+    code, _, said = run(place, "-o", out, "--report")
+    assert code == 2
+    assert f"{out / name} exists" in said
+    assert (out / name).read_text() == "of somebody"
+    (out / name).unlink()
+    for _ in range(2):  # a batch replaces its own
+        assert run(place, "-o", out, "--report")[0] == 0
+    changed = (out / name).read_text(encoding="utf-8") + "# and more"
+    (out / name).write_text(changed, encoding="utf-8")
+    assert run(place, "-o", out, "--report")[0] == 2
+    assert (out / name).read_text(encoding="utf-8") == changed
+
+
 def test_several_directories_prefix_their_names(tmp_path: Path, rig: Rig) -> None:
     for name in ("monday", "tuesday"):
         write_tdms(tmp_path / name / "deep" / "a.tdms", rig, sine(rig))
@@ -459,3 +480,27 @@ def test_a_group_at_another_rate_is_analysed_or_named(tmp_path: Path, rig: Rig, 
         assert {row["channel"] for row in table(out / "noise.txt")} == set(FEW[:3])
         assert {row["channel"] for row in table(out / "bands.txt")} == {*FEW, "Spare"}
         assert table(out / "skipped.txt") == []
+
+
+def test_every_format_that_a_verb_reads_is_taken_by_a_batch(tmp_path: Path) -> None:
+    """Files that hold no signal are listed, and are no failure."""
+    from scipy.io import savemat
+
+    place = tmp_path / "in"
+    place.mkdir()
+    time = np.arange(2000) / 1000.0
+    signal = np.sin(2 * np.pi * 50 * time)
+    rows = "".join(f"{t:.3f},{x:.6f}\n" for t, x in zip(time, signal))
+    (place / "signal.csv").write_text(f"time [s],Mic [Pa]\n{rows}")
+    (place / "table.csv").write_text("speed [rpm],torque [N m]\n" + "100,2\n" * 20)
+    (place / "channels.csv").write_text("channel,role\nMic,microphone\n")
+    savemat(place / "signal.mat", {"Mic": signal, "fs": 1000.0})
+    savemat(place / "numbers.mat", {"gain": 2.0})
+    code, _, said = run(place, "-o", tmp_path / "out")
+    assert code == 0, said
+    rows = [r for r in table(tmp_path / "out" / "other.txt") if r["band_hz"] == "total-Z"]
+    assert {r["file"]: float(r["rms"]) for r in rows} == {
+        name: pytest.approx(np.sqrt(0.5), rel=1e-3) for name in ("signal.csv", "signal.mat")
+    }
+    aside = {r["file"]: r["kind"] for r in table(tmp_path / "out" / "skipped.txt") if not r["channel"]}
+    assert aside == {"table.csv": "aside", "numbers.mat": "aside"}

@@ -118,6 +118,7 @@ def tables(out: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in out.glob("*.txt")}
 
 
+@pytest.mark.long
 def test_one_of_two_workers_is_killed(
     cluster: Cluster, campaign: Path, whole: dict[str, bytes], begin, tmp_path: Path
 ) -> None:
@@ -134,6 +135,7 @@ def test_one_of_two_workers_is_killed(
     assert len(whole) == 5
 
 
+@pytest.mark.long
 def test_a_worker_without_the_path_is_named_and_others_do_its_files(
     cluster: Cluster, campaign: Path, whole: dict[str, bytes], begin, tmp_path: Path
 ) -> None:
@@ -154,6 +156,7 @@ def test_a_worker_without_the_path_is_named_and_others_do_its_files(
     assert tables(tmp_path / "both") == whole
 
 
+@pytest.mark.long
 def test_a_worker_of_another_version_is_not_asked(
     cluster: Cluster, campaign: Path, begin, tmp_path: Path
 ) -> None:
@@ -164,6 +167,7 @@ def test_a_worker_of_another_version_is_not_asked(
     assert re.search(r"the worker tcp://127\.0\.0\.1:\d+ runs specan 0\.0\.1 ", messages)
 
 
+@pytest.mark.long
 def test_a_scheduler_that_is_lost(
     cluster: Cluster, campaign: Path, whole: dict[str, bytes], begin, tmp_path: Path
 ) -> None:
@@ -181,6 +185,7 @@ def test_a_scheduler_that_is_lost(
     assert tables(out) == whole
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("address", "message"),
     [

@@ -96,7 +96,7 @@ def test_text_file_and_table(noise, table, tmp_path):
     assert any("exp(+j w t)" in line for line in lines if line.startswith("#"))
 
 
-@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
+@pytest.mark.parametrize("suffix", ["png", "svg", pytest.param("pdf", marks=pytest.mark.long)])
 def test_plots_are_the_same_every_time(noise, table, tmp_path, suffix):
     pictures = []
     for name in ("a", "b"):

@@ -7,15 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from nptdms import ChannelObject, TdmsWriter
 
 from specan.analysis.batch.run import run_batch
-from specan.errors import RequestError
+from specan.errors import RequestError, SpecanError
 from specan.io.channel_table import read_channel_table
 from specan.io.open import open_recording
+from specan_cli.main import main
 from truth.rig import box_rig, noise_take
 from truth.rig_files import write_tdms
 
+RIG = str(Path(__file__).parents[2] / "sample_data" / "worm_gear" / "rig.toml")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="names and pipes of POSIX")
 
 
@@ -92,3 +95,25 @@ def test_absurd_numbers_are_refused(tmp_path) -> None:
         table.write_text(f'[[channel]]\nchannel = "a"\nunit = "Pa"\n{line}\n')
         with pytest.raises(RequestError, match=line.split(" ")[0]):
             read_channel_table(table)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["batch", "in", "-o", "out", "--settings", "pipe"],
+        ["batch", "in", "-o", "out", "--channel-table", "pipe"],
+        ["octave", "in/good.tdms", "--channel-table", "pipe.csv"],
+        ["octave", "in/good.tdms", "--calibration", "pipe"],
+        ["octave", "in/good.tdms", "--limit", "pipe"],
+        ["octave", "pipe"],
+        ["study", "new", "s", "--model", "worm-gear", "--rig", "pipe", "--measurement", "pipe.csv"],
+        ["study", "new", "s", "--model", "worm-gear", "--rig", RIG, "--measurement", "pipe.csv"],
+        ["model", "check", "pipe.py"],
+    ],
+)
+def test_a_pipe_is_refused_where_a_file_is_asked_for(place, words) -> None:
+    for name in ("pipe", "pipe.csv", "pipe.py"):
+        os.mkfifo(place.parent / name)
+    found = CliRunner().invoke(main, words, standalone_mode=False).exception
+    assert isinstance(found, SpecanError), found
+    assert "is a pipe" in str(found)

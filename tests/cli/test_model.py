@@ -42,7 +42,7 @@ def test_show_model_prints_names_whole():
 
 def test_show_effect_teaches():
     text = run("show", "worm-gear", "seal-drag")
-    for words in ("radial shaft seal", "0.02 to 0.5", "torque-zero-error", "Told apart by", "Reference"):
+    for words in ("radial shaft seal", "0.02 to 0.5", "torque-zero-error", "Distinguished by", "Reference"):
         assert words in text
 
 

@@ -1,6 +1,7 @@
 """Files that are written: what they never replace, standard output, a reader that stops early."""
 
 import hashlib
+import json
 import os
 import subprocess
 import sys
@@ -84,7 +85,7 @@ def test_a_recording_is_never_replaced(recording, tmp_path, verb) -> None:
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_file_of_another_program_needs_force_and_one_of_specan_does_not(recording, tmp_path, verb) -> None:
-    target = tmp_path / "mine.txt"
+    target = tmp_path / ("mine.toml" if verb == "calibrate" else "mine.txt")
     target.write_text("#!/bin/sh\nspecan batch . # specan 0.1 is what I use\n")
     code, _, message = call(verb, recording, "-o", target)
     assert code == 2
@@ -185,3 +186,48 @@ def test_a_recording_that_comes_while_the_work_goes_on_is_kept(tmp_path) -> None
 def test_a_place_that_is_not_there_is_no_file_to_lose(tmp_path) -> None:
     check_output(tmp_path / "none" / "a.txt")
     check_output(Path("x" * 300))
+
+
+def test_two_processes_with_one_target_do_not_mix(tmp_path, monkeypatch):
+    from specan.io.output_file import whole_file
+
+    path = tmp_path / "a.txt"
+    (tmp_path / ".a.txt.4194305.part").write_text(
+        "of a process that was killed"
+    )  # above the largest number of Linux
+    with whole_file(path) as first:
+        first.write_text("first")
+        monkeypatch.setattr(os, "getpid", os.getppid)
+        with whole_file(path) as second:
+            second.write_text("second")
+        assert path.read_text() == "second"
+        assert first.read_text() == "first"
+    assert path.read_text() == "first"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize("verb", ["octave", "fft --whole --fmax 50", "frf --lines 200", "rms"])
+def test_the_ending_chooses_the_format(recording, tmp_path, verb):
+    def written(ending: str) -> Path:
+        path = tmp_path / f"out{ending}"
+        for _ in range(1 if ending == ".xlsx" else 2):  # its own file is replaced
+            assert call(verb, recording, "-o", path)[0] == 0
+        return path
+
+    text = pd.read_csv(written(".txt"), sep="\t", comment="#")
+    assert len(text) > 1
+    pd.testing.assert_frame_equal(pd.read_csv(written(".csv"), comment="#"), text)
+    table = pd.read_parquet(written(".parquet"))
+    pd.testing.assert_frame_equal(table, text, check_dtype=False)
+    assert table.attrs["header"][0].endswith(verb.split()[0])
+    pd.testing.assert_frame_equal(pd.read_excel(written(".xlsx")), text, check_dtype=False)
+    found = json.loads(written(".json").read_text("utf-8"))
+    assert [c["channel"] for c in found["channels"]] == list(dict.fromkeys(text["channel"]))
+
+
+@pytest.mark.parametrize("ending", [".tdms", ".docx"])
+def test_an_ending_of_another_format_is_refused(recording, tmp_path, ending):
+    done = specan("rms", recording, "-o", f"new{ending}", cwd=tmp_path)
+    assert done.returncode == 2
+    assert b".txt, .tsv, .csv, .xlsx, .parquet, .json" in done.stderr
+    assert not (tmp_path / f"new{ending}").exists()

@@ -161,3 +161,43 @@ def test_unknown_model_and_missing_files():
         run(rig="nowhere.toml")
     with pytest.raises(InputError, match="does not exist"):
         run("--conditions", "nowhere.csv")
+
+
+SPRINGS = """
+from specan.models import Model, Parameter, effect
+
+
+@effect("preload", adds_to="force", neutral={"size": 0.0})
+def preload(*, size=Parameter(0.5, "N", min=-3, max=3, per="specimen")):
+    \"\"\"Each spring begins with a force of its own.\"\"\"
+    return size
+
+
+def force(stretch, rate):
+    return rate * stretch
+
+
+model = Model.from_function(
+    force, conditions={"stretch": ("mm", 0, 10)}, observables={"force": ("N", 0.1)},
+    parameters={"rate": (3.0, 1, 5, "N/mm")}, effects=[preload], groups="specimen",
+)
+"""
+
+
+@pytest.mark.parametrize("how", ["grid", "table"])
+def test_columns_of_names_say_which_parameter_holds(tmp_path, how):
+    (tmp_path / "springs.py").write_text(SPRINGS, encoding="utf-8")
+    (tmp_path / "rows.csv").write_text("stretch,specimen\n2,lower\n2,upper\n4,lower\n", encoding="utf-8")
+    if how == "grid":
+        rows = ("--grid", "stretch=2,4", "--grid", "specimen=lower,upper")
+    else:
+        rows = ("--conditions", tmp_path / "rows.csv")
+    effects = ("-e", "preload.size_lower=1", "-e", "preload.size_upper=2")
+    arguments = ["simulate", str(tmp_path / "springs.py"), *map(str, rows), *effects]
+    result = CliRunner().invoke(main, [*arguments, "--json"])
+    found = [(r["stretch"], r["specimen"], r["force"]) for r in json.loads(result.stdout)["rows"]]
+    expected = [(2, "lower", 7), (2, "upper", 8), (4, "lower", 13), (4, "upper", 14)]  # 3 N/mm, and 1 or 2 N
+    assert sorted(found) == expected[: len(found)]
+    assert len(found) == (4 if how == "grid" else 3)
+    CliRunner().invoke(main, [*arguments, "-o", str(tmp_path / "out.csv")])
+    assert ",upper," in (tmp_path / "out.csv").read_text(encoding="utf-8")

@@ -181,8 +181,6 @@ def test_a_picture_of_the_field(rig, tmp_path):
         (("-o", "f.csv", "--field", "height", "--frequency", "100"), "not a plane"),
         (("-o", "f.csv", "--field", "z=0.3", "--frequency", "300"), "f_max_hz, 250 Hz"),
         (("-o", "f.tdms", "--field", "z=0.3", "--frequency", "100"), "ends in .csv"),
-        (("-o", "rec.tdms", "--grid", "speed_rpm=1"), "belongs to the worm gear"),
-        (("-o", "rec.tdms", "--repeats", "3"), "another --seed"),
         (("-o", "rec.tdms", "--set", "mics.position_m=[[0.1, 0.1, 0.9]]"), "outside the room"),
         (("-o", "rec.tdms", "--set", "mics.position_m=[[0.1,0.1,0.1],[0.1,0.1,0.1]]"), "in the same place"),
         (
@@ -196,3 +194,11 @@ def test_requests_that_cannot_be_carried_out(rig, tmp_path, monkeypatch, argumen
     with pytest.raises(RequestError, match=message):
         run(rig, *arguments)
     assert {p.name for p in Path().iterdir()} == {"rig.toml"}
+
+
+def test_a_room_has_no_options_of_gears(rig):
+    result = CliRunner().invoke(
+        main, ["simulate", "room", str(rig), "-o", "rec.tdms", "--grid", "speed_rpm=1"]
+    )
+    assert result.exit_code == 2
+    assert "No such option" in result.stderr

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -76,6 +77,7 @@ def test_a_new_user_is_led_from_the_table_to_an_error_that_falls(begun):
     specan("report", "s", "-o", "report.html")
 
 
+@pytest.mark.long
 def test_what_a_person_reads(begun):
     text = specan("compare", "s", "--plot", "c.png").stdout
     assert "The model does not fit" in text
@@ -83,7 +85,7 @@ def test_what_a_person_reads(begun):
     assert "specan study diagnose s" in text
     text = specan("diagnose", "s").stdout
     assert "windage" in text.splitlines()[0]
-    assert "Smallest that these data would show" in text
+    assert "Smallest detectable effects" in text
     text = specan("add", "s", "windage").stdout
     assert "held-out" in text
     assert "windage.power" in text
@@ -100,6 +102,7 @@ def test_new_says_what_it_assumed(bench):
         assert words in text
 
 
+@pytest.mark.long
 def test_json_is_alone_on_standard_output(begun):
     result = specan("compare", "s", "--json")
     json.loads(result.stdout)
@@ -183,3 +186,19 @@ def test_without_uncertainty_diagnose_refuses_and_says_what_it_needs(bench, tmp_
     with pytest.raises(Exception, match="next needs"):
         specan("next", "v")
     assert "RMS error" in specan("compare", "v").stdout
+
+
+def test_a_figure_without_anything_to_draw_costs_no_verdict():
+    Path("spring.py").write_text(
+        "from specan.models import Model\n"
+        "model = Model.from_function(lambda stretch, rate=3.0: rate * stretch, conditions={'stretch': ('mm', 0, 10)},\n"
+        "    observables={'force': ('N', 0.1)}, parameters={'rate': (3.0, 1, 5, 'N/mm')})\n"
+    )
+    readings = [(1, 3.05), (2, 5.9), (3, 9.1), (4, 12.0), (5, 14.95), (6, 18.1)]
+    Path("t.csv").write_text("stretch,force\n" + "".join(f"{x},{y}\n" for x, y in readings))
+    specan("new", "s", "--model", "spring.py", "--measurement", "t.csv")
+    found = specan("diagnose", "s", "--plot", "d.png")
+    assert found.exit_code == 0
+    assert "No figure: no candidate was refitted" in found.stderr
+    assert found.stdout.startswith("Nothing")
+    assert not Path("d.png").exists()

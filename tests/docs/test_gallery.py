@@ -31,6 +31,7 @@ def same(one: str, other: str) -> bool:
     return all(math.isclose(float(a), float(b), rel_tol=0.03, abs_tol=1e-12) for a, b in pairs)
 
 
+@pytest.mark.long
 def test_every_figure_says_what_it_says_in_the_gallery(gallery):
     kept = json.loads((DOCS / "images" / "gallery.json").read_text(encoding="utf-8"))
     entries = [entry for rows in gallery.SECTIONS.values() for entry in rows]

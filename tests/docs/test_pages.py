@@ -26,6 +26,10 @@ from specan_cli.main import run
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+LONG = {
+    *("README", "diagnosis", "inspect", "orders", "own_model", "planetary_gear", "proposed_laws", "python"),
+    *("room", "room_impedance", "room_mesh", "index", "study", "worm_gear_article"),
+}
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 PROGRESS = re.compile(r"^ *\d+ s: .*\n", re.MULTILINE)  # how many lines depends on the speed of the machine
 BLOCK = re.compile(
@@ -85,7 +89,11 @@ def run_python(page: Path, text: str, first: int, names: dict) -> None:
     assert result.failed == 0, "".join(report)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=[pytest.mark.long] if page.stem in LONG else []) for page in PAGES],
+    ids=lambda page: page.name,
+)
 def test_examples_of_a_page_do_what_it_says(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

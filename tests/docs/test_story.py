@@ -6,6 +6,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pytest
+
+pytestmark = pytest.mark.long
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
 

@@ -31,6 +31,31 @@ def test_faults_are_found_wherever_they_are(seed):
     assert np.array_equal(found.number, np.delete(np.arange(2000), gone))
 
 
+@pytest.mark.parametrize("per_turn", [1, 32])
+def test_a_standstill_is_no_missing_pulse(per_turn):
+    """A shaft that slows down evenly, stands for 3 s and starts again: angle a t^2 / 2 to either side."""
+    root = np.sqrt(2 * np.arange(1, 51 * per_turn) / per_turn / 4.0)
+    before, after = 5.0 - root[::-1], 8.0 + root
+    found = repair(np.concatenate([before, after]))
+    assert (found.missing, found.double) == (0, 0)
+    ((begin, end),) = found.silent
+    assert begin == pytest.approx(5.0, abs=1.2)
+    assert end == pytest.approx(8.0, abs=1.2)
+    assert found.time[-1] <= 5.0 < 8.0 < repair(np.concatenate([before, after]), start=6.0).time[0]
+    at_once = repair(np.concatenate([np.arange(100) / per_turn, 3.0 + np.arange(100, 300) / per_turn]))
+    assert (at_once.missing, at_once.time.size, len(at_once.silent)) == (
+        (0, 200, 1) if per_turn > 4 else (3, 300, 0)
+    )
+
+
+def test_an_interval_that_pulses_are_missing_from_is_counted_at_low_speed_too():
+    """A speed with a minimum has ever longer intervals, of which none is a multiple of its neighbours."""
+    turn = np.arange(400)
+    times = np.cumsum(1 / (1.05 - np.exp(-0.5 * ((turn - 200) / 12) ** 2)))
+    assert repair(times).missing == 0
+    assert repair(np.delete(times, [100, 300, 301])).missing == 3
+
+
 def averaged_pulses(period, count=3000):
     """A square wave as a converter sees it that averages over each sampling interval; pulses at whole periods."""
 
@@ -49,7 +74,7 @@ def test_a_tacho_too_fast_for_the_sampling_rate_is_told_from_one_without_pulses(
     ):
         pulse_times(np.sin(2 * np.pi * 640 * t + 0.1), 2560.0)
     assert np.diff(pulse_times(np.sin(2 * np.pi * 400 * t + 0.1), 2560.0)) == pytest.approx(1 / 400, rel=0.05)
-    with pytest.raises(InputError, match="no two levels"):
+    with pytest.raises(InputError, match="not have two levels"):
         pulse_times(np.full(10240, 5.0), 2560.0)
 
 

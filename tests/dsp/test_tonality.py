@@ -18,6 +18,7 @@ ANYTHING = arrays(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=80, deadline=None)
 @given(ANYTHING, st.sampled_from([10.0, 2000.0, 51200.0]))
 def test_anything_has_some_appearance(samples, rate):

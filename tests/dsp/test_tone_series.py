@@ -15,6 +15,7 @@ def coloured(rng, rows, n):
     return np.fft.irfft(spectrum * (100 / f), n)
 
 
+@pytest.mark.long
 def test_phase_uncertainty_is_that_of_the_noise_at_the_tone():
     """Red and white noise, no whole number of cycles, the frequency known to 3 mHz only."""
     rng, n, f = np.random.default_rng(3), 24000, 123.456

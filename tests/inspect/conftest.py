@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 
 import pytest
 
@@ -54,11 +55,12 @@ def browser(new_browser):
     return new_browser()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def serve() -> Iterator[Callable[..., str]]:
-    """Start ``specan inspect`` and return the address that it prints."""
+    """Start ``specan inspect`` and return the address that it prints; the same again for the same arguments."""
     running = []
 
+    @cache
     def start(*arguments: str) -> str:
         process = subprocess.Popen(
             [sys.executable, "-m", "specan_cli", "inspect", *arguments, "--no-browser"],

@@ -14,6 +14,7 @@ import pytest
 pytest.importorskip("bokeh")
 ROOT = Path(__file__).parents[2]
 NOISE = ROOT / "sample_data" / "recordings" / "noise" / "noise_24_microphones.tdms"
+KNOCK = ROOT / "sample_data" / "recordings" / "knock.tdms"
 GEAR = ROOT / "sample_data" / "worm_gear"
 
 
@@ -79,7 +80,29 @@ def test_without_the_secret_nothing_is_shown(serve):
         assert "autoload" not in other or "Access-Control" not in ask(
             url, f"GET {other} HTTP/1.1\nHost: {own}\n\n"
         )
-    assert urlsplit(serve(str(NOISE))).path != path
+    assert urlsplit(serve(str(KNOCK))).path != path
+
+
+def test_the_address_that_a_browser_is_started_with_leads_to_the_page_once():
+    from specan.inspect.server import start_server
+
+    server = start_server(lambda document: None)
+    loop = threading.Thread(target=server.io_loop.start)
+    own, first, page = urlsplit(server.url).netloc, urlsplit(server.first_url).path, urlsplit(server.url).path
+    try:
+        assert page.strip("/") not in server.first_url
+        loop.start()
+        assert " 403 " in status(server.url, "evil.example", first)
+        answer = ask(server.url, f"GET {first} HTTP/1.1\nHost: {own}\nConnection: close\n\n")
+        assert " 302 " in answer.split("\r\n")[0]
+        assert f"location: {page}" in answer.lower().replace(page.lower(), page)
+        assert "no-store" in answer or "cache-control" not in answer.lower()
+        assert " 403 " in status(server.url, own, first)
+        assert " 200 " in status(server.url, own, page)
+    finally:
+        server.io_loop.add_callback(server.io_loop.stop)
+        loop.join()
+        server.stop()
 
 
 def test_no_answer_may_stand_in_a_frame(serve):

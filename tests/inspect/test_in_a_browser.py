@@ -111,6 +111,7 @@ def test_every_tab_opens(browser, open_page, serve):
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_a_recording_whose_names_are_markup_and_which_changes_and_vanishes(
     browser, open_page, serve, tmp_path
 ):
@@ -128,6 +129,7 @@ def test_a_recording_whose_names_are_markup_and_which_changes_and_vanishes(
     page.wait(lambda: "cannot be reached" in page.text("status"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "orders", "info"])
 def test_a_tenth_of_a_second_of_zeros_beside_noise(open_page, silence, tab):
     """Every tab shows something, or says in a sentence what it would need."""
@@ -140,12 +142,13 @@ def test_a_tenth_of_a_second_of_zeros_beside_noise(open_page, silence, tab):
     assert page.complaints == []
 
 
-@pytest.fixture
-def silence(serve, tmp_path) -> str:
+@pytest.fixture(scope="module")
+def silence(serve, tmp_path_factory) -> str:
     """A page of 0.1 s with a dead channel and one of noise."""
     noise = np.random.default_rng(1).standard_normal(800)
-    wavfile.write(tmp_path / "short.wav", 8000, np.stack([0 * noise, noise], axis=1).astype(np.float32))
-    return serve(str(tmp_path / "short.wav"))
+    place = tmp_path_factory.mktemp("silence") / "short.wav"
+    wavfile.write(place, 8000, np.stack([0 * noise, noise], axis=1).astype(np.float32))
+    return serve(str(place))
 
 
 def saved_text(browser, page, name: str) -> str:
@@ -168,6 +171,7 @@ def written(command, tmp_path, *arguments: str) -> str:
 FOUR = [o for k in (1, 2, 3, 4) for o in ("--channel", f"Measurement/Mic {k}")]
 
 
+@pytest.mark.long
 def test_averaging_and_overlap_of_a_spectrum_are_those_of_the_command(browser, open_page, serve, tmp_path):
     page = open_page(serve(str(NOISE)) + "?tab=fft&lines=400&cursor=500")
     for name, text in (("exponential", "exponential"), ("max", "max hold"), ("min", "min hold")):
@@ -182,6 +186,7 @@ def test_averaging_and_overlap_of_a_spectrum_are_those_of_the_command(browser, o
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_the_generator_as_instrument_and_the_uncertainty_on_screen(browser, open_page, serve, tmp_path):
     page = open_page(serve(str(NOISE)) + "?tab=frf&lines=400&cursor=300")
     page.wait(lambda: "coherence" in page.text("readout"))
@@ -206,6 +211,7 @@ def test_the_generator_as_instrument_and_the_uncertainty_on_screen(browser, open
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_levels_are_saved_as_the_command_writes_them(browser, open_page, serve, tmp_path):
     page = open_page(serve(str(NOISE)) + "?tab=levels&level_averaging=slow&level_weighting=A")
     page.wait(lambda: "Mic 4" in page.text("levels"))
@@ -214,6 +220,7 @@ def test_levels_are_saved_as_the_command_writes_them(browser, open_page, serve, 
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_a_spectrogram_of_any_channel(browser, open_page, serve, tmp_path):
     page = open_page(serve(str(NOISE)) + "?tab=spectrogram&lines=200")
     page.choose("of", "Mic 17")
@@ -224,6 +231,7 @@ def test_a_spectrogram_of_any_channel(browser, open_page, serve, tmp_path):
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_the_cursor_shows_its_harmonics_and_both_files(open_page, serve):
     url = serve(str(NOISE), "--overlay", str(KNOCK))
     page = open_page(url + "?tab=fft&cursor=200&lines=400")
@@ -235,6 +243,7 @@ def test_the_cursor_shows_its_harmonics_and_both_files(open_page, serve):
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_pictures_are_saved(browser, open_page, serve):
     page = open_page(serve(str(NOISE)) + "?tab=levels")
     page.wait(lambda: "Mic 4" in page.text("levels"))

@@ -71,6 +71,7 @@ def test_each_unit_has_a_figure_and_many_lines_have_few_colours():
     assert group.body.children == [made[0].sheet]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "orders", "info"])
 def test_a_tab_needs_no_scrolling_on_a_laptop(browser, open_page, recording_page, tab):
     size = browser.get_window_size()
@@ -89,6 +90,7 @@ def test_a_tab_needs_no_scrolling_on_a_laptop(browser, open_page, recording_page
         browser.set_window_size(size["width"], size["height"])
 
 
+@pytest.mark.long
 def test_keys_change_the_tab_the_colours_and_copy_the_command(open_page, recording_page):
     from selenium.webdriver.common.action_chains import ActionChains
 

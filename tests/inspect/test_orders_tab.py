@@ -10,6 +10,7 @@ from scipy.io import wavfile
 
 pytest.importorskip("bokeh")
 
+from specan.data.calibration import stated
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
 from specan.inspect.opened import Opened, watched
@@ -17,7 +18,6 @@ from specan.inspect.tabs.orders import OrdersTab, picture_of_map
 from specan.inspect.tabs.tab import text_of
 from specan.inspect.view import View, commands
 from specan_cli.main import main
-from specan_cli.orders import write_text
 
 RATE, N = 12800.0, 12800 * 8
 TIME = np.arange(N) / RATE
@@ -138,7 +138,7 @@ def test_the_command_gives_the_same_numbers(run_up, tmp_path):
     out = tmp_path / "orders.txt"
     result = CliRunner().invoke(main, [*arguments, "-o", str(out)], catch_exceptions=False)
     assert result.exit_code == 0, result.output
-    assert text_of(write_text, found[0][1]) == out.read_bytes()
+    assert text_of(stated(found[0][1], one.recordings[0])) == out.read_bytes()
     with_map = commands(one, view.but(order_map=True))[0]
     shown = CliRunner().invoke(main, [*shlex.split(with_map)[1:], "--json"], catch_exceptions=False)
     assert len(json.loads(shown.stdout)["columns"]["speed_hz"]) > 1

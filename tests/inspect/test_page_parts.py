@@ -11,7 +11,6 @@ import pytest
 from click.testing import CliRunner
 
 from specan_cli.inspect import command
-from specan_cli.octave import write_text
 
 pytest.importorskip("bokeh")
 
@@ -151,9 +150,9 @@ def test_another_setting_gives_the_commands_text_and_reads_nothing(changed, monk
     kept = KeptBands()
     kept.levels(one, one.channels, Octave())
     settings = Octave(**changed)
-    expected = text_of(write_text, settings(one))
+    expected = text_of(settings(one))
     monkeypatch.setattr(ArraySource, "read", None)
-    assert text_of(write_text, kept.levels(one, one.channels, settings)) == expected
+    assert text_of(kept.levels(one, one.channels, settings)) == expected
 
 
 def test_one_more_channel_reads_that_channel_only(monkeypatch):

@@ -46,10 +46,11 @@ def test_candidates_are_ranked_as_the_command_ranks_them(open_page, serve, study
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_a_tried_effect_can_be_sent_on(browser, open_page, serve, study):
     url = serve(str(study))
     page = open_page(url + "?tried=seal-drag&tried=windage")
-    page.wait(lambda: "seal-drag with windage is tried" in page.text("status"))
+    page.wait(lambda: "Trial: seal-drag with windage" in page.text("status"))
     page.press("try-seal-drag")
     page.wait(lambda: browser.current_url == url + "?tried=seal-drag")
     page = open_page(url + "?tried=nonsense")
@@ -59,12 +60,13 @@ def test_a_tried_effect_can_be_sent_on(browser, open_page, serve, study):
     page.wait(lambda: "path" in page.text("status"))
 
 
+@pytest.mark.long
 def test_a_tried_effect_is_put_back(open_page, serve, study):
     page = open_page(serve(str(study)))
     page.wait(lambda: "efficiency" in page.text("trial"))
     shown = page.text("trial")
     page.press("try-seal-drag")
-    page.wait(lambda: "tried, not accepted" in page.text("status"))
+    page.wait(lambda: "(not accepted)" in page.text("status"))
     page.press("as-it-is")
     page.wait(lambda: page.text("trial") == shown)
     assert page.script("return Bokeh.documents[0].get_model_by_name('accept').disabled")
@@ -76,7 +78,7 @@ def test_an_effect_is_tried_accepted_and_in_the_history(open_page, serve, study)
     page.wait(lambda: "efficiency" in page.text("trial"))
     shown = page.text("trial")
     page.press("try-seal-drag")
-    page.wait(lambda: "tried, not accepted" in page.text("status"))
+    page.wait(lambda: "(not accepted)" in page.text("status"))
     assert page.text("trial") != shown
     assert (study / "history.jsonl").read_text() == before  # nothing is written by trying
     page.type("because", "it leaks")

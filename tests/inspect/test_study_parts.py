@@ -101,6 +101,7 @@ def test_a_study_whose_data_change_or_vanish_says_so(directory):
         kept.current()
 
 
+@pytest.mark.long
 def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory, monkeypatch):
     kept = KeptStudy(Study(directory))
     heard_of = []
@@ -123,7 +124,10 @@ def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory, monkeypa
 def ranked(*names: str, plausible: bool = True) -> Ranked:
     parameters = {f"{n}.size": {"value": 1.0, "low": 0.5, "high": 1.5, "unit": "m"} for n in names}
     bare = tuple(n.partition("@")[0] for n in names)
-    return Ranked(bare, {}, 12.0, 1e-4, 3.0, 0.1, parameters, plausible, False)
+    return Ranked(
+        effects=bare, at={}, delta_bic=12.0, p_value=1e-4, held_out_gain=3.0, error_after=0.1,
+        parameters=parameters, plausible=plausible, at_bound=False,
+    )  # fmt: skip
 
 
 @dataclass
@@ -164,11 +168,11 @@ def test_candidates_stand_in_the_order_of_the_diagnosis():
     one.show(study, ["a", "b", "c", "d"], {"e": "needs a load"}, found)
     shown = [getattr(c, "children", [c])[0] for c in one.list.children]
     assert [getattr(w, "name", None) or w.text for w in shown] == [
-        "<b><small>The data ask for one of these; which one is open: error left</small></b>",
+        "<b><small>The data support one of these; which one is open: error left</small></b>",
         "try-c", "try-b",
         "<b><small>Not plausible: error left</small></b>",
         "try-a",
-        "<b><small>The data do not ask for</small></b>",
+        "<b><small>Not supported by the data</small></b>",
         "try-d",
         shown[-1].text,
     ]  # fmt: skip

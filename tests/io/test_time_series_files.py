@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from specan.errors import InputError
+from specan.io import mat
 from specan.io import open as opening
 from specan.io.open import open_recording
 from specan_cli.main import main
@@ -184,6 +185,44 @@ def test_uff_of_another_writer_in_ascii(tmp_path):
     check(open_recording(tmp_path / "run.uff"), exact=False)
 
 
+def test_hdf5_that_leads_to_another_file_is_not_followed(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    secret = np.arange(100.0)
+    (tmp_path / "secret.bin").write_bytes(secret.tobytes())
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["Mic"] = secret
+    layout = h5py.VirtualLayout((100,), "f8")
+    layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "Mic", (100,))
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        file.attrs["fs"] = 1000.0
+        file["Good"] = np.sin(secret)
+        file.create_dataset("Stored", (100,), "f8", external=[(str(tmp_path / "secret.bin"), 0, 800)])
+        file.create_virtual_dataset("Virtual", layout)
+        file["Linked"] = h5py.ExternalLink("other.h5", "/Mic")
+    found = open_recording(tmp_path / "run.h5")
+    assert [c.name for c in found.channels] == ["Good"]
+    assert set(found.set_aside) == {"Stored", "Virtual", "Linked"}
+    assert all("another file" in why for why in found.set_aside.values())
+
+
+def test_mat_that_crashes_its_reader_or_takes_all_memory_ends_in_a_message(tmp_path, monkeypatch):
+    from scipy.io import savemat
+
+    savemat(tmp_path / "bomb.mat", {"Mic": np.zeros(40_000_000), "fs": 1000.0}, do_compression=True)
+    assert (tmp_path / "bomb.mat").stat().st_size < 1e6
+    monkeypatch.setattr(mat, "_BYTES", 600_000_000)
+    if sys.platform != "win32":
+        with pytest.raises(InputError, match=r"takes more than 0\.6 GB of memory"):
+            open_recording(tmp_path / "bomb.mat")
+    savemat(tmp_path / "crash.mat", {"Mic": np.zeros(100)})
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "crash.py"))
+    (tmp_path / "crash.py").write_text("#!/bin/sh\nkill -SEGV $$\n")
+    (tmp_path / "crash.py").chmod(0o700)
+    if sys.platform != "win32":
+        with pytest.raises(InputError, match="its reader crashed"):
+            open_recording(tmp_path / "crash.mat")
+
+
 def test_a_format_of_an_installed_package(tmp_path, monkeypatch):
     """As an entry point of the group specan.formats brings it."""
     from specan.data.recording import ArraySource
@@ -191,6 +230,7 @@ def test_a_format_of_an_installed_package(tmp_path, monkeypatch):
     from specan.io.sampling_rate import Rate
 
     module = types.SimpleNamespace(
+        SUFFIXES=(".dat",),
         recognises=lambda start: start.startswith(b"ACME"),
         open_recording=lambda path, *, label, channel_table, sampling_rate: recording_of(
             label, [Signal("force", N, "N", Rate(RATE, "its header")), Signal("x1", N, "mm", Rate(RATE, "its header"))],
@@ -201,6 +241,7 @@ def test_a_format_of_an_installed_package(tmp_path, monkeypatch):
     monkeypatch.setattr(opening, "entry_points", lambda group: [point] if group == "specan.formats" else [])
     (tmp_path / "run.dat").write_bytes(b"ACME" + bytes(10))
     check(open_recording(tmp_path / "run.dat"))
+    assert [found.label for found in opening.find_recordings([tmp_path])] == ["run.dat"]
     (tmp_path / "other.dat").write_bytes(b"EMCA" + bytes(10))
     with pytest.raises(InputError, match="of an unknown format"):
         open_recording(tmp_path / "other.dat")

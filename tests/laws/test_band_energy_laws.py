@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from specan.dsp import bands
 from specan.dsp.band_energy import BandEnergyAccumulator
+from specan.dsp.bands import Bands
 from specan.dsp.multirate import LENGTH
 
 RATE = 51200.0
@@ -21,7 +22,9 @@ def levels(samples: np.ndarray, pieces: list[int]) -> np.ndarray:
     for first, last in zip([0, *pieces], [*pieces, samples.shape[1]], strict=True):
         accumulator.add(samples[:, first:last])
     spectrum = accumulator.result()
-    return np.concatenate([spectrum.mean_square[:, None], spectrum.band_mean_square(INDEX, 3)], axis=1)
+    return np.concatenate(
+        [spectrum.mean_square[:, None], spectrum.band_mean_square(Bands.octaves(3, INDEX))], axis=1
+    )
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +63,9 @@ def test_bands_of_noise_add_up_to_the_whole() -> None:
     accumulator.add(SAMPLES)
     spectrum = accumulator.result()
     sums = [
-        spectrum.band_mean_square(bands.band_range(45.0, 11000.0, b), b).sum(axis=1) for b in bands.FRACTIONS
+        spectrum.band_mean_square(Bands.octaves(b, bands.band_range(45.0, 11000.0, b))).sum(axis=1)
+        for b in bands.FRACTIONS
+        if b != 2  # half octaves have other edges
     ]
     for other in sums[1:]:
         assert np.abs(10 * np.log10(other / sums[0])).max() < 0.1

@@ -15,7 +15,7 @@ WORDS = re.compile(
 )
 # What a model brings with it: its own verbs, figures and simulators.
 OWN = {
-    "figures_worm_gear.py", "figures_room.py", "figures_planetary_gear.py",
+    "figures_worm_gear.py", "figures_room.py",
     "simulate_planetary_gear.py", "simulate_worm_gear.py", "simulate_room.py", "study_impedance.py",
     "figures_orders.py",
 }  # fmt: skip

@@ -30,24 +30,13 @@ VERBS = [
             "--measurement",
             f"{GEAR}/measurement.csv",
         ],
-        [*LARGE, "scipy"],
+        LARGE,
     ),
     (
         ["batch", "sample_data/recordings/noise", "-o", "{place}", "--jobs", "1"],
         [*LARGE, *SCIPY, "rich", "numpy.ma", "multiprocessing", "specan.analysis.calibration"],
     ),
 ]
-DIAGNOSE = """
-import io, sys
-from contextlib import redirect_stdout
-from specan_cli.main import main
-place, rig, table = sys.argv[1:]
-with redirect_stdout(io.StringIO()) as said:
-    for words in ["new", place, "--model", "worm-gear", "--rig", rig, "--measurement", table], ["diagnose", place]:
-        main(["study", *words], standalone_mode=False)
-assert "Missing: windage." in said.getvalue()
-print(*sys.modules)
-"""
 CODE = """
 import sys
 from specan_cli.main import run
@@ -68,14 +57,3 @@ def test_a_verb_loads_no_library_that_it_does_not_need(verb, unwanted, tmp_path)
     loaded = done.stdout.rpartition("LOADED ")[2].split()
     assert "specan_cli.main" in loaded
     assert [name for name in unwanted if name in loaded] == []
-
-
-def test_a_verdict_on_a_gear_loads_numpy_alone(tmp_path) -> None:
-    words = [str(tmp_path / "gear"), f"{GEAR}/rig.toml", f"{GEAR}/measurement.csv"]
-    done = subprocess.run(
-        [sys.executable, "-c", DIAGNOSE, *words], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    loaded = done.stdout.split()
-    assert "specan.study.diagnose" in loaded
-    assert [name for name in [*LARGE, "scipy"] if name in loaded] == []

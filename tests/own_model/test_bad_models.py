@@ -145,12 +145,12 @@ def test_effects_that_no_measurement_tells_apart_are_named(place):
     said = checked(
         place, ("bend", "size * x**2"), ("twist", "size * (x**2 + x)"), ("wave", "size * np.sin(x)")
     )
-    assert "no measurement within the limits tells bend from twist" in said
+    assert "no measurement within the limits distinguishes bend from twist" in said
     assert "from wave" not in said
 
 
 def test_an_effect_that_the_base_does_itself_is_named(place):
-    assert "do all that drag does; no measurement can show it" in checked(place, ("drag", "size * x"))
+    assert "do the same as drag; no measurement can detect it" in checked(place, ("drag", "size * x"))
 
 
 def test_a_faulty_effect_is_told_with_its_line(place):

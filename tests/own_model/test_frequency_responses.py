@@ -68,40 +68,6 @@ def written(
 FREQUENCY = np.arange(8.0, 80.0, 0.25)
 
 
-def test_the_whole_way_on_a_recording(place):
-    (place / "run.csv").write_text(as_text(simulate(ThreeMasses(), seconds=40, seed=5)), encoding="utf-8")
-    said = run(
-        "study", "new", "s", "--model", TWO_MASS, "--measurement", "run.csv", "--hold-out", "channel=x2"
-    )
-    assert "x1 is x1 over force" in said
-    compared = run("study", "compare", "s")
-    assert "The model does not fit" in compared
-    assert "28-35 Hz" in compared  # the tuned mass is at 33 Hz
-    found = json.loads(run("study", "diagnose", "s", "--json"))
-    assert (found["verdict"], found["effects"]) == ("effect", ["sprung-mass-on-2"])
-    added = json.loads(run("study", "add", "s", "sprung-mass-on-2", "--json"))
-    history = json.loads(run("study", "history", "s", "--json"))
-    before, after = (step["held_out_error"]["value"] for step in history)
-    assert after < 0.15 * before
-    values = history[-1]["parameters"]
-    truth = ThreeMasses()
-    for name, true in (
-        ("sprung-mass-on-2.mass", truth.tuned_mass), ("sprung-mass-on-2.tuned", truth.tuned_hz),
-        ("sprung-mass-on-2.loss", truth.tuned_loss), ("at_1.mass_1", truth.masses[0]),
-        ("link.stiffness_2", truth.stiffnesses[1]),
-    ):  # fmt: skip
-        one = values[name]
-        width = (one["high"] - one["low"]) / 2
-        assert abs(one["value"] - true) < 2 * width + 1e-3 * true, (name, one)
-        assert width < 0.05 * true
-    assert history[-1]["reduced_chi2"] == pytest.approx(1.0, abs=0.15)  # 1154 values: standard deviation 0.04
-    assert added is not None
-    run("study", "compare", "s", "--plot", "c.png")
-    run("study", "report", "s", "-o", "r.html")
-    run("study", "next", "s")
-    assert (place / "c.png").stat().st_size > 10_000
-
-
 def test_a_recording_of_the_true_model_is_told_so(place):
     """With nothing hidden there is nothing missing, and chi-square is one: the uncertainty of the lines is right."""
     (place / "run.csv").write_text(as_text(simulate(ThreeMasses(tuned_mass=1e-9), seed=8)), encoding="utf-8")

@@ -1,5 +1,8 @@
 """A model of plain functions: units as declared, shared parameters, named parts for effects."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -77,3 +80,25 @@ def test_a_rig_template_is_a_rig_file(tmp_path, name):
     (tmp_path / "rig.toml").write_text(rig_template(example_model(name), example_rig(name)), encoding="utf-8")
     found = load_model(name, read_rig_file(tmp_path / "rig.toml"))
     assert found.rig == example_model(name).rig
+
+
+@pytest.mark.long
+def test_a_function_that_numba_keeps_on_disk_is_found_again(tmp_path):
+    pytest.importorskip("numba")
+    path = tmp_path / "kept.py"
+    path.write_text(
+        "import numba\nfrom specan.models import Model\n@numba.njit(cache=True)\ndef inner(x, a):\n    return a * x\n"
+        "def force(x, a):\n    return inner(x, a)\n"
+        'model = Model.from_function(force, conditions={"x": ("mm", 0, 10)}, observables={"force": "N"}, '
+        'parameters={"a": 2.0})\n',
+        encoding="utf-8",
+    )
+    asked = (
+        "import sys; from specan.models.catalogue import load_model; "
+        "print(load_model(sys.argv[1], {}).assemble().evaluate({'x': 2.0})['force'])"
+    )
+    for _ in range(2):  # compiled, then read from the disk by another process
+        done = subprocess.run(
+            [sys.executable, "-c", asked, path], capture_output=True, text=True, check=False
+        )
+        assert done.stdout.strip() == "4.0", done.stderr

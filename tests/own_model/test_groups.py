@@ -53,6 +53,22 @@ def test_the_verdict_is_that_a_parameter_differs(tmp_path):
         assert values[f"slope-differs-between-specimens.{name}"]["value"] == pytest.approx(true, abs=0.03)
 
 
+def test_a_parameter_that_a_function_only_passes_on_may_differ_as_well(tmp_path):
+    def force(stretch, rate, preload):
+        return rate * stretch + preload
+
+    def rate(slope):
+        return slope
+
+    model = Model.from_function(
+        force, rate, conditions={"stretch": ("mm", 0, 10)}, observables={"force": ("N", NOISE)},
+        units={"rate": "N/mm"}, groups="specimen",
+        parameters={"slope": (2.0, 0.5, 5.0, "N/mm"), "preload": (1.0, 0, 5, "N")},
+    )  # fmt: skip
+    found = diagnose(base_problem(model, read_tables(model, [table(tmp_path / "t.csv")]).fitted))
+    assert found.effects == ("slope-differs-between-specimens",)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_differs_where_specimens_are_alike(tmp_path, seed):
     model = spring(groups="specimen")
@@ -123,6 +139,7 @@ def run(*words):
 NEW = ["study", "new", "s", "--model", "spring.py", "--measurement", "t.csv"]
 
 
+@pytest.mark.long
 def test_declared_in_the_study(place):
     said = run(*NEW, "--group", "specimen")
     assert "specimen: 3 groups of rows, No. 1, No. 2, No. 3" in said

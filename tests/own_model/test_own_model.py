@@ -101,12 +101,12 @@ def test_the_model_is_shown_and_checked(place):
     shown = run("model", "show", SPRING, "--rig", place / "rig.toml")
     assert "warm-steel" in shown
     assert not FOREIGN.search(shown)
-    assert "opening keeps the rules" in run("model", "check", SPRING, "--rig", place / "rig.toml")
+    assert "opening passes" in run("model", "check", SPRING, "--rig", place / "rig.toml")
 
 
 def test_the_template_keeps_the_rules_and_is_not_overwritten(place):
     run("model", "new", place / "pump.py")
-    assert "cavitation keeps the rules" in run("model", "check", place / "pump.py")
+    assert "cavitation passes" in run("model", "check", place / "pump.py")
     assert written_lines(place / "pump.py") <= 40
     assert written_lines(Path(__file__).parents[2] / "sample_data/worm_drive/worm_drive.py") <= 40
     assert run("model", "show", place / "pump.py").startswith("pump: ")
@@ -150,10 +150,11 @@ def test_an_installed_package_brings_a_model(monkeypatch):
         def load(self):
             return module
 
-    monkeypatch.setattr(
-        "specan.models.catalogue.entry_points", lambda group: [Point()] if group == "specan.models" else []
-    )
-    assert model_names() == ["planetary-gear", "room", "spring", "worm-gear"]
+    def points(group, name="spring"):
+        return [Point()] if group == "specan.models" and name == "spring" else []
+
+    monkeypatch.setattr("specan.models.catalogue.entry_points", points)
+    assert model_names() == ["spring"]
     assert load_model("spring", module.EXAMPLE_RIG).title == "A spring on a stand"
 
 

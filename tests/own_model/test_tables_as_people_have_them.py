@@ -92,7 +92,7 @@ def test_chosen_columns_and_those_passed_over(tmp_path):
     found = read_measurement(path, gear, columns=columns)
     assert found.conditions["worm_speed"] == pytest.approx(2 * np.pi * np.array([25.0, 100 / 3]))
     assert found.measured == pytest.approx([7.5, 3.9])
-    assert "columns passed over: who" in found.notes
+    assert "columns ignored: who" in found.notes
     path.write_text("n;M2_Nm;M1\n1500;40000;7,5\n2000;20000;3,9\n", encoding="utf-8")
     named = {"speed_rpm": "n [1/min]", "output_torque_Nm": "M2_Nm [mN*m]", "input_torque_Nm": "M1"}
     again = read_measurement(path, gear, columns=named)  # the unit is the user's word
@@ -174,7 +174,7 @@ def test_unknown_columns_beside_all_that_are_needed(tmp_path, pump):
     path = tmp_path / "t.csv"
     path.write_text("flow,speed,share,head,operator\n1,2900,0.1,4,5\n2,1450,0.1,4,5\n", encoding="utf-8")
     with pytest.raises(
-        InputError, match=r"nothing is lacking; to pass over the rest, give --column \"flow=flow\""
+        InputError, match=r"no column is missing; to ignore the others, give --column \"flow=flow\""
     ):
         read_measurement(path, pump)
     assert read_measurement(path, pump, columns={"flow": "flow"}).n == 2

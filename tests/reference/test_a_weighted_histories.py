@@ -6,6 +6,8 @@ averages sample by sample. It knows nothing of blocks.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.signal import bilinear_zpk, lfilter, sosfilt, sosfreqz, zpk2sos
@@ -22,10 +24,10 @@ POLES = {"A": (20.598997, 20.598997, 107.65265, 737.86223, 12194.217, 12194.217)
 POLES["C"] = (POLES["A"][0], POLES["A"][0], POLES["A"][4], POLES["A"][4])
 ZEROS = {"A": 4, "C": 2}
 ZERO = 20e-6  # Pa
-# The averages behind a weighting begin when it has settled: 100 dB of its lowest pole.
-BEGIN = 5 * np.log(10) / (2 * np.pi * 20.598997)
+# What is before a record the reference has heard: its weightings have settled when the record begins.
+BEFORE = 1.0
 
-Parts = list[tuple[float, float, float]]
+Parts = tuple[tuple[float, float, float], ...]
 
 
 def weighting(name: str, rate: float) -> np.ndarray:
@@ -36,16 +38,16 @@ def weighting(name: str, rate: float) -> np.ndarray:
     return sos
 
 
-def signal(parts: Parts, rate: float, seconds: float = SECONDS) -> np.ndarray:
-    t = np.arange(round(seconds * rate)) / rate
+def signal(parts: Parts, rate: float, seconds: float = SECONDS, begin: float = 0.0) -> np.ndarray:
+    t = begin + np.arange(round((seconds - begin) * rate)) / rate
     return np.sum([a * np.cos(2 * np.pi * f * t + phase) for a, f, phase in parts], axis=0)
 
 
+@cache
 def direct(parts: Parts, name: str, tau: float, interval: float = INTERVAL) -> np.ndarray:
     """Levels in dB at multiples of an interval."""
     rate = FINE
-    square = sosfilt(weighting(name, rate), signal(parts, rate)) ** 2
-    square[: round(BEGIN * rate)] = 0.0
+    square = sosfilt(weighting(name, rate), signal(parts, rate, begin=-BEFORE))[round(BEFORE * rate) :] ** 2
     keep = np.exp(-1 / (rate * tau))
     average = lfilter([1 - keep], [1, -keep], square)
     step = round(rate * interval)
@@ -65,16 +67,16 @@ def history(samples: np.ndarray, rate: float, name: str, averaging: str) -> np.n
 
 
 def tone(f: float) -> Parts:
-    return [(np.sqrt(2.0), f, 0.4)]
+    return ((np.sqrt(2.0), f, 0.4),)
 
 
 def rumble(seed: int) -> Parts:
     """90 dB with a density that falls as 1/f^2 from 2 to 20 Hz."""
     rng = np.random.default_rng(seed)
-    f = np.linspace(2.0, 20.0, 120) + rng.uniform(-0.07, 0.07, 120)
+    f = np.linspace(2.0, 20.0, 40) + rng.uniform(-0.2, 0.2, 40)
     amplitude = 1 / f
     amplitude *= np.sqrt(2.0) * 0.63 / np.sqrt(np.sum(amplitude**2))
-    return [(a, x, p) for a, x, p in zip(amplitude, f, rng.uniform(0, 2 * np.pi, 120))]
+    return tuple(zip(amplitude, f, rng.uniform(0, 2 * np.pi, 40)))
 
 
 RATES = [8000.0, 12800.0, 22050.0, 44100.0, 51200.0, 102400.0]
@@ -100,7 +102,7 @@ def test_tones_drawn_up_to_nearly_half_the_rate(rate: float) -> None:
         poles = 2 * np.pi * np.array(POLES["A"])
         gain = [np.abs((2j * np.pi * x) ** 4 / np.prod(2j * np.pi * x + poles)) for x in (f, 1000.0)]
         found = history(signal(tone(f), rate, 2.0), rate, "A", "slow")[-1]
-        expected = 20 * np.log10(gain[0] / gain[1] / ZERO) + 10 * np.log10(1 - np.exp(-2.0 + BEGIN))
+        expected = 20 * np.log10(gain[0] / gain[1] / ZERO) + 10 * np.log10(1 - np.exp(-2.0))
         assert found == pytest.approx(expected, abs=0.03), f
 
 
@@ -109,7 +111,7 @@ def test_rumble(rate: float) -> None:
     expected = direct(rumble(3), "A", 0.125)
     found = history(signal(rumble(3), rate), rate, "A", "fast")
     assert np.abs(found[settled:] - expected[settled : found.size]).max() < 0.1
-    later = expected[round((BEGIN + 0.625) / INTERVAL) :]
+    later = expected[round(0.625 / INTERVAL) :]
     levels = Levels(percentiles=(1.0, 10.0, 50.0))(recording(signal(rumble(3), rate), rate))
     for percent, value in levels.percentile_dB.items():
         # The readings are not those of the reference, and a few seconds of rumble move by some dB.
@@ -142,14 +144,16 @@ def test_a_low_tone_does_not_reach_bands_two_decades_above(rate: float, fraction
 
 
 @pytest.mark.parametrize(("f", "expected"), [(16.0, 37.6), (31.5, 54.5), (50.0, 63.7)])
-def test_the_maximum_leaves_the_cut_at_the_beginning_out(f: float, expected: float) -> None:
+def test_the_cut_at_the_beginning_is_no_click_in_totals(f: float, expected: float) -> None:
     """A steady 94 dB: its level behind A (IEC 61672-1), with the ripple that Fast leaves of a low tone."""
     for rate in (12800.0, 51200.0):
-        samples = signal([(np.sqrt(2.0), f, 0.0)], rate, 10.0)
+        samples = signal(((np.sqrt(2.0), f, 0.0),), rate, 10.0)
         levels = Levels()(recording(samples, rate))
         ripple = 10 * np.log10(1 + 1 / np.hypot(1, 4 * np.pi * f * 0.125))
         assert levels.max_dB[0] == pytest.approx(expected + ripple, abs=0.1)
         assert levels.equivalent_dB["A"][0] == pytest.approx(expected, abs=0.1)
         held = Octave(fraction=1, averaging="fast", hold="max", band=1000)(recording(samples, rate))
         assert held.overall_dB["A"][0] == pytest.approx(expected + ripple, abs=0.1)
-        assert held.level_dB[0, 0] < 30.0
+        # The cut is a click in a band, which counts; the level without it is told.
+        _, left_out = held.band_flags(0, 0)
+        assert float(left_out.removeprefix("left-out=")) < 30.0

@@ -54,8 +54,16 @@ def worst_excess(tones: np.ndarray, bandwidth: np.ndarray, rate: float, fraction
     return worst
 
 
-@pytest.mark.parametrize("rate", RATES)
-def test_every_band_is_class_1_at_mid_band_and_edges(rate: float) -> None:
+# Every fifth tone at one rate, every tenth at the other (all of them pass); a few of them without `long`.
+@pytest.mark.parametrize(
+    ("rate", "every"),
+    [
+        (51200.0, 29),
+        pytest.param(51200.0, 5, marks=pytest.mark.long),
+        pytest.param(102400.0, 10, marks=pytest.mark.long),
+    ],
+)
+def test_every_band_is_class_1_at_mid_band_and_edges(rate: float, every: int) -> None:
     # The mid-band and edge frequencies of all fractions are multiples of 1/48 octave: one set of tones.
     index = bands.band_range(LOW, HIGH, 24)
     lower, upper = bands.band_edges(index, 24)
@@ -63,11 +71,15 @@ def test_every_band_is_class_1_at_mid_band_and_edges(rate: float) -> None:
     for fraction in bands.FRACTIONS:
         places = np.concatenate([bands.mid_frequencies(bands.band_range(25.0, 19000.0, fraction), fraction)])
         assert np.abs(tones[:, None] / places - 1).min(axis=0).max() < 1e-12
+    tones = tones[::every]
     assert worst_excess(tones, tones * RELATIVE_WIDTH[24], rate, bands.FRACTIONS) < -0.2
 
 
-@pytest.mark.parametrize("rate", RATES)
-@pytest.mark.parametrize("fraction", bands.FRACTIONS)
+@pytest.mark.parametrize("rate", [51200.0, pytest.param(102400.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "fraction",
+    [pytest.param(b, marks=[] if b in (3, 24) else pytest.mark.long) for b in bands.FRACTIONS],
+)
 def test_five_bands_are_class_1_at_every_breakpoint(fraction: int, rate: float) -> None:
     index = bands.band_range(LOW, HIGH, fraction)
     five = index[np.linspace(0, index.size - 1, 5).round().astype(int)]

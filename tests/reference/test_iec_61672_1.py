@@ -65,7 +65,9 @@ def test_b_is_that_of_the_table() -> None:
     np.testing.assert_allclose(weighting_level(NOMINAL, "B"), TABLE_B, atol=0.0501)
 
 
-@pytest.mark.parametrize("rate", [48000.0, 51200.0, 102400.0])
+@pytest.mark.parametrize(
+    "rate", [48000.0, *(pytest.param(rate, marks=pytest.mark.long) for rate in (51200.0, 102400.0))]
+)
 def test_overall_levels_of_tones_are_within_a_thousandth_of_a_decibel(rate: float) -> None:
     """Faded over 400 cycles, so that the curves' slopes do not show."""
     for f in NOMINAL:

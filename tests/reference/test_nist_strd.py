@@ -30,6 +30,7 @@ def test_six_certified_digits_from_both_starts(name, start):
     assert errors >= (2.5 if name == ROUNDED else ENOUGH)
 
 
+@pytest.mark.long
 def test_at_least_as_many_as_minpack_reaches():
     for start in (0, 1):
         counts = {}

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from specan.models.planetary_gear.compiled import HAS_NUMBA
-from specan.models.planetary_gear.dynamics import force_normal_angle, simulate, step_error
-from specan.models.planetary_gear.rig import read_rig
-from specan.models.planetary_gear.simulated_recording import recorded_channels
+from specan.planetary_gear.model.compiled import HAS_NUMBA
+from specan.planetary_gear.model.dynamics import force_normal_angle, simulate, step_error
+from specan.planetary_gear.model.rig import read_rig
+from specan.planetary_gear.model.simulated_recording import recorded_channels
 
 DATA = Path(__file__).parents[2] / "sample_data" / "planetary_gear"
 pytestmark = pytest.mark.skipif(not HAS_NUMBA, reason="numba is not installed: the run in time takes minutes")

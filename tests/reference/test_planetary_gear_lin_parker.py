@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from specan.models.catalogue import example_model
-from specan.models.planetary_gear.modes import Part, natural_modes, torsional_frequencies
+from specan.planetary_gear.model.modes import Part, natural_modes, torsional_frequencies
 
 PARTS = {
     "sun": Part(0.4, 0.39, 1e8),

@@ -10,7 +10,9 @@ from numpy.polynomial import legendre
 from scipy.linalg import eig, lu_factor, lu_solve
 
 from specan.models.catalogue import load_model
-from specan.models.room.axis_modes import axis_modes
+from specan.room.model.axis_modes import axis_modes
+
+pytestmark = pytest.mark.long
 
 LENGTHS = np.array([0.9, 0.6, 0.7])
 BETA = 0.012

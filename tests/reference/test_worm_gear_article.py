@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from specan.models.worm_gear import EXAMPLE_RIG, build
+from specan.worm_gear.model import EXAMPLE_RIG, build
 
 TABLES = Path(__file__).parents[2] / "sample_data/worm_gear"
 ARTICLE = build({**EXAMPLE_RIG, "model": {"mesh": "article", "viscosity": "exponential"}})

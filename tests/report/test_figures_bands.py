@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+import specan
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.report.figures_bands import figure_band_levels, figure_level_history
@@ -51,9 +53,26 @@ def test_of_many_channels_the_range_and_those_furthest_from_the_median():
 def test_a_history_against_time():
     found = Octave(averaging="fast", fraction=1)(recording("Pa", "m/s"))
     above, below, *_ = figure_level_history(found, 1).axes
-    assert [line.get_label() for line in above.lines] == ["LZ"]
     assert found.history is not None
+    highest = float(found.history.overall_max_dB["Z"][1])
+    assert [steps.get_label() for steps in above.patches] == [f"LZ, max {highest:.1f} dB"]
+    assert highest in [line.get_ydata()[0] for line in above.lines]
     mesh = below.collections[0]
     np.testing.assert_array_equal(np.asarray(mesh.get_array()), found.history.level_dB[1])
     with pytest.raises(ValueError, match="no history"):
         figure_level_history(Octave()(recording("Pa")))
+
+
+def test_a_knock_is_drawn_in_the_interval_in_which_it_was():
+    """The largest Fast level, by a filter of the squares sample by sample, lies under the highest step."""
+    knock = specan.read("sample_data/recordings/knock.tdms")
+    channel = knock.channels[0]
+    squares = knock.read([channel], 0, channel.n_samples)[0] ** 2
+    decay = np.exp(-1 / 0.125 / channel.sampling_rate)
+    at = np.argmax(lfilter([1 - decay], [1, -decay], squares)) / channel.sampling_rate
+    above, below, *_ = figure_level_history(Octave(averaging="fast", fraction=1)(knock), 0).axes
+    levels, edges, _ = next(p for p in above.patches if p.get_label().startswith("LZ")).get_data()
+    highest = int(np.argmax(levels))
+    assert edges[highest] < at < edges[highest + 1]
+    assert (edges[0], edges[-1]) == (0.0, 1.0)
+    np.testing.assert_array_equal(below.collections[0].get_coordinates()[0, :, 0], edges)

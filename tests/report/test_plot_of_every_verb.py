@@ -47,6 +47,7 @@ def test_recordings_are_drawn(kind, arguments, tmp_path, monkeypatch):
     draw(kind, tmp_path, *arguments)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
 def test_a_picture_holds_no_clock_time(kind, tmp_path):
     first = draw(kind, tmp_path, "info", KNOCK)
@@ -66,7 +67,13 @@ def study(tmp_path_factory) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("kind", "verb"), [("png", "compare"), ("svg", "history"), ("pdf", "diagnose"), ("svg", "next")]
+    ("kind", "verb"),
+    [
+        ("png", "compare"),
+        ("svg", "history"),
+        pytest.param("pdf", "diagnose", marks=pytest.mark.long),
+        ("svg", "next"),
+    ],
 )
 def test_studies_are_drawn(kind, verb, study, tmp_path):
     draw(kind, tmp_path, "study", verb, str(study))

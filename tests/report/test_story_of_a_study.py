@@ -1,5 +1,6 @@
 """What the figures and the report of a study say about a change: before and after, and why it was made."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -39,6 +40,7 @@ def test_bars_of_a_diagnosis_are_the_errors_that_are_left(story):
 
 def test_a_change_is_drawn_before_and_after(story, heading_text):
     study, _, change = story
+    table = list(csv.DictReader((BENCH / "measurement.csv").read_text().splitlines()))
     figure = figure_change(change)
     bars, before, after = figure.axes
     heights = [patch.get_height() for patch in bars.patches]
@@ -50,6 +52,10 @@ def test_a_change_is_drawn_before_and_after(story, heading_text):
         drawn = np.concatenate([line.get_ydata() for line in axes.lines[1:]])
         residual = one.problem.predictions(one.shown.theta)[0] - one.problem.observations[0].measured
         np.testing.assert_allclose(np.sort(drawn), np.sort(residual))
+        at = np.concatenate([line.get_xdata() for line in axes.lines[1:]])
+        # where they were read, not at the mean of a level
+        assert set(np.round(at, 6)) <= {float(row["speed_rpm"]) for row in table}
+        assert len(set(np.round(at, 6))) > 20
     assert before.get_ylim() == after.get_ylim()
     assert "(-77 %)" in heading_text(figure)
 
@@ -85,7 +91,7 @@ def test_the_report_begins_with_the_story_and_ends_with_what_was_rejected(story)
         for text in (
             "Windage was missing. With it the error on fitted data went from 0.0276 to 0.00645 Nm (-77 %)",
             "How each step came about", "<b>Missing: windage.</b>", "<h2>Measured and model", "<h2>What is missing now",
-            "<h2>Parameters", "<h2>Candidates that were tried",
+            "<h2>Parameters", "<h2>Candidates tested",
         )
     ]  # fmt: skip
     assert places == sorted(places)

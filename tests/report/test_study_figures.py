@@ -9,10 +9,11 @@ from specan.report import residual_map as module
 from specan.report.figures_study_frf import measured_transfer
 from specan.report.residual_map import map_axes, residual_map
 from specan.study.localisation.localise import Block, Localisation
+from specan.study.observation.kept_lines import KeptLines
 
 
 @dataclass
-class Measured:
+class Measured(KeptLines):
     """What of an observation a figure looks at: two microphones over three lines, one of them not in use."""
 
     common: np.ndarray
@@ -24,7 +25,6 @@ class Measured:
     frequency_hz: np.ndarray = field(default_factory=lambda: np.array([100.0, 101.0, 102.0]))
     name: str = "a.tdms"
     channels: tuple = ("Mic 1", "Mic 2")
-    n: int = 10
 
 
 def observation(share):

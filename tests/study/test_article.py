@@ -44,6 +44,7 @@ def percent(step, where, observable="efficiency"):
     return error["relative_rms_percent"], error["relative_max_percent"]
 
 
+@pytest.mark.long
 def test_the_errors_of_the_example_are_those_that_are_told(steps):
     assert percent(steps[0], "fit") == pytest.approx((3.67, 11.1), rel=0.02)
     assert percent(steps[0], "held_out") == pytest.approx((5.36, 13.9), rel=0.02)
@@ -53,6 +54,7 @@ def test_the_errors_of_the_example_are_those_that_are_told(steps):
     assert percent(steps[3], "fit", "input_torque") == pytest.approx((0.24, 0.40), rel=0.05)
 
 
+@pytest.mark.long
 def test_the_last_model_beats_the_articles_simulation_on_data_that_it_has_not_seen(steps):
     for where, name in (("fit", "table 8"), ("held_out", "table 9")):
         assert all(own < its for own, its in zip(percent(steps[3], where), ARTICLE[name], strict=True))

@@ -8,8 +8,8 @@ import pytest
 from specan.errors import InputError
 from specan.io.open import open_recording
 from specan.models.catalogue import load_model, rig_files
-from specan.study.data.estimate_frf import observe_recording
-from specan.study.data.open_recordings import open_data
+from specan.room.study.estimate_frf import observe_recording
+from specan.room.study.open_recordings import open_data
 from specan.study.observation.__init__ import DataFile, MeasuredFiles
 from specan.study.observation.correlated_errors import _of_all
 from truth.rig_files import write_tdms
@@ -34,6 +34,7 @@ def with_background(room, path="background.tdms"):
     return load_model("room", rig), MeasuredFiles([DataFile("take", folder / "recording.tdms")])
 
 
+@pytest.mark.long
 def test_lines_of_hum_are_as_uncertain_as_the_hum_makes_them(room):
     folder = room[1]
     seen = open_data(*with_background(room)).fitted[0]
@@ -55,6 +56,7 @@ def test_lines_of_hum_are_as_uncertain_as_the_hum_makes_them(room):
     assert 1.0 < np.sum((off / stated) ** 2) < 32.9
 
 
+@pytest.mark.long
 def test_the_lines_near_the_background_are_named(room):
     said = open_data(*with_background(room)).statements
     (text,) = [s for s in said if s.startswith("background.tdms")]

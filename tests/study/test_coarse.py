@@ -106,6 +106,7 @@ def test_stages_find_a_lining_and_leave_the_instruments_alone(model):
     assert all(abs(found[n] - problem.priors[n][0]) < 1.5 * problem.priors[n][1] for n in instruments)
 
 
+@pytest.mark.long
 def test_a_new_resonance_is_looked_for_over_its_range(model):
     """Declared at 150 Hz, it lies at 255 Hz."""
     use = "helmholtz-resonator@z1"
@@ -117,6 +118,7 @@ def test_a_new_resonance_is_looked_for_over_its_range(model):
     assert found[f"{use}.resonance"] == pytest.approx(255.0, abs=3.0)
 
 
+@pytest.mark.long
 def test_an_opening_is_looked_for_all_over_its_wall(model):
     use = "helmholtz-resonator@z1"
     true = {f"{use}.neck_area": 1.5e-3, f"{use}.resonance": 255.0, f"{use}.quality": 12.0}
@@ -127,6 +129,7 @@ def test_an_opening_is_looked_for_all_over_its_wall(model):
         assert found[name] == pytest.approx(value, abs=0.03), name
 
 
+@pytest.mark.long
 def test_a_small_effect_is_looked_for_on_all_its_lines(model):
     """A down-weighted view of the base is met already, to 5 %; its gain would be found anywhere."""
     use = "flanking-source@y0"
@@ -161,6 +164,7 @@ def test_of_starts_that_a_down_weighted_view_takes_for_the_same_a_subsample_choo
     assert found["leak@z1.along"] == pytest.approx(0.8, abs=0.1)
 
 
+@pytest.mark.long
 def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
     problem, _ = leaking(model)
     problem = linearised(problem)
@@ -174,6 +178,7 @@ def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
     assert str(best) == "leak@z1"
 
 
+@pytest.mark.long
 def test_an_object_is_looked_for_all_over_a_room():
     rig = {
         "room": {"dims_m": [0.8, 0.97, 1.15]},
@@ -204,6 +209,7 @@ def test_an_object_is_looked_for_all_over_a_room():
     assert best.chi2_reduction > 0.8 * base.chi2  # a search along one edge after the other explains a quarter
 
 
+@pytest.mark.long
 def test_a_few_steps_tell_a_strong_lining_from_what_promises_as_much(model):
     true = {"wall-impedance@z1.conductance": 0.7}
     problem = base_problem(model, [recorded(model, ["wall-impedance@z1"], true)])
@@ -215,6 +221,7 @@ def test_a_few_steps_tell_a_strong_lining_from_what_promises_as_much(model):
     assert str(_screened(base, {use: found[use] for use in uses})[0]) == "wall-impedance@z1"
 
 
+@pytest.mark.long
 def test_what_does_not_suffice_at_one_wall_is_tried_at_the_opposite_one(model):
     """The square of a mode's shape is the same at both ends of an axis, and so is what a wall does to resonances."""
     true = {
@@ -237,6 +244,7 @@ def test_what_does_not_suffice_at_one_wall_is_tried_at_the_opposite_one(model):
     assert refits.fit(base, [[item] for item in found[right]]).reduced < 1
 
 
+@pytest.mark.long
 def test_a_small_resonator_is_found_behind_what_does_something_everywhere(model):
     """A fortieth of the usual size, at a place and a resonance that are not tried at first."""
     use = "helmholtz-resonator@y0"
@@ -342,14 +350,15 @@ def test_a_gain_beyond_its_calibration_is_found_by_the_rows_of_its_microphone(mo
     assert found[first].values == pytest.approx(true, rel=0.3)
 
 
-@pytest.mark.parametrize("warmer", [-3.0, 4.0])
-def test_a_certificate_that_a_lining_contradicts_is_part_of_the_verdict(model, warmer):
+@pytest.mark.long
+def test_a_certificate_that_a_lining_contradicts_is_part_of_the_verdict(model):
     """With the wall alone the air is taken far off what its thermometer says: both are missing, not one."""
     lining = {
         "wall-impedance@y1.conductance": 0.4,
         "wall-impedance@y1.mass": 0.2,
         "wall-impedance@y1.stiffness": 4e5,
     }
+    warmer = -3.0
     true = {**lining, "temperature.offset": warmer}
     found = diagnose(base_problem(model, [recorded(model, ["wall-impedance@y1", "temperature"], true)]))
     assert found.alternatives[0] == ("temperature", "wall-impedance")
@@ -358,6 +367,7 @@ def test_a_certificate_that_a_lining_contradicts_is_part_of_the_verdict(model, w
     assert offset["low"] - 0.1 < warmer < offset["high"] + 0.1
 
 
+@pytest.mark.long
 def test_an_edge_far_off_its_drawing_is_named(model):
     """The base fits with it, but only against its tolerance: what is wrong is the drawing."""
     true = {"dimension-error@z.error": -0.0076}
@@ -367,6 +377,7 @@ def test_an_edge_far_off_its_drawing_is_named(model):
     assert found.ranking[0].parameters["dimension-error@z.error"]["value"] == pytest.approx(-0.0076, abs=2e-4)
 
 
+@pytest.mark.long
 def test_an_edge_that_its_certificate_hardly_admits_is_said_with_what_checks_it(model):
     """Between what is known and what is named: the value in percent, and the instrument that tells."""
     found = diagnose(
@@ -390,6 +401,7 @@ def test_levels_do_not_count_lines_of_hum(model):
     assert error.level_dB == pytest.approx(20 * np.log10(1.1), rel=1e-9)
 
 
+@pytest.mark.long
 def test_nothing_is_named_beside_a_lining_that_is_all(model):
     lining = {
         "wall-impedance@y1.conductance": 0.4,

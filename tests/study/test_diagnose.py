@@ -129,6 +129,7 @@ def test_two_effects_that_no_one_law_imitates_are_named_without_a_doubt(toy):
     assert not found.unknown_possible
 
 
+@pytest.mark.long
 def test_two_effects_that_one_law_imitates_are_named_with_that_law(toy):
     """Half x^2 z in each of two candidates, whose sum is one law of the grammar."""
 
@@ -527,6 +528,7 @@ def test_a_power_of_what_is_left_is_a_doubt_before_the_whole_misfits(toy):
     assert not diagnose(toy.problem(lambda x, z: 60 * x**2, ["square"], seed=5)).unknown_possible
 
 
+@pytest.mark.long
 def test_a_law_of_nothing_is_as_improbable_as_it_says(toy):
     problems = [toy.problem(nothing, ["square"], seed=s) for s in range(40)]
     p = [residual_law(Refit(frozenset(), problem, fit(problem))).p_value for problem in problems]

@@ -298,7 +298,7 @@ def test_what_is_not_finite_is_an_error_and_no_verdict():
         fit(problem)
 
 
-def test_a_fit_that_does_not_converge_is_an_error(monkeypatch):
+def test_a_fit_that_does_not_settle_says_so(monkeypatch):
     problem = base_problem(MODEL, [table(noisy(SPEED**2 + SPEED))])
     expected = fit(problem, starts=2).theta
     monkeypatch.setattr("specan.study.estimation.levenberg_marquardt.MOST_JACOBIANS", 0)
@@ -306,8 +306,8 @@ def test_a_fit_that_does_not_converge_is_an_error(monkeypatch):
     monkeypatch.setattr("specan.study.estimation.fit.MOST_STEPS", 1)
     np.testing.assert_allclose(fit(problem).theta, expected, rtol=1e-9)  # and the third
     monkeypatch.setattr("specan.study.estimation.levenberg_marquardt.MOST_REFINING", 0)
-    with pytest.raises(ComputationError, match=r"loss\.drag.* failed: it did not settle"):
-        fit(problem)
+    best = fit(problem)
+    assert not best.converged
 
 
 def test_more_parameters_than_values_are_refused():

@@ -6,7 +6,8 @@ import pytest
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
 from specan.models.catalogue import load_model
-from specan.study.data.estimate_frf import noise_density, observe_recording
+from specan.room.study.estimate_frf import observe_recording
+from specan.study.data.line_noise import noise_density
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
 from specan.study.observation.window_leakage import fold
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from specan.models.chosen_model import ChosenModel, grid, predict
-from specan.models.worm_gear.build import build
-from specan.models.worm_gear.rig import EXAMPLE_RIG
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.selection.candidates import base_problem
+from specan.worm_gear.model.build import build
+from specan.worm_gear.model.rig import EXAMPLE_RIG
 
 NOISE = 0.004  # N*m
 
@@ -57,7 +57,7 @@ def without(columns, *names):
     return {name: values for name, values in columns.items() if name not in names}
 
 
-@pytest.mark.parametrize("offset", [-0.45, 0.45])
+@pytest.mark.parametrize("offset", [-0.45, pytest.param(0.45, marks=pytest.mark.long)])
 @pytest.mark.parametrize("told", ["column", "rig"])
 def test_an_offset_of_the_output_sensor_is_found_on_both_sides_of_zero(tmp_path, offset, told):
     columns = without(campaign(1, offset), "elapsed_time_s", *([] if told == "column" else ["coupled"]))
@@ -70,6 +70,7 @@ def test_an_offset_of_the_output_sensor_is_found_on_both_sides_of_zero(tmp_path,
     assert value["high"] - value["low"] < abs(offset)
 
 
+@pytest.mark.long
 def test_intervals_of_an_offset_hold_the_truth_as_often_as_they_say(tmp_path):
     # Binomial: with 95 % each, 16 or more of 20 hold the truth in all but 3 of 1000 tries.
     inside = 0
@@ -85,18 +86,21 @@ def test_intervals_of_an_offset_hold_the_truth_as_often_as_they_say(tmp_path):
     assert inside >= 16
 
 
+@pytest.mark.long
 def test_rows_of_two_kinds_that_contradict_each_other_are_named(tmp_path):
     # The same table, and nobody says that the brake was uncoupled: with an offset of it no single torque fits both.
     columns = without(campaign(1, -1.5), "elapsed_time_s", "coupled")
     found = diagnose(problem(tmp_path, columns, rig()))
     assert any("rows without load" in remark and "uncoupled" in remark for remark in found.remarks)
     assert found.unknown_possible
+    said = diagnose(problem(tmp_path, columns, rig(operation={"idle_uncoupled": True}))).remarks
+    assert not any("column 'coupled'" in remark for remark in said)  # the rig file says it already
     whole = diagnose(problem(tmp_path, without(campaign(1), "elapsed_time_s", "coupled"), rig()))
     assert whole.verdict == "nothing-missing"
     assert not any("rows without load" in remark for remark in whole.remarks)
 
 
-@pytest.mark.parametrize("drift", [-0.004, 0.004])
+@pytest.mark.parametrize("drift", [-0.004, pytest.param(0.004, marks=pytest.mark.long)])
 def test_a_drifting_zero_is_named_with_its_rate(tmp_path, drift):
     found = diagnose(problem(tmp_path, campaign(2, drift=drift), rig()))
     assert found.alternatives[0] == ("zero-drift",)

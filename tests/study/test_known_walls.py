@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from specan.impedance.wall_admittance import wall_fit
 from specan.models.catalogue import load_model
-from specan.study.data.open_recordings import open_data
+from specan.room.study.open_recordings import open_data
+from specan.room.wall_impedance.wall_admittance import wall_fit
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
 from specan.study.observation import DataFile, MeasuredFiles
@@ -20,6 +20,8 @@ from truth.room import simulate, write
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 from impedance_coverage import true_admittance
+
+pytestmark = pytest.mark.long
 
 BAND = {"f_min_hz": 60.0, "f_max_hz": 280.0}
 

@@ -10,8 +10,8 @@ import pytest
 from specan.errors import RequestError
 from specan.io.open import open_recording
 from specan.models.catalogue import load_model
-from specan.study.data.estimate_frf import observe_recording
-from specan.study.data.open_recordings import open_data
+from specan.room.study.estimate_frf import observe_recording
+from specan.room.study.open_recordings import open_data
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
 from specan.study.observation import DataFile, MeasuredFiles
@@ -57,6 +57,7 @@ def times(factor, seen):
     )
 
 
+@pytest.mark.long
 def test_a_frame_that_is_shifted_as_a_whole_is_allowed_for_where_it_is_declared(recorded):
     mics = shifted(recorded, [0.024, -0.018, 0.021])  # m; single places are known to 2 mm
     plain, _ = described(recorded, mics=mics)
@@ -66,6 +67,7 @@ def test_a_frame_that_is_shifted_as_a_whole_is_allowed_for_where_it_is_declared(
     assert any("24 mm and 0 degrees of their frame" in text for text in said)
 
 
+@pytest.mark.long
 def test_a_frame_that_is_tilted_is_allowed_for_where_it_is_declared(recorded):
     places = np.array(recorded[1]["mics"]["position_m"])
     arm = places - places.mean(axis=0)
@@ -76,6 +78,7 @@ def test_a_frame_that_is_tilted_is_allowed_for_where_it_is_declared(recorded):
     assert reduced(framed) < 1.1
 
 
+@pytest.mark.long
 def test_one_microphone_may_be_known_less_well(recorded):
     places = np.array(recorded[1]["mics"]["position_m"])
     places[2] += [0.02, -0.016, 0.018]
@@ -90,6 +93,7 @@ def test_one_microphone_may_be_known_less_well(recorded):
     assert any("place 2 to 20 mm" in text for text in said)
 
 
+@pytest.mark.long
 def test_a_level_error_of_the_calibrator_is_common_to_all_microphones(recorded):
     path, rig = recorded
     rig = deepcopy(rig)
@@ -119,6 +123,7 @@ def test_nothing_left_is_refused(recorded):
         described(recorded, band={"left_out_hz": [[1.0, 1000.0]]})
 
 
+@pytest.mark.long
 def test_longer_blocks_bring_lines_nearer_and_fit_as_well(recorded):
     path, rig = recorded
     rig = deepcopy(rig)

@@ -112,6 +112,7 @@ def test_a_subsample_has_the_residual_of_the_whole(model, measured):
     )
 
 
+@pytest.mark.long
 def test_a_displaced_microphone_is_told_where_it_stands(model):
     """25 mm off where 3 mm are declared: about the drawn places a part of that would count as declared error."""
     use, away = "microphone-position@Mic 2", np.array([0.02, -0.014, 0.006])

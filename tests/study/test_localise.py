@@ -91,6 +91,7 @@ def test_false_discoveries_are_controlled_whatever_the_dependence():
     assert benjamini_yekutieli([], 0.05).size == 0
 
 
+@pytest.mark.long
 def test_held_out_chi_square_knows_the_parameters_uncertainty(toy):
     """Mean of r'(V + JCJ')^-1 r is the number of values; without JCJ' it would be far above."""
     ratio, bare = [], []

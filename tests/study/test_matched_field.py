@@ -94,6 +94,7 @@ def test_what_completes_a_fit_is_no_error_of_form(better, worse, expected):
     assert complete(better, worse) is expected
 
 
+@pytest.mark.long
 def test_two_displaced_receivers_are_one_explanation(monkeypatch):
     monkeypatch.setattr("tests.study.test_coarse.FREQUENCY", np.arange(60.0, 400.0, 2.0))
     places = [*RIG["mics"]["position_m"], [0.3, 0.2, 0.6], [0.7, 0.15, 0.5]]

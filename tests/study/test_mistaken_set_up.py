@@ -8,7 +8,7 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.study.data.open_recordings import open_data
+from specan.room.study.open_recordings import open_data
 from specan.study.diagnose import diagnose, mistake_beside
 from specan.study.localisation.mistaken_set_up import mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles
@@ -52,6 +52,7 @@ def test_a_lining_is_no_mistake(lined):
     assert not mistaken_set_up(described(lined)).text
 
 
+@pytest.mark.long
 def test_exchanged_positions_are_named_beside_a_lining(lined):
     found = mistaken_set_up(described(lined, exchange))
     assert found.text == "positions of the rig file belong to other channels (Mic 2 and Mic 5 are exchanged)"
@@ -77,6 +78,7 @@ def deadened(tmp_path_factory):
     return (path, made.rig), near
 
 
+@pytest.mark.long
 def test_an_exchange_shows_once_a_strong_lining_is_in_the_model(deadened):
     recorded, near = deadened
     problem = described(recorded, exchange)
@@ -89,11 +91,13 @@ def test_an_exchange_shows_once_a_strong_lining_is_in_the_model(deadened):
     assert not mistake_beside(near(left=0.5), problem).text  # what meets the view is not looked at again
 
 
+@pytest.mark.long
 def test_a_place_of_a_channel_that_is_held_out_is_found(lined):
     found = mistaken_set_up(described(lined, exchange, ["channel=Mic 5"]))
     assert "Mic 2 and Mic 5 are exchanged" in found.text
 
 
+@pytest.mark.long
 def test_channels_in_a_circle_are_named_one_by_one(lined):
     def turn(rig):
         places = rig["mics"]["position_m"]
@@ -104,12 +108,14 @@ def test_channels_in_a_circle_are_named_one_by_one(lined):
         assert f"Mic {channel} stands at the place of Mic {place}" in text
 
 
+@pytest.mark.long
 def test_a_vibrometer_of_reversed_sign_is_named(lined):
     assert (
         mistaken_set_up(with_signs(described(lined), -np.ones(7))).text == "the vibrometer has reversed sign"
     )
 
 
+@pytest.mark.long
 def test_a_microphone_of_reversed_sign_is_named(lined):
     signs = np.ones(7)
     signs[5] = -1
@@ -117,6 +123,7 @@ def test_a_microphone_of_reversed_sign_is_named(lined):
     assert text == "Mic 6 has reversed sign against the vibrometer"
 
 
+@pytest.mark.long
 def test_a_loudspeaker_in_another_wall_is_found_near_its_place(lined):
     _, rig = lined
     true = rig["piston"]

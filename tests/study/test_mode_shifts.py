@@ -30,6 +30,7 @@ def studied(made, folder, **uncertainty):
     return Study(folder / "study")
 
 
+@pytest.mark.long
 def test_modes_that_ring_elsewhere_are_no_effect_where_they_are_declared(uneven, tmp_path):
     """The microphone that no fit has seen is predicted with the shifts that the others have shown."""
     plain, declared = tmp_path / "plain", tmp_path / "declared"

@@ -117,6 +117,7 @@ def test_a_verdict_carries_its_proposals(toy):
             "sigma",
             "separation_sigma",
             "least_sigma",
+            "observable",
         }
 
 

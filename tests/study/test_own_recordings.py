@@ -10,12 +10,12 @@ import pytest
 from specan.errors import InputError, RequestError
 from specan.io.write_tdms import STARTED
 from specan.models.catalogue import load_model
-from specan.models.room import EXAMPLE_RIG
-from specan.models.room.places import in_recording
-from specan.models.room.rig import read_rig
-from specan.models.room.temperature_log import TemperatureLog
+from specan.room.model import EXAMPLE_RIG
+from specan.room.model.places import in_recording
+from specan.room.model.rig import read_rig
+from specan.room.model.temperature_log import TemperatureLog
+from specan.room.study.open_recordings import open_data
 from specan.study.create import begin
-from specan.study.data.open_recordings import open_data
 from specan.study.design.receiver_places import _views
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
@@ -57,6 +57,7 @@ def moved_array(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 def test_an_array_that_is_moved_is_one_study_and_each_recording_has_its_own_air(moved_array):
     folder = moved_array
     both = [folder / "first.tdms", folder / "second.tdms"]
@@ -83,6 +84,7 @@ def test_an_array_that_is_moved_is_one_study_and_each_recording_has_its_own_air(
     assert there.best.chi2 / there.problem.n_data > 100
 
 
+@pytest.mark.long
 def test_a_fit_allows_for_air_that_drifts_as_a_thermometer_has_logged_it(tmp_path):
     case = simulate(57, {"drifting-air": DRIFT_K}, n_mics=4, cache=tmp_path)
     path, rig = write(case, tmp_path)

@@ -51,7 +51,7 @@ LAWS = {
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("correlated", [False, True])
+@pytest.mark.parametrize("correlated", [pytest.param(False, marks=pytest.mark.long), True])
 def test_the_law_that_was_built_in_is_proposed(law: str, correlated: bool) -> None:
     hidden, shapes = LAWS[law]
     found = search_laws(machine(hidden, correlated=correlated))
@@ -64,6 +64,7 @@ def test_the_law_that_was_built_in_is_proposed(law: str, correlated: bool) -> No
         assert mine.shapes == pytest.approx(shapes, rel=0.15)
 
 
+@pytest.mark.long
 def test_noise_gives_no_law_and_a_uniform_p() -> None:
     found = [search_laws(machine(lambda f, n: 0 * f, seed, side=6)) for seed in range(12)]
     assert not any(one.laws for one in found)

@@ -10,13 +10,14 @@ from click.testing import CliRunner
 from scipy.integrate import quad
 
 import specan
+import specan.room
 from specan.errors import RequestError
-from specan.impedance.surface_impedance import impedance
-from specan.impedance.wall_admittance import WallFit, spline_basis, third_octaves
-from specan.models.room.absorption import diffuse_absorption, normal_absorption
-from specan.models.room.places import wall_areas, with_microphones
+from specan.room.model.absorption import diffuse_absorption, normal_absorption
+from specan.room.model.places import wall_areas, with_microphones
+from specan.room.study_impedance import _print
+from specan.room.wall_impedance.surface_impedance import impedance
+from specan.room.wall_impedance.wall_admittance import WallFit, spline_basis, third_octaves
 from specan_cli.main import main
-from specan_cli.study_impedance import _print
 from truth.room import simulate, write
 from truth.worm_gear import simulate as simulate_gear
 from truth.worm_gear import write as write_gear
@@ -132,6 +133,7 @@ def soft(tmp_path_factory):
     return case, plot, json.loads(found.stdout)
 
 
+@pytest.mark.long
 def test_the_soft_wall_is_found_blind_and_its_intervals_hold_the_truth(soft):
     case, _, said = soft
     assert said["sentences"][0].startswith("softest: wall y1")
@@ -151,6 +153,7 @@ def test_the_soft_wall_is_found_blind_and_its_intervals_hold_the_truth(soft):
     assert held >= 0.8 * tried  # one room: the bench counts many
 
 
+@pytest.mark.long
 def test_what_is_not_determined_is_said_with_what_would(soft):
     said = soft[2]
     open_ = [r for r in said["rows"] if not r["determined"]]
@@ -167,13 +170,15 @@ def test_what_is_not_determined_is_said_with_what_would(soft):
     assert {"wall": covered["wall"], "third_octave_hz": 63.0} in covered["determines"]
 
 
+@pytest.mark.long
 def test_a_figure_is_drawn_beside(soft):
     assert soft[1].read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_python_gives_the_rows_of_the_verb(soft):
     _, plot, said = soft
-    frame = specan.Study(plot.parent / "study").impedance("y1").to_dataframe()
+    frame = specan.room.impedance(specan.Study(plot.parent / "study"), "y1").to_dataframe()
     expected = [row for row in said["rows"] if row["wall"] == "y1"]
     assert frame["third_octave_hz"].tolist() == [row["third_octave_hz"] for row in expected]
     assert frame["determined"].tolist() == [row["determined"] for row in expected]

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from specan.impedance.wall_admittance import spline_basis, third_octaves, wall_fit
 from specan.models.catalogue import load_model
-from specan.models.room import EXAMPLE_RIG
+from specan.room.model import EXAMPLE_RIG
+from specan.room.wall_impedance.wall_admittance import spline_basis, third_octaves, wall_fit
 from specan.schema import parse
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.estimation.fit import fit

@@ -8,8 +8,8 @@ import pytest
 from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.models.measurement_kinds import ReceiverErrors
-from specan.models.room import EXAMPLE_RIG
-from specan.models.room.places import mode_names
+from specan.room.model import EXAMPLE_RIG
+from specan.room.model.places import mode_names
 from specan.study.design.operating_points import explore, propose
 from specan.study.design.receiver_places import _separations, _views, best_places
 from specan.study.estimation.fit import fit
@@ -93,6 +93,7 @@ def test_a_late_microphone_is_off_in_phase_only(model):
     assert "dB" not in found.sentences()[0]
 
 
+@pytest.mark.long
 def test_a_true_model_fails_nowhere(model):
     flagged = 0
     for seed in range(8):
@@ -139,6 +140,35 @@ def test_levels_carry_the_uncertainty_that_their_errors_have(model):
     assert np.sqrt(np.mean(np.square(mean_z))) == pytest.approx(1.0, abs=0.2)
 
 
+def test_a_mean_over_receivers_carries_what_they_share(model):
+    """Errors of the modes, drawn as declared: they do not average out over the microphones."""
+    clean = recorded(model)
+    columns = 0.2 * clean.response[..., None] * np.array([1, 1j])
+    z = []
+    for seed in range(60):
+        drawn = np.random.default_rng(seed).standard_normal(2)
+        o = replace(recorded(model, seed=seed), modal=columns)
+        predicted = o.stack(recorded(model, seed=seed).response + columns @ drawn)
+        level, u_level, phase, u_phase = curve_errors(o, predicted).mean(range(8), range(3))
+        z += [level / u_level, phase / u_phase]
+    assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.long
+def test_a_third_octave_that_the_band_cuts_is_marked_and_not_ranked_as_full(model):
+    """Lines every 4 Hz from 60 to 316 Hz; 63 Hz begins at 56.2 Hz, 315 Hz ends at 354.8 Hz."""
+    o = recorded(model)
+    assert o.partial_thirds == {315.0}
+    off = np.where(FREQUENCY > 282, 2.0, np.where((FREQUENCY > 178) & (FREQUENCY < 224), 1.1, 1.0))
+    found = curve_errors(o, o.stack(o.response * off))
+    assert found.bands[found.worst_band] == 200.0
+    assert found.band_texts == ["63", "80", "100", "125", "160", "200", "250", "315*"]
+    third = o.variables["third_octave_hz"]
+    assert (third.spoken(315.0), third.short(250.0)) == ("315 Hz in part (third octave)", "250 Hz")
+    problem, best = located(model, recorded(model, lambda h: h * np.where(FREQUENCY > 282, 1.3, 1.0)))
+    assert any("282-316 Hz" in sentence for sentence in localise(problem, best).sentences())
+
+
 def test_frac_and_csac_do_not_see_a_gain():
     h = np.random.default_rng(0).standard_normal((4, 30)) + 1j
     assert assurance(h, 2 * h, axis=1) == pytest.approx(np.ones(4))
@@ -167,6 +197,7 @@ def rivals(model):
     return found
 
 
+@pytest.mark.long
 def test_places_for_the_next_microphone_are_proposed_with_what_is_expected_there(rivals, model):
     proposals = propose(rivals)
     assert 1 <= len(proposals) <= 3

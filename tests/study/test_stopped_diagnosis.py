@@ -39,6 +39,7 @@ def interrupt_after(monkeypatch, refits):
     monkeypatch.setattr(Refits, "fit", fit)
 
 
+@pytest.mark.long
 def test_what_was_refitted_is_kept_and_goes_with_the_next_verdict(bench, monkeypatch):
     with monkeypatch.context() as stopping:
         interrupt_after(stopping, 3)
@@ -76,6 +77,7 @@ def test_progress_has_a_share_that_never_falls(bench):
     assert told == sorted(told)
 
 
+@pytest.mark.long
 def test_what_was_found_near_the_field_is_kept_before_a_search_begins(monkeypatch):
     model = load_model("room", RIG)
     lining = {"wall-impedance@y1.conductance": 0.4, "wall-impedance@y1.mass": 0.2}

@@ -9,6 +9,8 @@ from specan.models.catalogue import load_model
 from truth.room.field import Room, march, pressure_per_velocity
 from truth.room.layout import at_temperature, draw_layout, rig_file
 
+pytestmark = pytest.mark.long
+
 CENTRES = 1000.0 * 2.0 ** (np.arange(-14, -2) / 3)  # third octaves from 40 to 500 Hz
 
 

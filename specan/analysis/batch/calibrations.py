@@ -14,10 +14,9 @@ from specan.analysis.calibrator_tone import CalibrationSettings
 from specan.analysis.excitation import CALIBRATOR_WORDS, stated_excitation
 from specan.data.recording import Recording
 from specan.errors import SpecanError, unforeseen
-from specan.io.calibration_file import read_calibration, write_calibration
+from specan.io.calibration_file import FILE_NAME, calibration_beside, read_calibration, write_calibration
 from specan.io.tdms_headers import metadata_of
 
-FILE_NAME = "calibration.toml"
 _WORDS = tuple(word.encode() for word in CALIBRATOR_WORDS)
 _USED = "calibrator recording: used for the calibration, not analysed"
 _UNUSED = "calibrator recording: not analysed, and not used because a calibration was given"
@@ -116,19 +115,18 @@ def _fault_of(calibration: Path, known: dict[Path, str | None]) -> str | None:
 
 def _may_be_calibrator(path: str) -> bool:
     """Whether one of the words that name a calibrator is in the metadata: much faster than parsing it."""
-    # A pipe would be waited for without end: it is refused when it is opened for its own sake.
+    # Other formats have no such properties; a pipe, which would be waited for, is refused when it is opened.
     if not path.lower().endswith(".tdms") or not os.path.isfile(path):
-        return True
+        return False
     return any(word in part for part in map(bytes.lower, metadata_of(path)) for word in _WORDS)
 
 
 def _nearest(root: Path, place: Path) -> Path | None:
     """The `calibration.toml` closest above a file in `place`, not above the directory of the batch."""
     while True:
-        if (place / FILE_NAME).is_file():
-            return place / FILE_NAME
-        if place == root or place == place.parent:
-            return None
+        beside = calibration_beside(place / FILE_NAME)
+        if beside is not None or place in (root, place.parent):
+            return beside
         place = place.parent
 
 

@@ -85,7 +85,7 @@ def spread_over_cluster(
         except (CancelledError, OSError) as fault:
             raise RequestError(
                 f"the connection to the scheduler {address} was lost ({type(fault).__name__})",
-                remedy="start it and run the same command again: what is done is kept",
+                remedy="start it and repeat the command; finished results are kept",
             ) from None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from specan.errors import InputError, RequestError
-from specan.io.open import find_recordings
+from specan.io.open import find_recordings, suffixes
 from specan.io.output_file import check_output, is_the_file, try_lock
 
 
@@ -76,7 +77,8 @@ def find_inputs(directories: Sequence[Path]) -> list[Input]:
     if not found:
         listed = ", ".join(str(directory) for directory in directories)
         raise InputError(
-            f"{listed} holds no recording", expected="files that end in .tdms or .wav, at any depth"
+            f"{listed} holds no recording",
+            expected=f"files that end in {', '.join(suffixes())}, at any depth",
         )
     return found
 
@@ -114,6 +116,41 @@ def check_table(path: Path) -> None:
         )
 
 
+_WRITTEN = "written"  # in the store: what batches have put into the output directory, by name and hash
+
+
+def check_own(path: Path, store: Path, new: Path | None = None) -> None:
+    """Refuse to replace a file of the output directory that no batch wrote there, or that was changed since.
+
+    Tables say in their header that they are a batch's; a calibration and a page may be anybody's.
+
+    Raises
+    ------
+    RequestError
+        There is such a file, and its bytes are not those of `new`.
+    """
+    try:
+        known = (store / _WRITTEN).read_text("utf-8").splitlines()
+    except OSError:
+        known = []
+    if path.exists() and _named(path) not in [*known, *([_named(new)] if new else [])]:
+        raise RequestError(
+            f"{path} exists, and it is not as a batch wrote it there",
+            remedy="choose another directory with -o, or move the file",
+        )
+
+
+def remember_own(path: Path, store: Path) -> None:
+    """Note that a batch wrote a file."""
+    with (store / _WRITTEN).open("a", encoding="utf-8") as file:
+        file.write(f"{_named(path)}\n")
+
+
+def _named(path: Path) -> str:
+    digest = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "no file"
+    return f"{digest} {path.name}"
+
+
 @contextlib.contextmanager
 def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
     """Make sure before the work that `tables` can be written to `out`, and that no other batch writes there.
@@ -134,7 +171,7 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
     except OSError as fault:
         raise RequestError(
             f"the output directory {out} cannot be written to ({fault.strerror or fault})",
-            expected="a directory, or a place where one can be made",
+            expected="an existing directory, or one that can be created",
             remedy="choose another with -o",
         ) from None
     with lock:

@@ -9,9 +9,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from specan.analysis.accumulator import Reader, feed
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.result import FileResult, Kind
@@ -28,8 +25,8 @@ from specan.analysis.batch.table_lines import (
 )
 from specan.analysis.excitation import recognise
 from specan.analysis.octave import Octave, OctaveAccumulator
-from specan.analysis.quality import QualityPass
-from specan.analysis.section import AT_ONCE
+from specan.analysis.quality import QualityAccumulator
+from specan.analysis.section import AT_ONCE, rms_about_mean
 from specan.analysis.tone import ToneAccumulator
 from specan.analysis.transfer_function import TransferFunctionAccumulator
 from specan.data.calibration import Calibration, apply
@@ -37,7 +34,6 @@ from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.data.tone import Excitation
-from specan.dsp.overlapped_blocks import BlockGrid
 from specan.errors import NoSignalError, SpecanError, unforeseen
 from specan.io.open import open_recording
 
@@ -54,7 +50,10 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
         recording = open_headers(entry)
         if calibration is not None:
             recording = apply(calibration, recording)
-        return with_orders(_analyse(recording, settings), recording, settings)
+        runs = recording.runs
+        if len(runs) == 1:
+            return _of_run(recording, settings)
+        return _together([(run, _attempted(run, settings)) for run in runs])
     except SpecanError as fault:
         kind: Kind = "aside" if isinstance(fault, NoSignalError) else "failed"
         return FileResult(entry.label, kind, entry.neutral(str(fault)))
@@ -62,6 +61,42 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
         return FileResult(entry.label, "failed", f"it cannot be read ({fault.strerror or fault})")
     except Exception as fault:
         return FileResult(entry.label, "failed", entry.neutral(unforeseen(fault)))
+
+
+def _of_run(run: Recording, settings: BatchSettings) -> FileResult:
+    return with_orders(_analyse(run, settings), run, settings)
+
+
+def _attempted(run: Recording, settings: BatchSettings) -> FileResult:
+    """The same; what is wrong with one run does not cost another."""
+    try:
+        return _of_run(run, settings)
+    except SpecanError as fault:
+        return FileResult(run.label, "failed", str(fault).removeprefix(f"{run.label}: "))
+
+
+def _together(parts: Sequence[tuple[Recording, FileResult]]) -> FileResult:
+    """One result of those of the runs of a file."""
+    done = [part for _, part in parts if part.kind == "done"]
+    if not done:
+        return parts[0][1]
+    blocks: dict[str, str] = defaultdict(str)
+    units: dict[str, dict[str, str]] = defaultdict(dict)
+    for part in done:
+        for table, lines in part.blocks.items():
+            blocks[table] += lines
+        for table, said in part.units.items():
+            units[table] |= said
+    failed = [("", f"{run.channels[0].group}: {part.reason}") for run, part in parts if part.kind != "done"]
+    return replace(
+        done[0],
+        reason="; ".join(dict.fromkeys(part.reason for part in done)),
+        about=tuple(dict.fromkeys(line for part in done for line in part.about)),
+        blocks=dict(blocks),
+        tones=tuple(tone for part in done for tone in part.tones),
+        units=dict(units),
+        set_aside=(*(aside for part in done for aside in part.set_aside), *failed),
+    )
 
 
 def open_headers(entry: Input) -> Recording:
@@ -110,10 +145,10 @@ def _sine(
     accumulator = ToneAccumulator(recording, tone)
     quality = _read(recording, [accumulator])
     table = replace(accumulator.result(), stated=excitation.stated)
-    shown = [c for c in accumulator.channels if c.name in table.channels]
+    shown = [c for c in accumulator.channels if c.label in table.channels]
     table = with_flags(table, [quality[id(c)].flags for c in shown])
     found = replace(
-        found, blocks={"sine.txt": tone_lines(table)}, tone=table, about=(*found.about, *table.notes)
+        found, blocks={"sine.txt": tone_lines(table)}, tones=(table,), about=(*found.about, *table.notes)
     )
     return _with_rest(found, recording, (), [accumulator.channels])
 
@@ -164,7 +199,7 @@ def _noise(
 def _other(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
     faults: list[str] = []
     passes: list[Reader] = [
-        (RmsPass(channels) if bands is None else bands)
+        (QualityAccumulator(channels, 0, min(c.n_samples for c in channels)) if bands is None else bands)
         for channels, bands in _band_passes(recording, settings.octave, faults)
     ]
     if not passes:
@@ -174,9 +209,10 @@ def _other(recording: Recording, settings: BatchSettings, found: FileResult) -> 
 
     def write(analysis: Reader, quality: Mapping[int, Quality]) -> None:
         own = [quality[id(c)] for c in analysis.channels]
-        if isinstance(analysis, RmsPass):
+        if isinstance(analysis, QualityAccumulator):
             words = [(*q.flags, *recording.flags) for q in own]
-            lines.append(rms_lines(recording.label, analysis.channels, analysis.result(), words))
+            rms = rms_about_mean(recording, analysis.channels, analysis.stop)
+            lines.append(rms_lines(recording.label, analysis.channels, rms, words))
         elif isinstance(analysis, OctaveAccumulator):
             lines.append(other_lines(analysis.result(own), tuple(c.role for c in analysis.channels)))
 
@@ -205,11 +241,11 @@ def _few_at_once(
 
 def _read(recording: Recording, passes: Sequence[Reader]) -> dict[int, Quality]:
     """Feed the analyses, and look at the quality of every channel on the way; by the identity of the channel."""
-    looks: list[QualityPass] = []
+    looks: list[QualityAccumulator] = []
     seen: set[int] = set()
     for analysis in sorted(passes, key=lambda a: -len(a.channels)):
         if not {id(c) for c in analysis.channels} <= seen:
-            looks.append(QualityPass(analysis))
+            looks.append(QualityAccumulator(analysis.channels, analysis.start, analysis.stop))
             seen |= {id(c) for c in analysis.channels}
     feed(recording, [*passes, *looks])
     return {id(c): q for look in looks for c, q in zip(look.channels, look.result(), strict=True)}
@@ -235,7 +271,7 @@ def _band_passes(
     passes = []
     few = (every[k : k + AT_ONCE] for every in together.values() for k in range(0, len(every), AT_ONCE))
     for channels in few:
-        names = tuple(f"{c.group}/{c.name}" for c in channels)
+        names = tuple(c.path for c in channels)
         mine = settings.model_copy(update={"channels": names})
         make = partial(OctaveAccumulator, recording, mine)
         passes.append((tuple(channels), _attempt("band levels", make, recording.label, faults)))
@@ -257,7 +293,7 @@ def _left_out(recording: Recording, taken: Sequence[Sequence[Channel]]) -> list[
     rate = taken[0][0].sampling_rate
     return [
         (
-            f"{c.group}/{c.name}",
+            c.path,
             "holds no samples"
             if c.n_samples == 0
             else f"sampled at {c.sampling_rate:g} Hz, not at {rate:g} Hz as the others"
@@ -267,49 +303,6 @@ def _left_out(recording: Recording, taken: Sequence[Sequence[Channel]]) -> list[
         for c in recording.channels
         if id(c) not in ours
     ]
-
-
-_GRID = 1 << 15
-
-
-class RmsPass:
-    """RMS about the mean of `channels`, from samples in pieces of any length.
-
-    Examples
-    --------
-    >>> channel = Channel("Temperature", unit="K", sampling_rate=1.0, n_samples=4)
-    >>> rms = RmsPass((channel,))
-    >>> rms.add(np.array([[299.0, 301.0, 299.0, 301.0]]))
-    >>> rms.result().tolist()
-    [1.0]
-    """
-
-    def __init__(self, channels: tuple[Channel, ...]) -> None:
-        self.channels, self.start = channels, 0
-        self.stop = min(c.n_samples for c in channels)
-        self._grid = BlockGrid(len(channels), _GRID)
-        self._origin: NDArray[np.float64] | None = None
-        self._sum, self._squares = np.zeros(len(channels)), np.zeros(len(channels))
-
-    def add(self, samples: NDArray[np.float64]) -> None:
-        """Take the next samples (channels, m)."""
-        for block in self._grid.add(samples):
-            self._take(block)
-
-    def _take(self, block: NDArray[np.float64]) -> None:
-        if not block.shape[1]:
-            return
-        if self._origin is None:
-            self._origin = block[:, :1].copy()
-        away = block - self._origin  # a large constant part would leave few digits for the rest
-        self._sum += np.add.reduce(away, axis=1)
-        self._squares += np.add.reduce(away * away, axis=1)
-
-    def result(self) -> NDArray[np.float64]:
-        """RMS of each channel; call it once."""
-        self._take(self._grid.rest())
-        n = self.stop - self.start
-        return np.sqrt(np.maximum(self._squares / n - (self._sum / n) ** 2, 0.0))
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ class FileResult:
         Lines for the headers of the tables that the file appears in.
     blocks : mapping of str to str
         Lines of each table.
-    tone : ToneTable or None
-        Of a sine recording, for the stepped-sine characteristic of its directory.
+    tones : tuple of ToneTable
+        Of sine recordings, one for each run, for the stepped-sine characteristic of its directory.
     units : mapping
         For tables without a column of units, by name: what the values of each channel are in, or are over 0 dB.
     set_aside : tuple of (channel, reason)
@@ -38,6 +38,6 @@ class FileResult:
     reason: str = ""
     about: tuple[str, ...] = ()
     blocks: Mapping[str, str] = field(default_factory=dict)
-    tone: ToneTable | None = None
+    tones: tuple[ToneTable, ...] = ()
     units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     set_aside: tuple[tuple[str, str], ...] = ()

@@ -14,7 +14,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan.analysis.batch.calibrations import assign_calibrations, fingerprint
-from specan.analysis.batch.inputs import Input, check_table, claim, find_inputs, is_of_a_batch
+from specan.analysis.batch.inputs import (
+    Input,
+    check_own,
+    check_table,
+    claim,
+    find_inputs,
+    is_of_a_batch,
+    remember_own,
+)
 from specan.analysis.batch.one_file import Outcome, analyse_unchanged, open_headers
 from specan.analysis.batch.pool import spread
 from specan.analysis.batch.result import FileResult
@@ -22,7 +30,7 @@ from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import Context, Kept, Store, common_context, context_of, unchanged
 from specan.analysis.batch.tables import write_tables
 from specan.data.calibration import Calibration
-from specan.dsp.freed_memory import keep_freed_memory
+from specan.dsp.multirate import keep_freed_memory
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import read_channel_table
@@ -52,12 +60,15 @@ class BatchReport(Result):
         Their numbers of rows.
     resumed : int
         Number of results that an earlier batch had left.
+    calibration : tuple of str
+        Which calibrations were applied, as the headers of the tables say it.
     """
 
     results: tuple[FileResult, ...]
     tables: tuple[Path, ...]
     rows: tuple[int, ...]
     resumed: int = 0
+    calibration: tuple[str, ...] = ()
 
     dimensions = ("file",)
 
@@ -65,7 +76,7 @@ class BatchReport(Result):
         """What it is, on one line."""
         counts = ", ".join(
             f"{len(self.of_kind(kind))} {words}"
-            for kind, words in (("done", "analysed"), ("aside", "put aside"), ("failed", "failed"))
+            for kind, words in (("done", "analysed"), ("aside", "skipped"), ("failed", "failed"))
         )
         return f"{counts}; tables in {self.tables[0].parent}"
 
@@ -161,6 +172,8 @@ def run_batch(
             open_headers,
             lambda entry: earlier[entry.label] is not None,
         )
+        for made in store.place.glob("*.toml"):
+            check_own(out / made.name, store.place, made)
         common = common_context(settings)
         context = context_of(common)
         kept: dict[str, Kept] = {}
@@ -188,7 +201,9 @@ def run_batch(
         _publish(store.place, out, written)
         store.keep_only(kept)
     tables = tuple(out / name for name in written)
-    return BatchReport(tuple(results), tables, tuple(written.values()), resumed)
+    said = [line.removeprefix("calibration: ") for line in assigned.header]
+    applied = tuple("none, nominal sensitivities" if line == "none" else line for line in said)
+    return BatchReport(tuple(results), tables, tuple(written.values()), resumed, applied)
 
 
 def _watched(
@@ -247,6 +262,8 @@ def _publish(ready: Path, out: Path, written: Collection[str]) -> None:
         check_table(out / name)
     for path in [*sorted(ready.glob("*.toml")), *(ready / name for name in written)]:
         try:
+            if path.suffix == ".toml":
+                remember_own(path, ready)
             path.replace(out / path.name)
         except OSError as fault:
             raise RequestError(

@@ -118,7 +118,7 @@ def program_identity() -> str:
     return f"specan {specan.__version__} ({digest.hexdigest()[:12]}), numpy {np.__version__}, scipy {scipy.__version__}"
 
 
-_SCHEMA, _SUFFIX = 4, ".result"
+_SCHEMA, _SUFFIX = 5, ".result"
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,7 @@ class Store:
             "about": result.about,
             "set_aside": result.set_aside,
             "units": result.units,
-            "tone": None if result.tone is None else _plain(result.tone),
+            "tones": [_plain(tone) for tone in result.tones],
             "checksum": zlib.crc32(b"".join(encoded.values())),
             "lines": {table: len(lines) for table, lines in encoded.items()},
             "rows": {table: lines.count(b"\n") for table, lines in encoded.items()},
@@ -240,7 +240,7 @@ class Store:
             raise RequestError(
                 f"the result of {result.label} cannot be kept: {fault.found}",
                 expected="room in the output directory",
-                remedy="make room and run the same command again: what is done is kept",
+                remedy="free some space and repeat the command; finished results are kept",
             ) from None
         kept = self.find(result.label)
         assert kept is not None
@@ -274,11 +274,11 @@ def _plain(tone: ToneTable) -> dict[str, Any]:
 
 
 def _result(found: Mapping[str, Any]) -> FileResult:
-    tone = found["tone"]
-    if tone is not None:
-        tone = ToneTable(**{name: _restored(value) for name, value in tone.items()})
+    tones = tuple(
+        ToneTable(**{name: _restored(value) for name, value in tone.items()}) for tone in found["tones"]
+    )
     about, aside = _restored(found["about"]), _restored(found["set_aside"])
-    return FileResult(found["label"], found["kind"], found["reason"], about, {}, tone, found["units"], aside)
+    return FileResult(found["label"], found["kind"], found["reason"], about, {}, tones, found["units"], aside)
 
 
 def _restored(value: Any) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from specan.analysis.accumulator import feed
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.order_settings import OrderSettings
-from specan.analysis.quality import QualityPass
+from specan.analysis.quality import QualityAccumulator
 from specan.data.band_levels import BandLevels
 from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse
@@ -23,7 +22,6 @@ from specan.data.recording import Recording
 from specan.data.tone import ToneTable
 from specan.errors import SpecanError
 from specan.io import results_text as text
-from specan.io.number_text import Cells, fixed_cells, lines, significant_cells, text_cells
 from specan.units import level_reference
 
 MEAN = "energy-mean"
@@ -110,47 +108,30 @@ def joined_lines(response: FrequencyResponse, roles: dict[str, str], units: dict
     return "".join(blocks)
 
 
-# Lines whose numbers are formatted together: enough to share the calls, few enough to stay in the cache.
-_AT_ONCE = 1 << 14
-
-
 def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -> str:
     """Lines of all channels; `quality` holds the words that the samples of each gave rise to."""
-    frequency = _frequency_cells(response.frequency_hz.tobytes())
     u_percent = np.hypot(response.u_magnitude_percent, response.u_common_percent)
     u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
-    magnitude, phase = response.magnitude, response.phase_deg
-    line_flags = response.line_flags
-    count = len(response.frequency_hz)
-    at_once = max(1, _AT_ONCE // max(count, 1))
+    magnitude, phase, line_flags = response.magnitude, response.phase_deg, response.line_flags
     blocks = []
-    for first in range(0, len(response.channels), at_once):
-        few = slice(first, first + at_once)
-        columns = [
-            cells.reshape(-1, count, cells.shape[1])
-            for cells in (
-                significant_cells(magnitude[few].ravel(), 6),
-                fixed_cells(text.in_one_turn(phase[few].ravel()), 2),
-                fixed_cells(response.coherence[few].ravel(), 5),
-                significant_cells(u_percent[few].ravel(), 3),
-                significant_cells(u_phase[few].ravel(), 3),
-            )
-        ]
-        for row, name in enumerate(response.channels[few], start=first):
-            words = tuple(dict.fromkeys((*quality[row], *response.flags[row])))
-            last = _line_words({flag: holds[row] for flag, holds in line_flags.items()}, words)
-            cells = [frequency, *(column[row - first] for column in columns), last]
-            blocks.append(lines(cells, before=f"{text.word(response.label)}\t{text.word(name)}\t"))
+    for row, name in enumerate(response.channels):
+        words = tuple(dict.fromkeys((*quality[row], *response.flags[row])))
+        columns = {
+            "file": response.label,
+            "channel": name,
+            "frequency_hz": response.frequency_hz,
+            "magnitude": magnitude[row],
+            "phase_deg": phase[row],
+            "coherence": text.fixed(response.coherence[row], 5),
+            "u_magnitude_percent": u_percent[row],
+            "u_phase_deg": u_phase[row],
+            "flags": _line_words({flag: holds[row] for flag, holds in line_flags.items()}, words),
+        }
+        blocks.append(text.table_lines(columns, text.COLUMNS["noise.txt"]))
     return "".join(blocks)
 
 
-@lru_cache(maxsize=4)
-def _frequency_cells(frequencies: bytes) -> Cells:
-    """Many files of a batch have the same lines."""
-    return text_cells(text.frequencies(np.frombuffer(frequencies)))
-
-
-def _line_words(holds: Mapping[str, NDArray[np.bool_]], words: tuple[str, ...]) -> Cells:
+def _line_words(holds: Mapping[str, NDArray[np.bool_]], words: tuple[str, ...]) -> list[str]:
     """Words of the channel and of each of its lines; every combination is put together once."""
     extra = {name: lines for name, lines in holds.items() if name not in words}
     code = sum((lines.astype(int) << bit for bit, lines in enumerate(extra.values())), np.zeros(1, dtype=int))
@@ -159,7 +140,7 @@ def _line_words(holds: Mapping[str, NDArray[np.bool_]], words: tuple[str, ...]) 
         for combination in range(1 << len(extra))
     ]
     count = len(next(iter(holds.values())))
-    return text_cells(texts)[np.broadcast_to(code, count)]
+    return [texts[combination] for combination in np.broadcast_to(code, count).tolist()]
 
 
 def band_lines(levels: BandLevels) -> str:
@@ -182,7 +163,7 @@ def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Se
         level = 20 * np.log10(np.asarray(rms) / zero)
     columns = {
         "file": label,
-        "channel": text.words(c.name for c in channels),
+        "channel": text.words(c.label for c in channels),
         "role": [c.role for c in channels],
         "unit": text.words(c.unit for c in channels),
         "band_hz": "total-Z",
@@ -244,10 +225,10 @@ def with_orders(found: FileResult, recording: Recording, settings: BatchSettings
 def _analyse(
     recording: Recording, settings: OrderSettings
 ) -> tuple[OrderSpectrum, Sequence[tuple[str, ...]]]:
-    from specan.analysis.order_accumulator import OrderAccumulator
+    from specan.analysis.orders import OrderAccumulator
 
     accumulator = OrderAccumulator(recording, settings)
-    look = QualityPass(accumulator)
+    look = QualityAccumulator(accumulator.channels, accumulator.start, accumulator.stop)
     if settings.envelope_hz is None:
         feed(recording, [accumulator, look])
     else:

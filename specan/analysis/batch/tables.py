@@ -113,8 +113,8 @@ def _directories(results: Sequence[FileResult]) -> dict[str, list[ToneTable]]:
     """Directories that hold several sine recordings."""
     together: dict[str, list[ToneTable]] = defaultdict(list)
     for result in results:
-        if result.tone is not None:
-            together[str(PurePosixPath(result.label).with_name(ALL))].append(result.tone)
+        if result.tones:
+            together[str(PurePosixPath(result.label).with_name(ALL))] += result.tones
     return {label: tables for label, tables in together.items() if len(tables) > 1}
 
 

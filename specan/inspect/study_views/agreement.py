@@ -14,6 +14,7 @@ from specan.inspect.look import COLOURS
 from specan.inspect.plots import WRAPPED, Band, Curve, Lines, plain
 from specan.inspect.trial import Trial
 from specan.report.figure_style import with_gaps
+from specan.report.figures_study import readings
 from specan.report.figures_study_frf import MeasuredTransfer, level_dB, measured_transfer, phase_deg
 from specan.report.residual_map import axis_text, map_axes
 from specan.study.observation.frf import FrfObservation
@@ -34,6 +35,10 @@ class TableAgreement:
         tables = self._tables(study.data.fitted)
         self._known, self._variables = study.data.known, tables[0].variables
         self.labels = _labels(tables)
+        several = [name for name in self.labels if name != "row"]
+        self._read = self.labels | {
+            name: np.concatenate([readings(study, o, name) for o in tables]) for name in several
+        }
         order = sorted(self.labels, key=lambda n: -np.unique(self.labels[n]).size)
         first = (map_axes(self.labels) or order)[0]
         others = [name for name in order if name != first]
@@ -98,9 +103,9 @@ class TableAgreement:
         measured, predicted, sigma, names = self._values(self._now)
         levels, colours = _coloured(self.labels[self.hue.value])
         kind = self.ordinate.value
-        x = self.labels[self.abscissa.value]
+        x = self._read[self.abscissa.value]
         self._rows.data = {
-            **self.labels, "x": x + self._beside(levels), "y": _ordinate(kind, measured, predicted, sigma),
+            **self.labels, "x": x, "y": _ordinate(kind, measured, predicted, sigma),
             "z": (predicted - measured) / sigma, "observable": names, "colour": colours, "level": levels,
             "measured": measured, "model": predicted,
         }  # fmt: skip
@@ -109,7 +114,7 @@ class TableAgreement:
             old = measured
         elif self._before is not None:
             old = _ordinate(kind, *self._values(self._before)[:3])
-        self._old.data = {"x": (x + self._beside(levels))[: old.size], "y": old}
+        self._old.data = {"x": x[: old.size], "y": old}
         for place, span in zip((-2, 0, 2), self._spans):
             span.visible = kind == "z" or (kind == "residual" and place == 0)
         self._label(kind, names[0] if names else "")
@@ -139,15 +144,6 @@ class TableAgreement:
             np.concatenate([o.observable for o in tables]).tolist(),
         )
 
-    def _beside(self, levels: list[str]) -> Any:
-        """Points of different levels side by side, so that they can be distinguished."""
-        x = np.unique(self.labels[self.abscissa.value])
-        order = list(dict.fromkeys(sorted(levels, key=_number)))
-        if x.size < 2 or len(order) < 2 or len(order) > _MOST:
-            return np.zeros(len(levels))
-        gap = 0.09 * float(np.min(np.diff(x)))
-        return gap * (np.array([order.index(level) for level in levels]) - (len(order) - 1) / 2)
-
 
 def _ordinate(kind: str, measured: Any, predicted: Any, sigma: Any) -> Any:
     if kind == "pair":
@@ -166,10 +162,6 @@ def _coloured(values: Any) -> tuple[list[str], list[str]]:
         place = np.searchsorted(levels, values)
         texts = [f"{value:g}" for value in values]
     return texts, [COLOURS[k % len(COLOURS)] for k in place]
-
-
-def _number(text: str) -> float:
-    return float(text.split(" ")[0])
 
 
 def _labels(tables: list[TableObservation]) -> dict[str, Any]:

@@ -142,8 +142,7 @@ class PlacesView:
         observation = trial.problem.observations[k]
         assert isinstance(observation, FrfObservation)
         self._errors = curve_errors(observation, trial.predictions[k])
-        bands = [f"{band:g}" for band in self._errors.bands]
-        worst = int(np.nanargmax(np.nanmean((self._errors.level_dB / self._errors.u_level_dB) ** 2, axis=0)))
+        bands, worst = self._errors.band_texts, self._errors.worst_band
         self.band.options = [("", f"worst: {bands[worst]}"), *((b, b) for b in bands)]
         self._worst = worst
         self._draw()
@@ -152,7 +151,7 @@ class PlacesView:
         errors = self._errors
         if errors is None:
             return
-        band = self._worst if not self.band.value else [f"{b:g}" for b in errors.bands].index(self.band.value)
+        band = self._worst if not self.band.value else errors.band_texts.index(self.band.value)
         level = errors.level_dB[:, band]
         rows = [k for k, value in enumerate(level) if np.isfinite(value)]
         assert self._receivers is not None

@@ -15,7 +15,7 @@ from specan.inspect.plots import plain
 from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.study import Study
-from specan.study.verdict import Diagnosis, Ranked
+from specan.study.verdict import Diagnosis, Ranked, percent
 
 MOST_ROWS = 24  # candidates with a line of their own; the others are in a list to choose from
 _WIDTH = 322
@@ -65,7 +65,7 @@ class Ranking:
         left = [(name,) for name in uses if (name,) not in self._ranked]
         if left:
             if found is not None:
-                children.append(_heading("The data do not ask for"))
+                children.append(_heading("Not supported by the data"))
             children += self._plain(left)
         children += [
             Div(text=notice(f"Not testable: {n} {why}"), width=_WIDTH) for n, why in not_testable.items()
@@ -108,7 +108,9 @@ class Ranking:
         others = found.ranking[len(found.alternatives) :]
         likely = [r for r in others if r.plausible]
         unlikely = [r for r in others if not r.plausible]
-        alone = "The data ask for" if len(asked) == 1 else "The data ask for one of these; which one is open"
+        alone = (
+            "Supported by the data" if len(asked) == 1 else "The data support one of these; which one is open"
+        )
         children: list[Any] = []
         for text, ranked in ((alone, asked), ("Refitted, less likely", likely), ("Not plausible", unlikely)):
             if ranked:
@@ -136,7 +138,7 @@ class Ranking:
     def _numbers(self, ranked: Ranked) -> str:
         """The error that is left, as a number and as a part of the error now, and the probability by chance."""
         part = min(ranked.error_after / self._now, 1.0) if self._now else 0.0
-        numbers = f"<b>{ranked.error_after:.3g}</b> &nbsp;{_probability(ranked.p_value)}"
+        numbers = f"<b>{ranked.error_after:.3g}</b> &nbsp;{_probability(ranked)}"
         return (
             f'<small style="white-space:nowrap">{numbers}</small>'
             f'<div style="width:100px;height:5px;background:var(--line);border-radius:3px">'
@@ -163,7 +165,11 @@ def uses_of(ranked: Ranked) -> Uses:
     return tuple(dict.fromkeys(ParameterName(name).owner for name in ranked.parameters)) or ranked.effects
 
 
-def _probability(p: float) -> str:
+def _probability(ranked: Ranked) -> str:
+    """How probable a set is; where sets are tested one by one, how probable such a fall is by chance."""
+    if ranked.probability is not None:
+        return percent(ranked.probability)
+    p = ranked.p_value or 0.0
     return "p &lt; 1e-12" if p < 1e-12 else f"p {p:.1g}"
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from bokeh.models import Div, ScrollBox
 
 from specan.data.recording import Recording
@@ -12,9 +9,9 @@ from specan.inspect.look import notice, sheet
 from specan.inspect.opened import Opened
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell
 from specan.inspect.view import View
+from specan.report.contents import sheets
 
-_LONGEST = 300  # characters of a property that are shown
-_MOST = 300  # properties
+_LONGEST, _MOST = 300, 300  # characters of a cell, and rows of a table that are shown
 
 
 class InfoTab(Tab):
@@ -38,38 +35,10 @@ class InfoTab(Tab):
 
 
 def _of(recording: Recording) -> str:
-    alike: dict[tuple[str, ...], list[str]] = {}
-    for c in recording.channels:
-        decided = "; ".join(f"{what}: {why}" for what, why in c.decisions.items())
-        row = (
-            c.group,
-            c.role,
-            c.unit,
-            f"{c.sampling_rate:g} Hz",
-            str(c.n_samples),
-            f"{c.duration_s:.4g} s",
-            decided,
-        )
-        alike.setdefault(row, []).append(c.name)
-    rows = [[group, _together(names), *rest] for (group, *rest), names in alike.items()]
+    """What ``specan info --all`` shows."""
     parts = [f"<h3>{notice(recording.label)}</h3>"]
     parts += [f"<p>{notice(note)}</p>" for note in (*recording.flags, *recording.notes)]
-    parts.append(sheet(["Group", "Channel", "Role", "Unit", "Rate", "Samples", "Length", "Decided"], rows))
-    if recording.set_aside:
-        parts += ["<h4>Set aside</h4>", sheet(["Channel", "Why"], recording.set_aside.items())]
-    properties = [("", *pair) for pair in _shown(recording.properties)]
-    for group, own in recording.group_properties.items():
-        properties += [(group, *pair) for pair in _shown(own)]
-    if properties:
-        parts += ["<h4>Properties</h4>", sheet(["Group", "Name", "Value"], properties[:_MOST])]
+    for one in sheets(recording, {}, show_all=True):
+        rows = [[str(cell)[:_LONGEST] for cell in row] for row in one.rows[:_MOST]]
+        parts += [f"<h4>{notice(one.above or one.title)}</h4>", sheet(one.header, rows)]
     return "".join(parts)
-
-
-def _shown(properties: Mapping[str, Any]) -> list[tuple[str, str]]:
-    texts = {name: str(value) for name, value in properties.items()}
-    return [(n, t if len(t) <= _LONGEST else t[:_LONGEST] + " ...") for n, t in texts.items()]
-
-
-def _together(names: list[str]) -> str:
-    """Channels that have everything else in common."""
-    return ", ".join(names) if len(names) < 4 else f"{names[0]} to {names[-1]} ({len(names)} channels)"

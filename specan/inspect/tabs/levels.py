@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 from specan.analysis.band_results import level
 from specan.analysis.levels import Levels
 from specan.analysis.octave import Octave
-from specan.analysis.section import constant_part
+from specan.analysis.octave_settings import READINGS_PER_TIME_CONSTANT
+from specan.analysis.section import slow_part
 from specan.data.band_levels import BandLevels
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.dsp.band_history import BandHistoryAccumulator
 from specan.dsp.history_filters import weighting_filter
 from specan.dsp.multirate import LENGTH
+from specan.dsp.slow_part import SlowPart
 from specan.dsp.time_weighting import FAST, SLOW
 from specan.dsp.weighting import Weighting
 from specan.inspect.grouped_lines import GroupedLines
@@ -31,7 +33,6 @@ from specan.inspect.tabs.tab import Change, Found, Tab, Tell
 from specan.inspect.view import View
 from specan.inspect.work import Superseded
 from specan.report.figure_style import level_label, micro
-from specan.schema import parse
 from specan.units import level_reference
 
 
@@ -57,11 +58,7 @@ class LevelsTab(Tab):
         """Numbers of the section, then the level against time: what the waveform shows first."""
 
         def analyse(chosen: Chosen, recording: Recording) -> dict[str, Any]:
-            content = {
-                "channels": chosen.patterns, "start_s": view.start, "stop_s": view.stop,
-                "averaging": view.level_averaging, "weighting": view.level_weighting,
-            }  # fmt: skip
-            found = parse(Levels, content, "levels")(recording)
+            found = self.settings(view, chosen, Levels)(recording)
             return {"numbers": found, "curves": self._of(chosen, view)}
 
         results = self.of_each(view, tell, analyse)
@@ -94,7 +91,7 @@ class LevelsTab(Tab):
         for number, result in found:
             history, r = result["curves"], result["numbers"]
             for row, channel in enumerate(history.channels):
-                name = self.opened.text(number, channel.name)
+                name = self.opened.text(number, channel.label)
                 label = level_label(level_reference(channel.unit).text)
                 groups.setdefault(label, []).append(Curve(name, history.times, history.levels[row]))
                 rows.append([
@@ -146,9 +143,9 @@ class LevelCurves:
     def __post_init__(self) -> None:
         duration = min(c.duration_s for c in self.channels)
         self.time_constant = {"fast": FAST, "slow": SLOW}[self.averaging]
-        interval = max(self.time_constant, duration / _MOST)
+        interval = max(self.time_constant / READINGS_PER_TIME_CONSTANT, duration / _MOST)
         self.times = np.arange(1, max(int(duration / interval + 1e-9), 1) + 1) * min(interval, duration)
-        self._constant: NDArray[np.float64] | None = None
+        self._slow: SlowPart | None = None
         self.levels = np.full((len(self.channels), self.times.size), np.nan)
         per_piece = max(int(max(_PIECE_S, _LEAD * self.time_constant) / interval), 1)
         self.pieces = [slice(k, k + per_piece) for k in range(0, self.times.size, per_piece)]
@@ -176,9 +173,9 @@ class LevelCurves:
         first = max(int((before - _LEAD * self.time_constant) * rate), 0) // LENGTH * LENGTH
         end = -(-(int(np.ceil(times[-1] * rate)) + 1) // LENGTH) * LENGTH
         last = min(end, *(c.n_samples for c in self.channels))
-        if self._constant is None:
+        if self._slow is None:
             length = min(c.n_samples for c in self.channels)
-            self._constant = constant_part(self.recording, self.channels, 0, length)
+            self._slow = slow_part(self.recording, self.channels, 0, length)
         history = BandHistoryAccumulator(
             len(self.channels),
             rate,
@@ -187,7 +184,7 @@ class LevelCurves:
             self.time_constant,
             None,
             np.asarray(times - first / rate, dtype=np.float64),
-            offset=self._constant,
+            slow=self._slow,
         )
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             for samples in self.recording.blocks(self.channels, _BLOCK, first, last):
@@ -198,6 +195,9 @@ class LevelCurves:
         return np.asarray(level(np.where(pressure, readings[:, 0], readings[:, 1]), zero))
 
 
+_AVERAGING = ("linear", "fast", "slow", "impulse")
+
+
 class OctaveTab(Tab):
     """The octave spectrum."""
 
@@ -206,11 +206,13 @@ class OctaveTab(Tab):
     def __init__(self, opened: Opened, view: View, change: Change, kept: KeptBands) -> None:
         super().__init__(opened, view, change)
         self._kept = kept
-        self.choice(view, "fraction", "1/N octave", [1, 3, 6, 12, 24], 80)
+        self.choice(view, "fraction", "1/N octave", [1, 2, 3, 6, 12, 24, "bark"], 80)
         self.choice(view, "weighting", "Weighting", ["Z", "A", "B", "C"], 80)
-        names = ["linear", "fast", "slow", "impulse"]
         self.choice(
-            view, "averaging", "Averaging", [*names, *({view.averaging} - set(names)), *_constants(view)]
+            view,
+            "averaging",
+            "Averaging",
+            [*_AVERAGING, *({view.averaging} - {*_AVERAGING}), *_constants(view)],
         )
         self.choice(view, "hold", "Hold", [("", "none"), "max", "min"], 80)
         self.number(view, "fmin", "From / Hz")
@@ -225,7 +227,16 @@ class OctaveTab(Tab):
         """Band levels; linear ones from kept power spectra."""
 
         def analyse(chosen: Chosen, recording: Recording) -> BandLevels:
-            settings = octave_settings(view, chosen)
+            named = view.averaging in _AVERAGING
+            settings = self.settings(
+                view,
+                chosen,
+                Octave,
+                averaging=view.averaging if named else float(view.averaging),
+                hold=None if view.averaging == "linear" else view.hold or None,
+                # Of several rates each goes as far as it can.
+                fmax=view.fmax if view.fmax <= 0.8 * chosen.channels[0].sampling_rate / 2 else None,
+            )
             if settings.averaging == "linear":
                 return self._kept.levels(recording, chosen.channels, settings)
             return settings(recording)
@@ -257,28 +268,6 @@ class OctaveTab(Tab):
                     level = f"{r.level_dB[row, band]:.2f} dB re {r.references[row].text} {words}".strip()
                     rows.append((self.opened.text(number, name), f"{r.nominal_hz[band]:g}", level))
         return rows
-
-
-def octave_settings(view: View, chosen: Chosen) -> Octave:
-    """The settings of the command for what is on screen."""
-    named = view.averaging in ("linear", "fast", "slow", "impulse")
-    nyquist = chosen.channels[0].sampling_rate / 2
-    return parse(
-        Octave,
-        {
-            "fraction": view.fraction,
-            "weighting": view.weighting,
-            "averaging": view.averaging if named else float(view.averaging),
-            "hold": None if view.averaging == "linear" else view.hold or None,
-            "fmin": view.fmin,
-            # Of several rates each goes as far as it can.
-            "fmax": view.fmax if view.fmax <= 0.8 * nyquist else None,
-            "channels": chosen.patterns,
-            "start_s": view.start,
-            "stop_s": view.stop,
-        },
-        "octave",
-    )
 
 
 def _constants(view: View) -> list[tuple[str, str]]:

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from specan.analysis.orders import Orders
 from specan.data.orders import OrderSpectrum
 from specan.inspect.grouped_lines import GroupedLines
-from specan.inspect.opened import Chosen, Opened
+from specan.inspect.opened import Opened
 from specan.inspect.plots import Curve, HeatMap, Lines, plain
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import level_label
-from specan.schema import parse
+from specan.result import counted
 from specan.units import level_reference
 
 _ROWS, _COLUMNS = 200, 800  # of the picture, at most
@@ -29,9 +29,9 @@ class OrdersTab(Tab):
 
     def __init__(self, opened: Opened, view: View, change: Change) -> None:
         super().__init__(opened, view, change)
-        names = list(dict.fromkeys(c.name for _, c in sorted(opened.keys.values(), key=_tachos_first)))
+        names = list(dict.fromkeys(c.label for _, c in sorted(opened.keys.values(), key=_tachos_first)))
         self.choice(view, "tacho", "Tacho", [("", "the only one"), *((n, n) for n in names)], 170)
-        self.number(view, "pulses", "Pulses a turn")
+        self.number(view, "pulses", "Pulses per revolution")
         self.number(view, "ratio", "Ratio", 70)
         self.number(view, "speed", "or speed / Hz")
         self.number(view, "max_order", "Highest order")
@@ -46,7 +46,7 @@ class OrdersTab(Tab):
         )
         self.map = HeatMap(
             3, _DYNAMICS_DB, "order_picture", x_range=self.levels.first.sheet.x_range,
-            x_axis_label="Order of the shaft", y_axis_label="Speed / Hz", min_border_left=66,
+            x_axis_label="Order of the shaft", y_axis_label="Speed / Hz", min_border_left=88,
         )  # fmt: skip
         self.body = [self.levels.body]
 
@@ -61,7 +61,7 @@ class OrdersTab(Tab):
         return self.of_each(
             view,
             tell,
-            lambda chosen, recording: _settings(view, chosen)(recording),
+            lambda chosen, recording: self.settings(view, chosen, Orders)(recording),
             "a channel that is no tacho",
         )
 
@@ -136,26 +136,13 @@ def picture_of_map(r: OrderSpectrum, low: float, high: float) -> NDArray[np.floa
     return np.asarray(np.fmax.reduce(padded.reshape(_ROWS, -1, together), axis=2))
 
 
-def _settings(view: View, chosen: Chosen) -> Orders:
-    content = {
-        "channels": chosen.patterns,
-        "tacho": view.tacho or None,
-        "pulses_per_turn": view.pulses,
-        "ratio": view.ratio,
-        "speed_hz": view.speed,
-        "max_order": view.max_order,
-        "turns": view.turns,
-        "start_s": view.start,
-        "stop_s": view.stop,
-    }
-    return parse(Orders, content, "orders")
-
-
 def _facts(r: OrderSpectrum) -> str:
     low, mean, high = r.tacho.speed_hz
     speed = f"{mean:.4g} Hz" if high - low < 0.01 * mean else f"{low:.4g} to {high:.4g} Hz"
     source = f"by {r.tacho.channel}" if r.tacho.channel else "as stated"
-    return plain(f"Shaft at {speed} {source}, {r.turns} turns, blocks of {r.block_turns} turns")
+    return plain(
+        f"Shaft at {speed} {source}, {counted(r.turns, 'turn')}, blocks of {counted(r.block_turns, 'turn')}"
+    )
 
 
 def _tachos_first(entry: tuple[int, Any]) -> bool:

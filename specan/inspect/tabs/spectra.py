@@ -15,7 +15,6 @@ from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
 from specan.data.spectrum import SCALINGS, Spectrogram
 from specan.dsp.windows import WINDOWS
-from specan.errors import InputError
 from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import (
@@ -31,9 +30,9 @@ from specan.inspect.plots import (
     plain,
 )
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
-from specan.inspect.view import View
+from specan.inspect.view import COLUMNS, View
 from specan.report.figure_style import band_about, micro, with_gaps
-from specan.schema import parse
+from specan.result import counted
 
 _PHASE_DB = 60.0  # below its highest line a spectrum's phase is not drawn
 
@@ -45,7 +44,7 @@ class FftTab(Tab):
 
     def __init__(self, opened: Opened, view: View, change: Change) -> None:
         super().__init__(opened, view, change)
-        self.number(view, "lines", "Lines", mode="int")
+        self.number(view, "lines", "Lines", mode="int", placeholder="automatic")
         self.choice(view, "window", "Window", WINDOWS, 130)
         self.number(view, "overlap", "Overlap", 70)
         self.choice(view, "scaling", "Scaling", SCALINGS)
@@ -57,7 +56,7 @@ class FftTab(Tab):
         ]
         self.choice(view, "spectrum_averaging", "Averaging", averages)
         self.number(view, "blocks", "of blocks", 70, mode="int")
-        names = list(dict.fromkeys(c.name for _, c in opened.keys.values()))
+        names = list(dict.fromkeys(c.label for _, c in opened.keys.values()))
         self.choice(
             view, "reference", "Phase over", [("", "choose a channel"), *((n, n) for n in names)], 190
         )
@@ -73,7 +72,9 @@ class FftTab(Tab):
 
     def compute(self, view: View, tell: Tell) -> Found:
         """Averaged spectra; without a reference an average has no phase."""
-        return self.of_each(view, tell, lambda chosen, recording: _settings(view, chosen)(recording))
+        return self.of_each(
+            view, tell, lambda chosen, recording: self.settings(view, chosen, FourierSpectrum)(recording)
+        )
 
     def draw(self, found: Found, view: View) -> None:
         """Lines of the levels, and phases where the level is high enough to have one."""
@@ -118,22 +119,6 @@ class FftTab(Tab):
         return rows
 
 
-def _settings(view: View, chosen: Chosen) -> FourierSpectrum:
-    content: dict[str, Any] = {
-        "channels": chosen.patterns,
-        "lines": view.lines if view.lines != View().lines else None,
-        "window": view.window,
-        "overlap": view.overlap,
-        "scaling": view.scaling,
-        "averaging": view.spectrum_averaging,
-        "n_exponential": view.blocks,
-        "start_s": view.start,
-        "stop_s": view.stop,
-        "reference": view.reference or None,
-    }
-    return parse(FourierSpectrum, content, "fft")
-
-
 _MOST_BANDS = 8  # channels whose bands are drawn: more would be one grey
 
 
@@ -144,12 +129,12 @@ class FrfTab(Tab):
 
     def __init__(self, opened: Opened, view: View, change: Change) -> None:
         super().__init__(opened, view, change)
-        names = list(dict.fromkeys(c.name for _, c in opened.keys.values()))
+        names = list(dict.fromkeys(c.label for _, c in opened.keys.values()))
         self.choice(view, "over", "Reference", [("", "the vibrometer"), *((n, n) for n in names)], 170)
         self.choice(view, "estimator", "Estimator", ["H1", "H2", "Hv", "H3c"], 90)
         self.choice(view, "instrument", "of H3c", [("", "the generator"), *((n, n) for n in names)], 150)
         self.choice(view, "unwrapped", "Phase", [("False", "-180 to 180"), ("True", "unwrapped")], 120)
-        self.number(view, "lines", "Lines", mode="int")
+        self.number(view, "lines", "Lines", mode="int", placeholder="automatic")
         self.number(view, "overlap", "Overlap", 70)
         self.magnitude = GroupedLines(
             "", self.add_figure, hertz=True, tip=("Hz", "dB"), dynamics=100.0, named=False
@@ -159,7 +144,7 @@ class FrfTab(Tab):
             limits=WRAPPED, legend=False, named=False,
         )  # fmt: skip
         self.coherence = Lines(
-            "Frequency / Hz", "Coherence", hertz=True, like=self.magnitude.first, limits=(0, 1.05), weight=1,
+            "Frequency / Hz", "Coherence", hertz=True, like=self.magnitude.first, limits=(0, 1.05), weight=2,
             tip=("Hz", "coherence"), legend=False,
         )  # fmt: skip
         self.add_figure(self.phase)
@@ -170,22 +155,7 @@ class FrfTab(Tab):
         """Transfer functions of the channels on screen, the reference left out."""
 
         def analyse(chosen: Chosen, recording: Recording) -> FrequencyResponse:
-            settings = parse(
-                TransferFunction,
-                {
-                    "reference": view.over or None,
-                    "channels": chosen.patterns,
-                    "estimator": view.estimator,
-                    "instrument": view.instrument or None,
-                    "lines": _lines(view, chosen),
-                    "window": view.window,
-                    "overlap": view.overlap,
-                    "start_s": view.start,
-                    "stop_s": view.stop,
-                },
-                "frf",
-            )
-            return settings(recording)
+            return self.settings(view, chosen, TransferFunction)(recording)
 
         return self.of_each(view, tell, analyse, "a response")
 
@@ -226,7 +196,7 @@ class FrfTab(Tab):
         first = found[0][1]
         self.magnitude.title(
             f"{first.estimator} over {first.reference} ({first.reference_rms:.4g} {first.reference_unit} RMS), "
-            f"{first.n_blocks} blocks" + ("; bands: 95 %" if banded else "")
+            f"{counted(first.n_blocks, 'block')}" + ("; bands: 95 %" if banded else "")
         )
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
@@ -264,16 +234,7 @@ def _ends(curves: list[Curve]) -> tuple[float, float]:
     return float(values.min()) - margin, float(values.max()) + margin
 
 
-def _lines(view: View, chosen: Chosen) -> int:
-    """Those asked for, or fewer where the section is short and nobody asked."""
-    stop = min(chosen.channels[0].duration_s, view.stop or np.inf)
-    possible = int((stop - view.start) * chosen.channels[0].sampling_rate / 2.56) - 1
-    if possible < 8:
-        raise InputError("the section is too short for a transfer function", remedy="choose a longer one")
-    return view.lines if view.lines != View().lines else min(view.lines, possible)
-
-
-_ROWS, _COLUMNS = 220, 500  # of the picture
+_ROWS = 220  # of the picture
 _DYNAMICS_DB = 80.0
 
 
@@ -284,9 +245,9 @@ class SpectrogramTab(Tab):
 
     def __init__(self, opened: Opened, view: View, change: Change) -> None:
         super().__init__(opened, view, change)
-        keys = [(key, plain(opened.text(n, c.name))) for key, (n, c) in opened.keys.items()]
+        keys = [(key, plain(opened.text(n, c.label))) for key, (n, c) in opened.keys.items()]
         self.choice(view, "of", "Channel", [("", "the first on screen"), *keys], 220)
-        self.number(view, "lines", "Lines", mode="int")
+        self.number(view, "lines", "Lines", mode="int", placeholder="automatic")
         self.choice(view, "window", "Window", WINDOWS, 130)
         self.number(view, "overlap", "Overlap", 70)
         self.map = HeatMap(
@@ -326,16 +287,7 @@ class SpectrogramTab(Tab):
         """Of one channel only."""
 
         def analyse(chosen: Chosen, recording: Recording) -> Spectrogram:
-            content = {
-                "channels": chosen.patterns,
-                "lines": view.lines if view.lines != View().lines else None,
-                "window": view.window,
-                "overlap": view.overlap,
-                "start_s": view.start,
-                "stop_s": view.stop,
-                "columns": _COLUMNS,
-            }
-            return parse(SpectrogramSettings, content, "spectrogram")(recording)
+            return self.settings(view, chosen, SpectrogramSettings, columns=COLUMNS)(recording)
 
         wanted = (view.of,) if view.of in self.opened.keys else view.channel[:1]
         return self.of_each(view.but(channel=wanted), tell, analyse)
@@ -355,6 +307,6 @@ class SpectrogramTab(Tab):
         self.map.draw(
             picture, (left, right), (low, float(f[-1])), micro(r.scale.level_text(r.units[0])),
             f"{self.opened.text(number, r.channels[0])}: lines {r.scale.line_spacing_hz:.4g} Hz apart, "
-            f"blocks a column: {r.blocks_per_column}, {r.scale.level_text(r.units[0])}",
+            f"blocks per column: {r.blocks_per_column}, {r.scale.level_text(r.units[0])}",
         )  # fmt: skip
         self.sheet.x_range.update(start=left, end=right, reset_start=left, reset_end=right)

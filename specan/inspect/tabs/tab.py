@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from specan.data.recording import Recording
 from specan.errors import RequestError
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.view import View
+from specan.inspect.view import View, settings_of
 from specan.inspect.work import Heard, Tell
+from specan.result import RecordingResult
+from specan.schema import Kind, parse
 
 Change = Callable[..., None]
 Found = list[tuple[int, Any]]  # number of the recording, and its result
@@ -99,10 +101,17 @@ class Tab:
         return widget
 
     def number(
-        self, view: View, field: str, title: str, width: int = 90, mode: str = "float"
+        self, view: View, field: str, title: str, width: int = 90, mode: str = "float", placeholder: str = ""
     ) -> NumericInput:
         """A setting that is a number."""
-        widget = NumericInput(title=title, value=getattr(view, field), mode=mode, width=width, name=field)
+        widget = NumericInput(
+            title=title,
+            value=getattr(view, field),
+            mode=mode,
+            width=width,
+            name=field,
+            placeholder=placeholder,
+        )
         widget.on_change("value", lambda attribute, old, new: self.change(**{field: new}))
         self.controls.append(widget)
         self._widgets[field] = widget
@@ -114,10 +123,14 @@ class Tab:
             value = getattr(view, field)
             widget.value = value if isinstance(widget, NumericInput) else str(value)
 
+    def settings(self, view: View, chosen: Chosen, kind: type[Kind], **own: Any) -> Kind:
+        """Settings of an analysis, for what is on screen."""
+        return parse(kind, {**settings_of(view, self.name), "channels": chosen.patterns, **own}, self.name)
+
     def of_each(
         self, view: View, tell: Tell, analyse: Callable[[Chosen, Recording], Any], least: str = "a channel"
     ) -> Found:
-        """The results of the channels on screen, by recording and rate; `tell` hears of the reading."""
+        """What `analyse` finds of the channels on screen, by recording and rate; `tell` hears of the reading."""
         chosen = self.opened.chosen(view.channel)
         if not chosen:
             raise RequestError("no channel is chosen", remedy=f"choose {least} on the left")
@@ -129,13 +142,15 @@ def nearest_line(frequencies: NDArray[np.float64], wanted: float) -> int:
     return int(np.argmin(np.abs(frequencies - wanted)))
 
 
-def text_of(write: Callable[[Any, Path], None], result: Any) -> bytes:
+def text_of(result: RecordingResult) -> bytes:
     """What a command writes to a file."""
     import tempfile
 
+    from specan.io.results_text import write_result
+
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "numbers.txt"
-        write(result, path)
+        write_result(result, path)
         return path.read_bytes()
 
 

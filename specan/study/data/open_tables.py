@@ -13,11 +13,12 @@ from specan.errors import RequestError, nearest
 from specan.models import Model, SettingError
 from specan.models.groups import grouped
 from specan.models.trial import try_model
-from specan.study.data.operating_table import Rows, check_varied, grouping_of, join
+from specan.schema import regular
+from specan.study.data.operating_table import SCATTER, Rows, check_varied, grouping_of, join
 from specan.study.data.table_covariance import uncertainty
 from specan.study.data.table_reader import Measurement, read_measurement
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
-from specan.units import convert
+from specan.units import convert, printed_unit
 
 TITLE = "a table (text with a header line, .xlsx, Parquet)"
 WORKBOOKS = (".xlsx", ".xlsm")  # an archive of another name is not a table
@@ -26,7 +27,7 @@ WORKBOOKS = (".xlsx", ".xlsm")  # an archive of another name is not a table
 def reads(path: Path) -> bool:
     """Whether a file is text, a workbook or Parquet, whatever its name."""
     try:
-        with path.open("rb") as file:
+        with regular(path).open("rb") as file:
             start = file.read(4096)
     except OSError:
         return False
@@ -95,12 +96,10 @@ def read_tables(
 
 
 def _read(file: DataFile, model: Model) -> Measurement:
-    numbers: dict[str, float | str] = {}
     for column, value in file.conditions.items():
         if isinstance(value, str) and column not in model.groups:
             raise RequestError(f"{file.name}: the condition {column!r} is {value!r}", expected="a number")
-        numbers[column] = value
-    return read_measurement(file.path, model, numbers, name=file.name, columns=file.columns)
+    return read_measurement(file.path, model, file.conditions, name=file.name, columns=file.columns)
 
 
 def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:
@@ -130,9 +129,10 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
         found |= _at_level(rows, name, value, setting)
         if not np.any(_at_level(rows, name, value, setting)):
             levels = convert(np.unique(rows.levels[name]), condition.unit, condition.column_unit)
+            unit = f" {printed_unit(condition.column_unit)}".rstrip()
             raise RequestError(
-                f"no row has {condition.column} = {word.strip()}",
-                expected="one of " + ", ".join(f"{level:.4g}" for level in levels[:20]),
+                f"no row has {condition.column} = {word.strip()}{unit}",
+                expected=f"one of {', '.join(f'{level:.4g}' for level in levels[:20])}{unit}",
             )
     return found & _in_file(rows, file)
 
@@ -160,7 +160,7 @@ def _named(rows: Rows, axis: str, text: str, where: str) -> NDArray[np.bool_]:
 
 def _at_level(rows: Rows, name: str, value: float, setting: SettingError) -> NDArray[np.bool_]:
     distance = np.abs(rows.levels[name] - value)
-    read = 0.0 if rows.is_set[name] else float(setting.at(value))
+    read = 0.0 if rows.is_set[name] else SCATTER * float(setting.at(value))
     reach = max(read, 1e-6 * abs(value), 1e-12)
     return (distance <= reach) & (distance == distance.min())
 

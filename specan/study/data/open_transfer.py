@@ -19,9 +19,9 @@ from specan.errors import InputError, RequestError, SpecanError, nearest
 from specan.io.open import open_recording
 from specan.models import Model, Observable
 from specan.models.trial import try_model
-from specan.study.data.estimate_frf import LEAST_BLOCKS, noise_of_lines
-from specan.study.data.open_recordings import put_aside
-from specan.study.data.open_recordings import reads as is_recording
+from specan.study.data.line_noise import LEAST_BLOCKS, noise_of_lines
+from specan.study.data.recordings import put_aside
+from specan.study.data.recordings import reads as is_recording
 from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file, sigma_of
 from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.correlated_errors import piecewise_linear_basis
@@ -283,9 +283,12 @@ def _factor(name: str, said: str, unit: str, observable: Observable) -> tuple[fl
 def _from_recording(
     observables: Sequence[Observable], recording: Recording, band: tuple[float, float], estimator: str
 ) -> list[tuple[_Lines, str]]:
+    from specan.analysis.section import aligned
+
     by_reference: dict[str, list[tuple[Observable, Channel]]] = {}
     references: dict[str, Channel] = {}
     missing = []
+    recording, _ = aligned(recording, recording.channels, _reference(recording, observables[0]))
     for observable in observables:
         reference = _reference(recording, observable)
         try:
@@ -293,10 +296,10 @@ def _from_recording(
         except SpecanError:
             missing.append(observable.response)
             continue
-        references[reference.name] = reference
-        by_reference.setdefault(reference.name, []).append((observable, response))
+        references[reference.label] = reference
+        by_reference.setdefault(reference.label, []).append((observable, response))
     if not by_reference:
-        names = [c.name for c in recording.channels]
+        names = [c.label for c in recording.channels]
         raise InputError(
             f"{recording.label} has no channel {missing[0]!r}",
             expected=f"one of {', '.join(names[:12])}",
@@ -315,12 +318,12 @@ def _reference(recording: Recording, observable: Observable) -> Channel:
         found = recording.by_role(role)
         if len(found) == 1:
             return found[0]
-    others = [c for c in recording.channels if c.name != observable.response]
+    others = [c for c in recording.channels if observable.response not in (c.name, c.path)]
     if len(others) == 1:
         return others[0]
     raise InputError(
         f"{recording.label}: {observable.name} names no reference, and several channels could be it",
-        expected=", ".join(c.name for c in others[:12]),
+        expected=", ".join(c.label for c in others[:12]),
         remedy='name it in the model: Frf("um/N", reference=CHANNEL)',
     )
 
@@ -336,8 +339,8 @@ def _lines_of_recording(
 
     responses = [channel for _, channel in pairs]
     settings = TransferFunction(
-        reference=reference.name,
-        channels=tuple(c.name for c in responses),
+        reference=reference.label,
+        channels=tuple(c.label for c in responses),
         estimator=estimator,  # type: ignore[arg-type]
         align=False,
     )
@@ -350,7 +353,7 @@ def _lines_of_recording(
         seen = settings.model_copy(update={"start_s": start / rate})(recording)
     top = min(band[1], float(seen.frequency_hz[-1]))
     seen = seen.between(band[0], top)
-    order = [seen.channels.index(c.name) for c in responses]
+    order = [seen.channels.index(c.label) for c in responses]
     lines = np.round(seen.frequency_hz * block / rate).astype(int)
     helper = recording.by_role("generator")[0] if estimator == "H3c" else None
     signals = recording.read([reference, *([helper] if helper else [])])
@@ -361,7 +364,7 @@ def _lines_of_recording(
     factors = []
     for observable, channel in pairs:
         unit = quotient(channel.target_unit, reference.target_unit)
-        said = f"{channel.name} over {reference.name}"
+        said = f"{channel.label} over {reference.label}"
         factors.append(_factor(recording.label, said, "" if unit == "1" else unit, observable))
     factor = np.array([size for size, _ in factors])
     found = _Lines(
@@ -370,10 +373,10 @@ def _lines_of_recording(
         seen.u_common_percent[order].max(axis=1) / 100, np.radians(seen.u_common_phase_deg[order].max(axis=1)),
         LINE_CORRELATION,
     )  # fmt: skip
-    names = ", ".join(f"{o.name} is {c.name} over {reference.name}{text}"
+    names = ", ".join(f"{o.name} is {c.label} over {reference.label}{text}"
                       for (o, c), (_, text) in zip(pairs, factors, strict=True))  # fmt: skip
     return found, (
         f"{recording.label}: {names}; {f.size} lines of {rate / block:.3g} Hz, {estimator}, blocks of "
-        f"{block / rate:.3g} s; the model filters the recorded {reference.name} and goes through the same blocks"
+        f"{block / rate:.3g} s; the model filters the recorded {reference.label} and goes through the same blocks"
         + "".join(f"; {note}" for note in seen.notes if note.startswith("leakage"))
     )

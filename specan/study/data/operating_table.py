@@ -22,14 +22,14 @@ from specan.study.data.setpoints import (
     set_ups,
     within_files,
 )
-from specan.study.data.table_reader import Measurement
+from specan.study.data.table_reader import MARKS, Measurement
 from specan.study.observation import Array, Variable
 from specan.units import convert, often_mistaken_for, printed_unit
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of one or several tables.
+    """Measured values of one or several tables, one a row: a line that holds several observables is several rows.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Rows:
     steps : dict
         Printed step of each condition, and under ``""`` that of the observable; SI.
     replicate_group : array of int
-        Rows that were meant to be alike share a number.
+        Rows of one observable that were meant to be alike share a number.
     setup : array of int
         Rows that were read without setting anything in between share a number.
     setups_from : str
@@ -73,18 +73,10 @@ class Rows:
 
     def take(self, mask: NDArray[np.bool_]) -> Rows:
         """Keep some of the rows."""
-        return replace(
-            self,
-            recording=self.recording[mask],
-            lines=self.lines[mask],
-            observable=self.observable[mask],
-            measured=self.measured[mask],
-            conditions={name: values[mask] for name, values in self.conditions.items()},
-            levels={name: values[mask] for name, values in self.levels.items()},
-            steps={name: values[mask] for name, values in self.steps.items()},
-            replicate_group=self.replicate_group[mask],
-            setup=self.setup[mask],
-        )
+        kept: dict[str, Any] = {n: v[mask] for n, v in vars(self).items() if isinstance(v, np.ndarray)}
+        for name in ("conditions", "levels", "steps"):
+            kept[name] = {n: values[mask] for n, values in getattr(self, name).items()}
+        return replace(self, **kept)
 
     def names_of_first(self, mask: NDArray[np.bool_]) -> Rows:
         """The same with groups that hold the names of some rows only; other names have numbers behind them."""
@@ -148,8 +140,6 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     lines = np.concatenate([m.lines for m in measurements])
     places = [f"{measurements[int(k)].name}, line {line}" for k, line in zip(recording, lines, strict=True)]
     outside = check_limits(conditions, places, model, settings)
-    measured = np.concatenate([m.measured for m in measurements])
-    copied = duplicates([*conditions.values(), measured], places) if conditions else ""
     distinct = np.unique(np.stack([*conditions.values()], axis=1), axis=0) if conditions else np.empty((0, 0))
     level, is_set = {}, {}
     for k, (name, values) in enumerate(conditions.items()):
@@ -159,24 +149,39 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         points, is_set[name] = levels(distinct[:, k], settings[name])
         back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
         level[name] = np.array([back[x] for x in values.tolist()])
-    level = parted(level, is_set, measurements, recording, conditions, settings)
-    exact = not_repeats(measurements, conditions, level, model)
+    marks = {
+        how: np.concatenate([m.marks[how] for m in measurements])
+        for how in MARKS
+        if all(how in m.marks for m in measurements)
+    }
+    if "repeat" in marks and not any("setup" in m.marks for m in measurements):
+        level = parted(level, is_set, cells(recording, marks["repeat"]), conditions, settings)
+    exact = () if marks else not_repeats(conditions, level, model)
     alike = cells(*(conditions[n] if n in exact else v for n, v in level.items() if n != TIME))
-    nearness = said_of_near_rows(conditions, level, exact, alike, lines, measurements, recording)
+    recordings = tuple(m.name for m in measurements)
+    nearness = said_of_near_rows(conditions, level, exact, alike, lines, recordings, recording, bool(marks))
     replicate_group = within_files(alike, recording)
-    setup, how = set_ups(measurements, recording, replicate_group, conditions, settings)
+    setup, how = set_ups(marks, recording, replicate_group, conditions, settings)
+    # From rows of the tables to measured values, of which a row may hold several.
+    observable = np.concatenate([m.observable for m in measurements])
+    measured = np.concatenate([m.measured for m in measurements])
+    row = np.concatenate([m.row + first for m, first in zip(measurements, np.cumsum([0, *sizes]))])
+    kinds = cells(observable)
+    columns = [*(values[row] for values in conditions.values()), measured, kinds]
+    copied = duplicates(columns, [places[k] for k in row]) if conditions else ""
+    printed = np.concatenate([m.step for m in measurements])
     return Rows(
-        recordings=tuple(m.name for m in measurements),
-        recording=recording,
-        lines=lines,
-        observable=np.concatenate([m.observable for m in measurements]),
+        recordings=recordings,
+        recording=recording[row],
+        lines=lines[row],
+        observable=observable,
         measured=measured,
-        conditions=conditions,
-        levels=level,
+        conditions={name: values[row] for name, values in conditions.items()},
+        levels={name: values[row] for name, values in level.items()},
         is_set=is_set,
-        steps=steps,
-        replicate_group=replicate_group,
-        setup=setup,
+        steps={**{name: values[row] for name, values in steps.items()}, "": printed},
+        replicate_group=cells(replicate_group[row], kinds),
+        setup=setup[row],
         setups_from=how,
         notes=(
             *(f"{m.name}: {note}" for m in measurements for note in m.notes),
@@ -193,7 +198,7 @@ def _conditions(
     measurements: Sequence[Measurement], model: Model
 ) -> tuple[dict[str, Array], dict[str, Array], list[str]]:
     conditions: dict[str, Array] = {}
-    steps = {"": np.concatenate([m.steps[""] for m in measurements])}
+    steps: dict[str, Array] = {}
     notes = []
     for name, condition in model.conditions.items():
         have = [name in m.conditions for m in measurements]
@@ -269,12 +274,12 @@ def check_limits(
         if name not in conditions:
             continue
         values, condition = conditions[name], model.conditions[name]
-        bad = _outside(values, low, high, condition, settings.get(name, SettingError()))
+        bad = _outside(values, low, high, condition, settings[name])
         if not np.any(bad):
             continue
         shown = _shown(values[bad], condition)
         ends = _shown(np.array([low, high]), condition)
-        unit = _likely_unit(values, low, high, condition, settings.get(name, SettingError()))
+        unit = _likely_unit(values, low, high, condition, settings[name])
         span = f"{shown.min():.4g} to {shown.max():.4g}" if np.ptp(shown) > 0 else f"{shown[0]:.4g}"
         said = f"{_named(places, bad)}: {condition.column} is {span} {condition.column_unit}"
         if not unit and values.min() > low - (high - low) and values.max() < high + (high - low):
@@ -304,8 +309,8 @@ def duplicates(columns: Sequence[Array], places: Sequence[str]) -> str:
     row = int(again[0])
     more = f" (and {again.size - 1} more rows like that)" if again.size > 1 else ""
     return (
-        f"{places[row]} equals {places[int(first[np.ravel(index)[row]])]} to the last digit{more}: a copied row is no "
-        "repeat, and makes the scatter look smaller than it is"
+        f"{places[row]} equals {places[int(first[np.ravel(index)[row]])]} to the last digit{more}: a copied row is "
+        "not a repeat and makes the scatter look too small"
     )
 
 
@@ -323,18 +328,17 @@ def _likely_unit(values: Array, low: float, high: float, condition: Condition, s
     """``rev/s?``: a unit in which all values lie within the limits; empty where none does."""
     shown = _shown(values, condition)
     for unit in often_mistaken_for(condition.column_unit):
-        meant = np.asarray(convert(_in(shown, unit), "rad/s" if unit == "Hz" else unit, condition.unit))
+        # Revolutions a second as radians a second, which every unit system knows.
+        turns = unit == "Hz"
+        meant = np.asarray(
+            convert(2 * np.pi * shown if turns else shown, "rad/s" if turns else unit, condition.unit)
+        )
         if not np.any(_outside(meant, low, high, condition, setting)):
-            return f"they are likely in {'rev/s' if unit == 'Hz' else unit}"
+            return f"they are likely in {'rev/s' if turns else unit}"
     meant = np.asarray(convert(THOUSAND * shown, condition.column_unit, condition.unit))
     if not np.any(_outside(meant, low, high, condition, setting)):
-        return "a point that parts thousands was likely read as a decimal point (1.200 for 1200)"
+        return "a thousands separator was probably read as a decimal point (1.200 for 1200)"
     return ""
-
-
-def _in(shown: Array, unit: str) -> Array:
-    """Revolutions a second as radians a second, which every unit system knows."""
-    return 2 * np.pi * shown if unit == "Hz" else shown
 
 
 def _shown(values: Array, condition: Condition) -> Array:

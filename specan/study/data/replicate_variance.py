@@ -2,7 +2,7 @@
 
 The scatter at a condition may grow with the reading or with its sensitivity to a setting. Variances of
 the replicates, nu_g s_g^2 / sigma_g^2 ~ chi-square(nu_g), are pooled by gamma likelihood into
-sigma_g^2 = a (1 + rho c_g) with one component c out of a few, taken only where the data ask for it.
+sigma_g^2 = a (1 + rho c_g) with one component c out of a few, taken only where the data support it.
 
 Readings are looked at less a smooth picture of what was measured: the base model, fitted once. How a setting's scatter
 goes over into the reading needs the slope of the reading over that setting, and a discrepancy in percent of what the
@@ -81,7 +81,7 @@ def pooled(
     groups : array of int
         Replicates share a number.
     slopes : array, shape (n, k)
-        What readings of one group may differ by without being scattered, the likeliest first. A linear
+        What readings of one group may differ by without being scattered, most likely first. A linear
         dependence on these is fitted and taken out; the last ones are left out where repeats are few.
     components : mapping
         Non-negative functions of the condition that the variance may grow with.
@@ -90,7 +90,7 @@ def pooled(
         believed to be there unless the data speak against it; few repeats can tell a size, but no shape.
     instrument : array, optional
         Variance of a reading by the rig. With it the whole of `declared` and instrument has one free size;
-        a second one is taken in where the data ask for it.
+        a second one is taken in where the data support it.
     known : array, optional
         Variance of each value that is known and is to be left out of what is returned: what the readings of a
         set-up put into their mean.
@@ -187,7 +187,7 @@ def _likeliest(
 def _as_declared(
     of: _Variances, setting: Array, instrument: Array | None, name: str, dof: float
 ) -> tuple[VarianceFunction, float]:
-    """Setting and instrument at one common size, or at two where the data ask for it; with its misfit."""
+    """Setting and instrument at one common size, or at two where the data support it; with its misfit."""
     level, share, left = of.with_component(setting)
     two = VarianceFunction(level, share, name, dof), left
     if instrument is None or not np.all(instrument > 0):
@@ -264,7 +264,9 @@ class Reference:
 
 def crude(rows: Rows, conditions: Mapping[str, Array] | None = None) -> TableObservation:
     """Rows as an observation, each weighted by its size: good enough for a first fit."""
-    weight = CRUDE * np.maximum(np.abs(rows.measured), 0.01 * np.abs(rows.measured).max())
+    size = np.abs(rows.measured)
+    largest = {name: float(size[rows.observable == name].max()) for name in set(rows.observable.tolist())}
+    weight = CRUDE * np.maximum(size, [0.01 * largest[name] for name in rows.observable.tolist()])
     return TableObservation(
         name=", ".join(rows.recordings),
         observable=rows.observable,

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Model, SettingError
-from specan.study.data.table_reader import Measurement
 from specan.study.observation import Array
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
@@ -209,25 +208,23 @@ def within_files(alike: NDArray[np.intp], recording: NDArray[np.intp]) -> NDArra
 
 
 def set_ups(
-    measurements: Sequence[Measurement],
+    marks: Mapping[str, Array],
     recording: NDArray[np.intp],
     replicate_group: NDArray[np.intp],
     conditions: Mapping[str, Array],
     settings: Mapping[str, SettingError],
 ) -> tuple[NDArray[np.intp], str]:
     """Number of the set-up that each row was read at, and what told it: ``setup``, ``repeat`` or ``order``."""
-    for how in ("setup", "repeat"):
-        marks = [getattr(m, how) for m in measurements]
-        if all(mark is not None for mark in marks):
-            marked = cells(recording, replicate_group, np.concatenate(marks))
-            if how == "setup":
-                return marked, how
-            # One round sets a condition once: rows of it at other values are other settings, not second readings.
-            order = np.argsort(marked, kind="stable")
-            new = (np.diff(marked[order], prepend=-1) != 0) | _set_anew(conditions, settings, order)
-            number = np.empty(order.size, dtype=np.intp)
-            number[order] = np.cumsum(new)
-            return number, how
+    if "setup" in marks:
+        return cells(recording, replicate_group, marks["setup"]), "setup"
+    if "repeat" in marks:
+        # One round sets a condition once: rows of it at other values are other settings, not second readings.
+        marked = cells(recording, replicate_group, marks["repeat"])
+        order = np.argsort(marked, kind="stable")
+        new = (np.diff(marked[order], prepend=-1) != 0) | _set_anew(conditions, settings, order)
+        number = np.empty(order.size, dtype=np.intp)
+        number[order] = np.cumsum(new)
+        return number, "repeat"
     # Without a mark: the next row at the same condition, at values that were not set anew, is a second
     # reading; a condition that comes back later was set again.
     everything = np.arange(recording.size)
@@ -252,15 +249,8 @@ def _set_anew(
     return changed
 
 
-def not_repeats(
-    measurements: Sequence[Measurement],
-    conditions: Mapping[str, Array],
-    level: Mapping[str, Array],
-    model: Model,
-) -> tuple[str, ...]:
+def not_repeats(conditions: Mapping[str, Array], level: Mapping[str, Array], model: Model) -> tuple[str, ...]:
     """Conditions at which rows are alike only where their values are equal: nobody has said how well they are set."""
-    if all(m.repeat is not None for m in measurements) or all(m.setup is not None for m in measurements):
-        return ()
     return tuple(
         name
         for name in conditions
@@ -276,13 +266,13 @@ def said_of_near_rows(
     exact: Sequence[str],
     alike: NDArray[np.intp],
     lines: NDArray[np.int_],
-    measurements: Sequence[Measurement],
+    recordings: Sequence[str],
     recording: NDArray[np.intp],
+    marked: bool,
 ) -> list[str]:
     """Which rows that are near each other are taken for repeats, or are not, and why."""
     near = cells(*(v for n, v in level.items() if n != TIME))
     differ = [n for n, v in conditions.items() if n != TIME and not np.array_equal(v, level[n])]
-    marked = all(m.repeat is not None for m in measurements) or all(m.setup is not None for m in measurements)
     groups = [np.flatnonzero(near == k) for k in np.unique(near)]
     taken = [
         g
@@ -294,7 +284,7 @@ def said_of_near_rows(
     def some(found: list[NDArray[np.intp]]) -> str:
         texts = [", ".join(str(lines[k]) for k in g[:4]) for g in found[:3]]
         more = f", and {len(found) - 3} more groups" if len(found) > 3 else ""
-        file = f"{measurements[int(recording[found[0][0]])].name}: " if len(measurements) > 1 else ""
+        file = f"{recordings[int(recording[found[0][0]])]}: " if len(recordings) > 1 else ""
         return file + "lines " + "; ".join(texts) + more
 
     said = []
@@ -314,16 +304,11 @@ def said_of_near_rows(
 def parted(
     level: dict[str, Array],
     is_set: Mapping[str, bool],
-    measurements: Sequence[Measurement],
-    recording: NDArray[np.intp],
+    rounds: NDArray[np.intp],
     conditions: Mapping[str, Array],
     settings: Mapping[str, SettingError],
 ) -> dict[str, Array]:
-    """Levels parted by what a round of the plan holds, where the tables number the rounds."""
-    marks = [m.repeat for m in measurements if m.repeat is not None]
-    if len(marks) < len(measurements) or any(m.setup is not None for m in measurements):
-        return level
-    rounds = cells(recording, np.concatenate(marks))
+    """Levels parted by what a round of the plan holds."""
     for name, values in conditions.items():
         if name != TIME and not is_set[name]:
             others = [c for other, c in level.items() if other not in (name, TIME)]

@@ -142,7 +142,7 @@ class Uncertainty:
         """Correlation of the discrepancy between rows: it is smooth over every operating variable."""
         distance = np.zeros((rows.n, rows.n))
         for name, (low, high) in self.ranges.items():
-            u = _stretched(rows.conditions[name], low, high)
+            u = stretched(rows.conditions[name], low, high)
             distance += ((u[:, None] - u) / REACH) ** 2
         return np.exp(-0.5 * distance)
 
@@ -302,7 +302,7 @@ def _noise_of(
         said.append("such repeats do not show what setting a condition anew changes: " + _anew(model, rows))
         return Noise(reading, None, dof, reading.dof), said
     if told:
-        text = f"uncertainty {np.sqrt(np.median(declared)):.2g}{unit} from the rig file"
+        text = f"declared uncertainty {np.sqrt(np.median(declared)):.2g}{unit}"
         rounding = f", rounding in steps of {np.median(part.steps['']):g}"
         return Noise(), [text + rounding + ", " + _anew(model, rows)]
     share = np.median(part.steps[""] / np.sqrt(12) / np.maximum(np.abs(part.measured), 1e-300))
@@ -331,7 +331,7 @@ def _usable(found: VarianceFunction | None, declared: bool) -> bool:
 
 
 def _slopes(rows: Rows, predicted: Array) -> Array:
-    """What repeats of a condition may differ by without being scattered, the likeliest first.
+    """What repeats of a condition may differ by without being scattered, most likely first.
 
     A setting that was read differed: the reference's slope may be a little wrong, so that a correction
     linear in the deviation, and in the condition, is left to be fitted. Time went on: a machine runs in,
@@ -360,7 +360,7 @@ def _piecewise_linear_basis(time: Array) -> list[Array]:
     return [np.interp(time, corners, unit) for unit in np.eye(CORNERS)]
 
 
-def _stretched(x: Array, low: float, high: float) -> Array:
+def stretched(x: Array, low: float, high: float) -> Array:
     """A variable on a scale of 0 to 1 over the fitted range; logarithmic where it spans much."""
     if low >= 0 and high > 3 * max(low, 1e-300):
         offset = 0.1 * high

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from specan.errors import InputError, RequestError
+from specan.schema import regular
 from specan.study.observation import Array
 
 MOST_NAMED = 5  # lines in one message
@@ -63,7 +64,6 @@ class _Sheet:
 
 def read_table(
     path: Path,
-    content: bytes | None = None,
     choose: Callable[[Iterable[str]], dict[str, str]] | None = None,
     texts: Collection[str] = (),
 ) -> TableFile:
@@ -75,8 +75,6 @@ def read_table(
     Parameters
     ----------
     path : Path
-    content : bytes, optional
-        The file's content where it has been read (and hashed) already.
     choose : callable, optional
         Given the headers, returns ``{header: name}`` of the columns to read; all under their own names by default.
     texts : collection of str
@@ -88,7 +86,7 @@ def read_table(
         No such file, no text, no rows, a row of another length, a cell that is not a number.
     """
     try:
-        raw = path.read_bytes() if content is None else content
+        raw = regular(path).read_bytes()
     except FileNotFoundError:
         raise InputError(f"the table {path} does not exist", remedy="check the path") from None
     except OSError as fault:
@@ -138,7 +136,7 @@ def _text_sheet(path: Path, raw: bytes) -> _Sheet:
     ]
     if not numbered:
         return _Sheet([], [])
-    delimiter = _delimiter(numbered[0][1])
+    delimiter = max("\t;,", key=numbered[0][1].count)
     cells = [next(csv.reader([line], delimiter=delimiter)) for _, line in numbered]
     return _Sheet(cells, [n for n, _ in numbered], decimal_comma=delimiter != ",")
 
@@ -201,10 +199,6 @@ def _are_units(words: list[str]) -> bool:
     return True
 
 
-def _delimiter(header: str) -> str:
-    return max("\t;,", key=header.count)
-
-
 def _check_lengths(path: Path, header: list[str], cells: list[list[str]], lines: list[int]) -> None:
     for row, line in zip(cells, lines, strict=True):
         if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
@@ -225,7 +219,7 @@ def _number(word: str, path: Path, column: str, line: int, comma: bool) -> float
     if not math.isfinite(value):
         raise InputError(
             f"{path}, line {line}: {word!r} in the column {column!r} is not a number",
-            remedy="correct it, leave the cell empty, or begin the column's name with 'note' to pass over it",
+            remedy="correct it, leave the cell empty, or begin the column's name with 'note' to ignore it",
         )
     return value
 

@@ -32,14 +32,17 @@ class Measurement:
 
     Attributes
     ----------
+    row : array of int
+        Row that each measured value stands in; a row may hold several observables.
     observable : array of str
-        Which observable each row holds: the first of the model's that it has.
-    conditions : dict
-        Operating conditions that the table holds, by the model's names.
-    steps : dict
-        Step in which each row's condition or observable was printed, SI, by condition or observable.
-    repeat, setup : array or None
-        Number of the set-up of a condition; mark that readings of one set-up share.
+        Observable of each measured value.
+    measured, step : array
+        The values, and the steps in which they were printed.
+    conditions, steps : dict
+        Operating conditions of the rows that the table holds, by the model's names, and the steps of these.
+    marks : dict
+        The columns of `MARKS` that there are: number of the set-up of a condition; mark that readings of one
+        set-up share.
     notes : tuple of str
         What was assumed or left out.
     groups : dict
@@ -47,28 +50,27 @@ class Measurement:
     """
 
     name: str
-    path: Path
     lines: NDArray[np.int_]
+    row: NDArray[np.intp]
     observable: NDArray[np.str_]
     measured: Array
+    step: Array
     conditions: dict[str, Array]
     steps: dict[str, Array]
-    repeat: Array | None
-    setup: Array | None
+    marks: dict[str, Array]
     notes: tuple[str, ...]
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
         """Number of rows."""
-        return int(self.measured.size)
+        return int(self.lines.size)
 
 
 def read_measurement(
     path: Path,
     model: Model,
     constants: Mapping[str, Any] | None = None,
-    content: bytes | None = None,
     name: str = "",
     columns: Mapping[str, str] | None = None,
 ) -> Measurement:
@@ -81,8 +83,6 @@ def read_measurement(
         Says which columns there may be.
     constants : mapping, optional
         Conditions of all rows that the table does not hold, by column: ``{"load_kN": 45.0}``.
-    content : bytes, optional
-        The file's content where it has been read already.
     name : str, optional
         For messages; the file's name by default.
     columns : mapping, optional
@@ -95,7 +95,7 @@ def read_measurement(
         Columns that are missing, unknown or contradict each other; values that cannot be.
     """
     names = ColumnNames(path, model, columns or {})
-    table = read_table(path, content, names.choose, texts=model.groups)
+    table = read_table(path, names.choose, texts=model.groups)
     names.convert(table)
     constants = dict(constants or {})
     groups = {axis: _names(table, axis, constants) for axis in model.groups}
@@ -107,18 +107,18 @@ def read_measurement(
     notes = [*names.notes]
     if model.table_rules is not None:
         notes += _complete(table, model.table_rules, steps)
-    chosen, measured, step = _choose(table, measurable, steps)
+    row, observable, measured, step = _measured(table, measurable, steps)
     conditions, its_steps = _conditions(table, known, steps)
     return Measurement(
         name=name or path.name,
-        path=path,
         lines=table.lines,
-        observable=chosen,
+        row=row,
+        observable=observable,
         measured=measured,
+        step=step,
         conditions=conditions,
-        steps={**its_steps, "": step},
-        repeat=_mark(table, "repeat"),
-        setup=_mark(table, "setup"),
+        steps=its_steps,
+        marks={how: _mark(table, how) for how in MARKS if how in table.columns},
         notes=tuple(notes),
         groups=groups,
     )
@@ -197,25 +197,24 @@ def _add_constants(table: TableFile, constants: Mapping[str, float], known: Mapp
         table.steps[column] = 0.0
 
 
-def _choose(
+def _measured(
     table: TableFile, measurable: Mapping[str, Observable], steps: Mapping[str, Array]
-) -> tuple[NDArray[np.str_], Array, Array]:
-    """For each row the first of the model's observables that it holds."""
-    size = table.lines.size
-    chosen, measured, step = np.full(size, "", dtype="U64"), np.full(size, np.nan), np.zeros(size)
+) -> tuple[NDArray[np.intp], NDArray[np.str_], Array, Array]:
+    """Every measured value, those of a row together: its row, observable, value and printed step."""
+    parts = []
     for column, observable in measurable.items():
         if column not in table.columns:
             continue
-        values = table.columns[column]
-        rows = np.isnan(measured) & np.isfinite(values)
-        chosen[rows] = observable.name
-        measured[rows] = values[rows]
-        step[rows] = steps[column][rows]
-        if observable.column_unit not in ("", observable.unit):
-            measured[rows] = convert(values[rows], observable.column_unit, observable.unit)
-            step[rows] *= scale_to(observable.column_unit, observable.unit)
-    _refuse(table, np.isnan(measured), "no measured value", expected="one of " + ", ".join(measurable))
-    return chosen, measured, step
+        unit = observable.column_unit or observable.unit
+        found = np.asarray(convert(table.columns[column], unit, observable.unit), dtype=float)
+        given = np.flatnonzero(np.isfinite(found))
+        names = np.full(given.size, observable.name, dtype="U64")
+        parts.append((given, names, found[given], steps[column][given] * scale_to(unit, observable.unit)))
+    row, observables, values, printed = (np.concatenate(part) for part in zip(*parts, strict=True))
+    lacking = ~np.isin(np.arange(table.lines.size), row)
+    _refuse(table, lacking, "no measured value", expected="one of " + ", ".join(measurable))
+    order = np.argsort(row, kind="stable")
+    return row[order], observables[order], values[order], printed[order]
 
 
 def _conditions(
@@ -237,12 +236,12 @@ def _conditions(
     return found, its_steps
 
 
-def _mark(table: TableFile, name: str) -> Array | None:
-    values = table.columns.get(name)
-    if values is not None:
-        lacking = f"no value in the column {name!r}"
-        _refuse(table, np.isnan(values), lacking, remedy="number every row, or leave the column out")
-    return values
+def _mark(table: TableFile, name: str) -> Array:
+    lacking = np.isnan(table.columns[name])
+    _refuse(
+        table, lacking, f"no value in the column {name!r}", remedy="number every row, or leave the column out"
+    )
+    return table.columns[name]
 
 
 @dataclass(eq=False)
@@ -316,7 +315,7 @@ class ColumnNames:
                     f'{header!r} says no unit: taken to be in {unit} (else: --column "{name}={header} [UNIT]")'
                 )
         if self.passed_over:
-            self.notes.append(f"columns passed over: {', '.join(self.passed_over)}")
+            self.notes.append(f"columns ignored: {', '.join(self.passed_over)}")
         for name, unit in self.units.items():
             if name in self.model.groups:
                 continue
@@ -400,13 +399,13 @@ class ColumnNames:
             f"{header!r}: {hint}" for header, hint in zip(unknown, hints, strict=True)
         ) if len(set(hints)) > 1 else hints[0]  # fmt: skip
         example = next((c for c in self._targets if c not in known.values()), "")
-        way = f'say which is which with --column "{example}={unknown[0]}"'
+        way = f'assign columns with --column "{example}={unknown[0]}"'
         if not example:
             header, column = next(iter(known.items()))
-            way = f'nothing is lacking; to pass over the rest, give --column "{column}={header}"'
+            way = f'no column is missing; to ignore the others, give --column "{column}={header}"'
         return InputError(
             f"{self.path}: unknown column{'s' if len(unknown) > 1 else ''} {names}",
-            remedy=f"{said_hints}; {way}; a column whose name begins with 'note' is passed over",
+            remedy=f"{said_hints}; {way}; a column whose name begins with 'note' is ignored",
         )
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError
 from specan.io.uff import COHERENCE, TRANSFER_FUNCTION, is_uff, read_uff
+from specan.schema import regular
 from specan.study.data.table_file import TableFile, read_table
 from specan.study.observation import Array
 from specan.units import convert
@@ -80,7 +81,7 @@ class MeasuredFrf:
 def is_transfer_file(path: Path) -> bool:
     """Whether a file holds transfer functions, by its content: a universal file, or a header with a frequency."""
     try:
-        with path.open("rb") as file:
+        with regular(path).open("rb") as file:
             start = file.read(4096)
     except OSError:
         return False
@@ -108,7 +109,7 @@ def read_transfer_file(path: Path) -> list[MeasuredFrf]:
     InputError
         No transfer function, one part without the other, numbers that are none.
     """
-    with path.open("rb") as file:
+    with regular(path).open("rb") as file:
         start = file.read(4096)
     found = _from_uff(path) if is_uff(start) else _from_table(path)
     if not found:
@@ -219,7 +220,7 @@ def _from_table(path: Path) -> list[MeasuredFrf]:
 
 def _as_specan_says(path: Path, found: list[MeasuredFrf]) -> list[MeasuredFrf]:
     """Units, reference and window out of the comments of a table that `specan frf` has written."""
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with regular(path).open(encoding="utf-8", errors="replace") as file:
         comments = [line[1:].strip() for line in takewhile(lambda line: line.startswith("#"), file)]
     if not comments or not re.fullmatch(r"specan \S+ frf", comments[0]):
         return found

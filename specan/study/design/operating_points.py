@@ -1,7 +1,7 @@
 """Which measurement would decide between the explanations that are left.
 
-Over a grid of conditions that the rig can run, the point is taken where the rivals differ most in units of what
-a reading there could know (Box & Hill 1967; Buzzi-Ferraris & Forzatti 1984):
+Over conditions that the rig can run, of many a quasi-random choice, the point is taken where the rivals differ most in
+units of what a reading there could know (Box & Hill 1967; Buzzi-Ferraris & Forzatti 1984):
 
     sum over pairs  w_a w_b (y_a - y_b)^2 / (sigma^2 + v_a + v_b),
 
@@ -15,10 +15,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
+from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from specan.models import Condition, Model
 from specan.study.design.receiver_places import best_places, can_place, in_words, spoken_place, where_it_fails
@@ -35,9 +37,9 @@ NEAR = 0.15  # share of the ranges within which a point is a near duplicate
 SAME = 1e-6  # share of the ranges within which two points are one
 EXPLORED = 2  # measurements that are proposed for something unknown
 SEPARATES = 2.0  # sigma that a measurement must promise to be worth proposing
-
-
 STEPS = 9  # levels of each condition
+MOST_POINTS = 4096  # conditions that are looked at; of more combinations half as many, and the corners
+MOST_CORNERS = 10  # conditions up to which all corners are among them
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class Proposal:
         By column, in the column's unit; empty for another kind of measurement.
     predictions : mapping
         What each rival expects, in `unit`.
+    unit, observable : str
+        Of the predictions, and what is read.
     sigma : float
         Standard uncertainty of a reading there.
     separation_sigma : float
@@ -65,6 +69,7 @@ class Proposal:
     sigma: float | None
     separation_sigma: float | None
     least_sigma: float | None = None
+    observable: str = ""
 
 
 def propose(rivals: Sequence[Refit], count: int = 3, *, other_kinds: bool = True) -> tuple[Proposal, ...]:
@@ -121,11 +126,11 @@ def explore(start: Refit, blocks: Sequence[Block]) -> tuple[Proposal, ...]:
         return ()
     planned = planned_readings(start.problem, grid)
     predicted = _at(start.problem, planned).predictions(start.fit.theta)[0]
-    place, measured = _places(planned), _measured_places(start.problem, planned)
+    place, measured = _places(start.problem, planned), _measured_places(start.problem, planned)
     usable = np.isfinite(predicted) & inside_block(start.problem, planned, blocks[0])
     found = []
     for _ in range(EXPLORED):
-        gap = np.min(np.linalg.norm(place[:, None] - measured[None], axis=2), axis=1)
+        gap = KDTree(measured).query(place)[0]
         row = int(np.argmax(np.where(usable, gap, -1.0)))
         if not usable[row] or gap[row] < SAME:
             break
@@ -168,12 +173,8 @@ def _noun(model: Model) -> str:
 
 
 def _measured_places(problem: Problem, planned: TableObservation) -> Array:
-    columns = []
-    for name, values in planned.conditions.items():
-        if np.ptp(values) > 0:
-            seen = np.concatenate([o.conditions[name] for o in problem.observations])
-            columns.append((seen - values.min()) / np.ptp(values))
-    return np.column_stack(columns)
+    seen = {n: np.concatenate([o.conditions[n] for o in problem.observations]) for n in planned.conditions}
+    return _places(problem, planned, seen)
 
 
 def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> list[Proposal]:
@@ -182,7 +183,7 @@ def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> l
     usable = np.all(np.isfinite(predicted), axis=0)
     slopes = [_slopes(r, planned) for r in rivals]
     covariances = [r.fit.covariance * r.dispersion for r in rivals]
-    place = _places(planned)
+    place = _places(rivals[0].problem, planned)
     found: list[Proposal] = []
     for _ in range(count):
         variance = np.stack([np.einsum("ij,jk,ik->i", j, c, j) for j, c in zip(slopes, covariances)])
@@ -228,9 +229,11 @@ def after_reading(covariance: Array, slope: Array) -> Array:
     return covariance - np.outer(along, along) / (1 + slope @ along)
 
 
-def _places(planned: TableObservation) -> Array:
-    columns = [v for v in planned.conditions.values() if np.ptp(v) > 0]
-    return np.column_stack([(v - v.min()) / np.ptp(v) for v in columns])
+def _places(problem: Problem, planned: TableObservation, of: Mapping[str, Array] | None = None) -> Array:
+    """Conditions as shares of the range that is planned of them; of the planned readings, or of others."""
+    wanted = of or planned.conditions
+    planes = {n: v for n, v in planned.conditions.items() if _can_be_set(problem, n)}
+    return np.column_stack([(wanted[n] - v.min()) / (np.ptp(v) or 1.0) for n, v in planes.items()])
 
 
 def _proposal(
@@ -247,20 +250,22 @@ def _proposal(
     conditions = {
         model.conditions[name].column: _shown(model, name, float(values[row]))
         for name, values in planned.conditions.items()
-        if np.ptp(values) > 0
+        if _can_be_set(rivals[0].problem, name)
     }
     predictions = {_name(r): float(value) for r, value in zip(rivals, predicted)}
     sigma = float(planned.sigma[row])
     where = ", ".join(f"{_spoken(model, column, value)}" for column, value in conditions.items())
     unit = f" {printed_unit(observable.unit)}".rstrip()
-    said = ", ".join(f"{name} expects {value:.4g}{unit}" for name, value in predictions.items())
+    several = len({name for o in rivals[0].problem.observations for name in _observables(o)}) > 1
+    of = f" of {observable.name}" if several else ""
+    said = ", ".join(f"{name} expects {value:.4g}{unit}{of}" for name, value in predictions.items())
     told = (
         f"one reading separates them by {least:.1f} sigma"
         if least >= SEPARATES
         else (f"one reading separates some of them, by up to {apart:.1f} sigma")
     )
     text = f"{where}: {said}; sigma there is {sigma:.2g}{unit}, {told}"
-    return Proposal(text, conditions, predictions, observable.unit, sigma, apart, least)
+    return Proposal(text, conditions, predictions, observable.unit, sigma, apart, least, observable.name)
 
 
 def _shown(model: Model, name: str, value: float) -> float | str:
@@ -294,14 +299,17 @@ def _other_kinds(rivals: Sequence[Refit]) -> list[Proposal]:
 
 
 def operating_grid(problem: Problem, block: Block | None = None) -> dict[str, Array] | None:
-    """Conditions within the limits, SI, every combination; None where the rig names none or the data are no table.
+    """Conditions within the limits, SI; None where the rig names none that can be set, or the data are no table.
 
-    Groups of rows (specimens) that were measured can be measured again. Around a `block` that fails at a level which
-    the grid is too coarse for, its points are those in the middle between measured ones.
+    Every combination of some levels, or where these are too many a Sobol sequence of them and the corners. Groups of
+    rows (specimens) that were measured can be measured again. Around a `block` that fails at a level which the levels
+    are too coarse for, they are those in the middle between measured ones.
     """
     model = problem.assembly.model
-    limits = {n: ends for n, ends in model.rig.limits.items() if n in model.conditions}
-    if not limits or not all(isinstance(o, TableObservation) for o in problem.observations):
+    if not all(isinstance(o, TableObservation) for o in problem.observations):
+        return None
+    limits = {n: ends for n, ends in model.rig.limits.items() if _can_be_set(problem, n)}
+    if not limits:
         return None
     axes = {}
     for name, (low, high) in limits.items():
@@ -309,12 +317,38 @@ def operating_grid(problem: Problem, block: Block | None = None) -> dict[str, Ar
         even = _round_steps(condition, low, high)
         between = _between_measured(problem, condition, (low, high), block)
         axes[name] = between if between.size and np.ptp(between) < float(np.min(np.diff(even))) else even
-    for name in model.groups:
-        count = len(model.group_elements.get(name, ()))
-        if count > 1:
-            axes[name] = np.arange(float(count))
-    points = np.array(list(product(*axes.values())))
+    axes |= {
+        n: np.arange(float(len(model.group_elements[n]))) for n in model.groups if _can_be_set(problem, n)
+    }
+    levels = list(axes.values())
+    if prod(map(len, levels)) <= MOST_POINTS:
+        points = np.array(list(product(*levels)))
+    else:
+        from scipy.stats import qmc  # slow to load, and seldom needed
+
+        spread = qmc.Sobol(len(levels), scramble=False).random(MOST_POINTS // 2)
+        points = np.column_stack(
+            [own[(share * own.size).astype(int)] for share, own in zip(spread.T, levels)]
+        )
+        if len(levels) <= MOST_CORNERS:
+            points = np.vstack([list(product(*((own[0], own[-1]) for own in levels))), points])
     return dict(zip(axes, points.T))
+
+
+def _can_be_set(problem: Problem, name: str) -> bool:
+    """Whether a person chooses a condition: it has limits or is a group, and is no time that goes on by itself."""
+    model = problem.assembly.model
+    if name in model.groups:
+        return len(model.group_elements.get(name, ())) > 1
+    if name not in model.rig.limits or name not in model.conditions:
+        return False
+    if model.conditions[name].unit != "s":
+        return True
+    return any(np.any(np.diff(o.conditions[name]) < 0) for o in problem.observations if name in o.conditions)
+
+
+def _observables(observation: Any) -> list[str]:
+    return list(dict.fromkeys(observation.observable.tolist()))
 
 
 def _between_measured(
@@ -327,8 +361,10 @@ def _between_measured(
     measured = np.unique(np.concatenate([o.conditions[condition.name] for o in problem.observations]))
     nearest = int(np.argmin(np.abs(measured - level)))
     around = measured[max(nearest - 1, 0) : nearest + 2]
-    middles = (around[1:] + around[:-1]) / 2
-    return np.array([float(f"{m:.3g}") for m in middles if limits[0] <= m <= limits[1]])
+    gaps, middles = np.diff(around), (around[1:] + around[:-1]) / 2
+    steps = 10.0 ** np.floor(np.log10(gaps / 4))  # as round as leaves them between their neighbours
+    found = np.round(middles / steps) * steps
+    return np.asarray(found[(limits[0] <= found) & (found <= limits[1])])
 
 
 def _level(condition: Condition, block: Block | None) -> float | None:
@@ -353,27 +389,27 @@ def planned_readings(problem: Problem, grid: Mapping[str, Array]) -> TableObserv
     """The grid as readings that are still to be made, as uncertain as the nearest ones that were made."""
     observation = problem.observations[0]
     assert isinstance(observation, TableObservation)
-    size = next(iter(grid.values())).size
+    kinds, size = _observables(observation), next(iter(grid.values())).size
     conditions = {
         name: grid[name] if name in grid else np.full(size, _typical(problem, name, values))
         for name, values in observation.conditions.items()
     }
-    near = _nearest(observation, conditions, grid)
-    main = max(set(observation.observable.tolist()), key=observation.observable.tolist().count)
-    sigma = observation.sigma[near]
+    sigma = [observation.sigma[_nearest(observation, kind, conditions, grid)] for kind in kinds]
     return replace(
         observation,
         name="planned",
-        observable=np.full(size, main),
-        measured=np.zeros(size),
-        conditions=conditions,
-        covariance=np.diag(sigma**2),
+        observable=np.repeat(kinds, size),
+        measured=np.zeros(size * len(kinds)),
+        conditions={name: np.tile(values, len(kinds)) for name, values in conditions.items()},
+        covariance=np.concatenate(sigma) ** 2,
         labels={},
         recordings=problem.recordings,  # each its own elements of a parameter; the readings count to the first
-        recording=np.zeros(size, dtype=np.intp),
+        recording=np.zeros(size * len(kinds), dtype=np.intp),
         parts={},
         series=None,
         position=None,
+        lines=None,
+        replicate_group=None,
         pure_error_dof=0.0,
     )
 
@@ -384,16 +420,16 @@ def _typical(problem: Problem, name: str, values: Array) -> float:
 
 
 def _nearest(
-    observation: TableObservation, conditions: Mapping[str, Array], grid: Mapping[str, Array]
+    observation: TableObservation, kind: str, conditions: Mapping[str, Array], grid: Mapping[str, Array]
 ) -> NDArray[np.intp]:
-    distance: Any = 0.0
-    for name in grid:
-        if name in observation.conditions:
-            span = float(np.ptp(conditions[name])) or 1.0
-            distance = (
-                distance + ((conditions[name][:, None] - observation.conditions[name][None, :]) / span) ** 2
-            )
-    return np.asarray(np.argmin(distance, axis=1))
+    """Row of one observable that is nearest to each planned reading."""
+    mine = np.flatnonzero(observation.observable == kind)
+    spans = {n: float(np.ptp(conditions[n])) or 1.0 for n in grid if n in observation.conditions}
+    seen, wanted = (
+        np.column_stack([of[n][rows] / span for n, span in spans.items()])
+        for of, rows in ((observation.conditions, mine), (conditions, slice(None)))
+    )
+    return np.asarray(mine[KDTree(seen).query(wanted)[1]])
 
 
 def inside_block(problem: Problem, planned: TableObservation, block: Block) -> NDArray[np.bool_]:

@@ -9,15 +9,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq, least_squares
 
 from specan.errors import ComputationError, RequestError, nearest
 from specan.models.effect import ParameterName
-from specan.study.estimation.distributions import quantile, root, tail
+from specan.study.estimation.distributions import quantile, tail
 from specan.study.estimation.levenberg_marquardt import (
     MOST_REFINING,
     STEP_TOLERANCE,
     Minimum,
+    NotSettledError,
     descend,
+    not_settled,
     refine,
     unit,
 )
@@ -36,7 +39,7 @@ FLOOR = 1e-8  # of the largest singular value: directions below it count as dete
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A converged minimum of the sum of squares.
+    """A minimum of the sum of squares.
 
     Attributes
     ----------
@@ -50,6 +53,8 @@ class Fit:
         As `Problem.residual` and `Problem.jacobian` give them at the minimum.
     covariance : array
         (J'J)^-1. A direction that the data do not determine has a huge variance, never a small one.
+    converged : bool
+        False where no descent settled: the lowest place that any came to.
     at_bound : tuple of str
         Parameters that rest on an end of their domain.
     dof : float
@@ -100,7 +105,7 @@ def fit(
     Raises
     ------
     ComputationError
-        No start converged, or the best is not finite: never a verdict.
+        No start leads anywhere, or the best is not finite: never a verdict.
     RequestError
         More free parameters than values to determine them.
     """
@@ -115,17 +120,21 @@ def fit(
     places = [first, *_other_starts(problem, starts - 1 if problem.strategy.further_starts else 0)]
     frugal = _from_nearer if problem.strategy.continuation else descend
     found: list[Minimum] = []
+    unsettled: list[Minimum] = []
     reason = "no start gave finite values"
     for method in (frugal, _trust_region) if problem.strategy.exact_minimum else (frugal,):
         for theta0 in places:
             try:
                 found.append(method(problem, theta0))
+            except NotSettledError as fault:
+                unsettled.append(fault.reached)
             except ComputationError as fault:
                 reason = fault.found
             except np.linalg.LinAlgError as fault:
                 reason = f"linear algebra failed ({fault})"
         if _agree(problem, found) or (found and isinstance(start, np.ndarray)):
             break
+    converged, found = bool(found), found or unsettled
     if not found:
         raise ComputationError(
             f"the fit of {', '.join(problem.names) or 'no parameter'} failed: {reason}",
@@ -137,7 +146,7 @@ def fit(
             best = other
     if problem.strategy.exact_minimum:
         best, _ = refine(problem, best.theta)
-    return describe(problem, best.theta, best.residual, best.jacobian)
+    return replace(describe(problem, best.theta, best.residual, best.jacobian), converged=converged)
 
 
 def _agree(problem: Problem, found: Sequence[Minimum]) -> bool:
@@ -147,12 +156,7 @@ def _agree(problem: Problem, found: Sequence[Minimum]) -> bool:
 
 
 def _trust_region(problem: Problem, theta0: Array) -> Minimum:
-    """Trust-region steps; in a valley that bends too much for them, those of `refine` from where they got.
-
-    Loading scipy's takes longer than many a fit.
-    """
-    from scipy.optimize import least_squares
-
+    """Trust-region steps; in a valley that bends too much for them, those of `refine` from where they got."""
     low, high = problem.bounds()
     inside = np.clip(theta0, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale)
     found = least_squares(
@@ -171,7 +175,7 @@ def _trust_region(problem: Problem, theta0: Array) -> Minimum:
         return Minimum(found.x, found.fun, found.jac, 2 * float(found.cost))
     minimum, settled = refine(problem, found.x)
     if not settled:
-        raise ComputationError(f"it did not settle within {MOST_REFINING} Jacobians")
+        raise not_settled(minimum, MOST_REFINING)
     return minimum
 
 
@@ -377,11 +381,11 @@ def profile_interval(problem: Problem, best: Fit, name: str, *, inflate: bool = 
                 outer = end
             if excess(outer) > 0:
                 # the root of chi-square is nearly straight
-                found = root(
+                found = brentq(
                     lambda value: math.sqrt(max(excess(value) + allowed, 0.0)) - math.sqrt(allowed),
                     inner,
                     outer,
-                    close=1e-4 * abs(outer - centre),
+                    xtol=1e-4 * abs(outer - centre),
                 )
                 break
             inner, step = outer, 1.6 * step

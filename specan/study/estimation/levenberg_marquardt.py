@@ -62,6 +62,25 @@ class Minimum:
     chi2: float
 
 
+class NotSettledError(ComputationError):
+    """A descent that was still getting lower when it was given up.
+
+    Attributes
+    ----------
+    reached : Minimum
+        The lowest place that it came to.
+    """
+
+    reached: Minimum
+
+
+def not_settled(reached: Minimum, jacobians: int) -> NotSettledError:
+    """The error of a descent that has taken so many Jacobians."""
+    fault = NotSettledError(f"it did not settle within {jacobians} Jacobians")
+    fault.reached = reached
+    return fault
+
+
 def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest: float = np.inf) -> Minimum:
     """Minimise the sum of squares of a problem's residual from one start.
 
@@ -96,7 +115,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest:
         found = descent.minimum(jacobian) if slow else descent.follow(jacobian, guessed)
         if found is not None:
             return found
-    raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
+    raise not_settled(descent.minimum(problem.jacobian(descent.theta)), MOST_JACOBIANS)
 
 
 def descend_steps(problem: Problem, start: Array, jacobians: int) -> Array:

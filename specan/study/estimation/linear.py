@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-LEAST_DAMPING = 1e-6  # of the first step inside bounds
-MOST_STEPS, STEADY = 60, 1e-9  # of them, and the share of the sum of squares that the last one promises
-SETTLED = 1e-10  # gradient, and share of the sum of squares, that bounded steps leave
+STEADY = 1e-9  # share of the sum of squares below which a step is the last
+SETTLED = 1e-10  # the same of a linear problem, and of steps
 STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
 
 # Offsets in steps, their weights, and the weight of the centre. Taylor's theorem; Abramowitz & Stegun, table 25.2.
@@ -30,7 +29,7 @@ Array = NDArray[np.float64]
 def usual_stencil(
     theta: Array, scale: Array, low: Array, high: Array, exact: bool
 ) -> tuple[list[Array], Array]:
-    """Points around theta (itself first, where it counts) and the weights that make derivatives of their predictions.
+    """Points around theta, itself first, and the weights that make derivatives of their predictions.
 
     Central differences; one-sided ones of second order where a bound is near. Plain one-sided ones where they
     need not be `exact`: what they err by, the step's share of the parameter's width, no step
@@ -92,7 +91,7 @@ def _stencil(theta: Array, steps: Array, rules: list[_Rule]) -> tuple[list[Array
             weights[len(points), k] = weight / step
             points.append(theta.copy())
             points[-1][k] += offset * step
-    return (points, weights) if np.any(weights[0]) else (points[1:], weights[1:])
+    return points, weights
 
 
 @dataclass(frozen=True)
@@ -165,51 +164,17 @@ def held_inside(columns: Array, residual: Array, low: Array, high: Array) -> Arr
     >>> held_inside(columns, np.array([-2.0, 1.0]), np.array([-9.0, -0.5]), np.array([9.0, 9.0]))
     array([ 2.45, -0.5 ])
     """
-    x: Array = np.asarray(np.linalg.lstsq(columns, -residual, rcond=-1)[0], dtype=float)
-    side = np.where(x >= high, 1, np.where(x <= low, -1, 0))  # the end at which each is held
-    x = np.clip(x, low, high)
+    from scipy.optimize import lsq_linear
 
-    def solved(free: NDArray[np.bool_]) -> Array:
-        rest = residual + columns @ np.where(free, 0.0, x)
-        return np.asarray(np.linalg.lstsq(columns[:, free], -rest, rcond=None)[0], dtype=float)
-
-    while not np.all(side):  # what leaves its ends is held there, until nothing does
-        free = side == 0
-        x[free] = solved(free)
-        side = np.where(x > high, 1, np.where(x < low, -1, side))
-        x = np.clip(x, low, high)
-        if np.array_equal(free, side == 0):
-            break
-    left = residual + columns @ x
-    for _ in range(low.size):  # what gains most is set free again, one at a time
-        downhill = -(columns.T @ left)
-        gains = np.where(side == 0, np.abs(downhill), -downhill * side)
-        if gains.max() < SETTLED:
-            break
-        side[int(np.argmax(-downhill * side))] = 0
-        while np.any(free := side == 0):
-            wanted = x.copy()
-            wanted[free] = solved(free)
-            out = np.flatnonzero(free & ((wanted < low) | (wanted > high)))
-            if not out.size:
-                x = wanted
-                break
-            ends = np.where(wanted < low, low, high)[out]
-            shares = (ends - x[out]) / (wanted[out] - x[out])
-            first = int(np.argmin(shares))
-            x = np.where(free, x + shares[first] * (wanted - x), x)
-            x[out[first]] = ends[first]
-            side[out[first]] = 1 if wanted[out[first]] > high[out[first]] else -1
-        before, left = left, residual + columns @ x
-        if before @ before - left @ left < SETTLED * (before @ before):
-            break
-    return x
+    bounds = low, np.maximum(high, np.nextafter(low, np.inf))  # apart
+    found = lsq_linear(columns, -residual, bounds, method="bvls", tol=SETTLED, max_iter=10 * low.size)
+    return np.asarray(np.clip(found.x, low, high))
 
 
 def least_inside(
     residual: Callable[[Array], Array], slopes: Callable[[Array], Array], x: Array, low: Array, high: Array
 ) -> tuple[Array, float]:
-    """Where damped steps (Marquardt 1963) inside bounds lead, and the sum of squares there.
+    """The minimum inside bounds that descents lead to (Branch, Coleman & Li 1999), and the sum of squares there.
 
     Parameters
     ----------
@@ -228,26 +193,12 @@ def least_inside(
     >>> place, round(left, 6)
     (array([-1.]), 0.135335)
     """
-    damping, x = LEAST_DAMPING, np.clip(x, low, high)
-    rows, slope = residual(x), slopes(x)
-    for _ in range(MOST_STEPS):
-        sizes = np.linalg.norm(slope, axis=0)
-        sizes = np.where(sizes > 0, sizes, 1.0)
-        damped = np.vstack([slope / sizes, np.sqrt(damping) * np.eye(x.size)])
-        # the ends of a step are about zero, and apart
-        ends = np.minimum(low - x, 0.0) * sizes, np.maximum(high - x, 0.0) * sizes + 1e-300
-        step = held_inside(damped, np.concatenate([rows, np.zeros(x.size)]), *ends) / sizes
-        ahead, now = rows + slope @ step, float(rows @ rows)
-        if now - ahead @ ahead < STEADY * now:
-            break
-        there = np.clip(x + step, low, high)
-        beyond = residual(there)
-        if not beyond @ beyond < now:  # neither where it is not finite
-            damping *= 10
-            continue
-        x, rows, damping = there, beyond, damping / 10
-        slope = slopes(x)
-    return x, float(rows @ rows)
+    from scipy.optimize import least_squares
+
+    bounds = low, np.maximum(high, np.nextafter(low, np.inf))  # apart
+    inside = np.clip(x, *bounds)
+    found = least_squares(residual, inside, slopes, bounds, x_scale="jac", ftol=STEADY, xtol=SETTLED)
+    return found.x, float(2 * found.cost)
 
 
 def covariance_root(covariance: Array) -> Array:

@@ -20,12 +20,7 @@ from specan.study.estimation.fit import Fit
 from specan.study.estimation.linear import chi2_beside, covariance_root, orthonormal
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
-from specan.study.observation.frf import FrfObservation
-from specan.study.observation.order_lines import OrderLinesObservation
-
-ABOVE_NOISE = (
-    10.0  # times its noise that a line's power must be for its level to count: noise then adds 0.4 dB
-)
+from specan.study.observation.kept_lines import ABOVE_NOISE, KeptLines
 
 AT_ONCE = 256  # blocks whose directions are computed together
 LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
@@ -85,46 +80,28 @@ def observable_errors(
         np.concatenate(list(predictions)),
         np.concatenate([o.measured for o in observations]),
     )
-    levels = [_levels_dB(o, p) for o, p in zip(observations, predictions, strict=True) if type(o) in _CELLS]
+    levels = [
+        _levels_dB(o, p) for o, p in zip(observations, predictions, strict=True) if isinstance(o, KeptLines)
+    ]
     if not levels or len(found) > 1:
         return found
-    what = _CELLS[type(observations[0])][0]
+    what = next(o.level_of for o in observations if isinstance(o, KeptLines))
     return [replace(found[0], level_dB=float(np.sqrt(np.mean(np.concatenate(levels) ** 2))), level_of=what)]
 
 
-# What the levels of complex values are of, and the labels of the rows whose powers are added up.
-_CELLS: dict[type, tuple[str, tuple[str, ...]]] = {
-    FrfObservation: ("third-octave levels", ("third_octave_hz", "channel")),
-    OrderLinesObservation: ("levels of lines", ("orders", "harmonic", "channel")),
-}
-
-
-def _levels_dB(observation: Any, predicted: Array) -> Array:
-    """Level of the prediction over what was measured, of every cell.
-
-    Of transfer functions, of lines 10 dB above their noise and background; of order lines above their noise, beside it.
-    """
-    own = [
-        np.unique(observation.labels[name], return_inverse=True)[1] for name in _CELLS[type(observation)][1]
-    ]
+def _levels_dB(observation: KeptLines, predicted: Array) -> Array:
+    """Level of the prediction over what was measured, of every cell of an observation of complex lines."""
+    own = [np.unique(observation.labels[name], return_inverse=True)[1] for name in observation.cells]
     _, cell = np.unique(np.stack(own), axis=1, return_inverse=True)
-    lines = isinstance(observation, OrderLinesObservation)
-    floor = np.bincount(cell.ravel(), weights=observation.sigma**2) if lines else 0.0
-    clear = 1.0 if lines else _clear(observation)
+    counted, noise = observation.powers()
+    floor = np.bincount(cell.ravel(), weights=noise)
     power = [
-        np.bincount(cell.ravel(), weights=clear * values**2) for values in (predicted, observation.measured)
+        np.bincount(cell.ravel(), weights=counted * values**2) for values in (predicted, observation.measured)
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
         found = 10 * np.log10((power[0] + floor) / (power[1] + floor))
     seen = np.isfinite(found) & (power[1] > ABOVE_NOISE * floor)
     return np.asarray(found[seen])
-
-
-def _clear(observation: FrfObservation) -> NDArray[np.bool_]:
-    """Rows, real parts and then imaginary parts, of lines whose power is `ABOVE_NOISE` times that of their noise."""
-    noise = 2 * observation.random[observation.kept] ** 2
-    clear: NDArray[np.bool_] = np.abs(observation.response[observation.kept]) ** 2 > ABOVE_NOISE * noise
-    return np.tile(clear, 2)
 
 
 def errors_of(
@@ -196,7 +173,7 @@ def held_out_error(problem: Problem, best: Fit, observations: Sequence[Observati
         np.sqrt(o.sigma**2 + np.einsum("ij,jk,ik->i", s, covariance, s))
         for o, s in zip(observations, slopes, strict=True)
     ]
-    shown = joint.plain(theta, problem.observations)[seen:]
+    shown = joint.plain(theta)[seen:]
     errors = observable_errors(problem, observations, shown)
     return HeldOut(tuple(errors), chi2, int(gap.size), tuple(shown), tuple(sigma))
 

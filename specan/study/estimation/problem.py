@@ -130,6 +130,8 @@ class Problem:
         Uses that stand for instrument errors held by a prior.
     unheld : frozenset of str
         Parameters that are not held by their known ranges, to see what the data alone would take.
+    one_sided : bool
+        Derivatives by one-sided differences, at half the price.
     """
 
     assembly: Assembly
@@ -141,6 +143,7 @@ class Problem:
     links: Mapping[str, str] = field(default_factory=dict)
     nuisances: frozenset[Use] = frozenset()
     unheld: frozenset[str] = frozenset()
+    one_sided: bool = False
 
     def __post_init__(self) -> None:
         known, links = self.assembly.parameters, self.links
@@ -330,7 +333,8 @@ class Problem:
             return [np.empty((o.n, 0)) for o in self.observations]
         low, high = self.bounds()
         if steps is None:
-            points, weights = usual_stencil(theta, self.scale, low, high, self.strategy.exact_minimum)
+            exact = self.strategy.exact_minimum and not self.one_sided
+            points, weights = usual_stencil(theta, self.scale, low, high, exact)
         else:
             points, weights = chosen_stencil(theta, steps, low, high, order)
         many = [self.values_at(p) for p in points]
@@ -344,18 +348,11 @@ class Problem:
         values = self.values_at(theta)
         return [o.predict(self.assembly, self.seen_by(o, values)) for o in self.observations]
 
-    def plain(self, theta: Array, fitted: Sequence[Observation] | None = None) -> list[Array]:
-        """Predictions as they are shown: where `predict` allows for errors of the model itself, without them.
-
-        What `fitted` observations (by default all) tell of these errors is taken into account.
-        """
+    def plain(self, theta: Array) -> list[Array]:
+        """Predictions as they are shown: of the fitted model, without what `predict` allows for its declared errors."""
         values = self.values_at(theta)
-        told = [(o, self.seen_by(o, values)) for o in (self.observations if fitted is None else fitted)]
         return [
-            o.plain(self.assembly, self.seen_by(o, values), told)
-            if hasattr(o, "plain")
-            else o.predict(self.assembly, self.seen_by(o, values))
-            for o in self.observations
+            getattr(o, "plain", o.predict)(self.assembly, self.seen_by(o, values)) for o in self.observations
         ]
 
     def whiten(self, array: Array) -> Array:

@@ -97,6 +97,8 @@ class Cells:
         band = np.concatenate([o.labels["third_octave_hz"] for o in observations])
         channel = np.concatenate([o.labels["channel"] for o in observations])
         self.bands = np.unique(band)
+        lines = np.concatenate([o.conditions["frequency"] for o in observations])
+        self.reach_hz = (float(lines.min()), float(lines.max()))
         self.channels = tuple(dict.fromkeys(channel.tolist()))
         turned = np.concatenate([_turned(p) for p in np.split(algebra.predicted, _ends(observations))])
         both = [np.where(band == b, part, 0.0) for b in self.bands for part in (algebra.predicted, turned)]
@@ -181,7 +183,7 @@ class Words:
     """Level and phase errors of all recordings of a problem, over any set of cells of `Cells`."""
 
     def __init__(self, problem: Problem, best: Fit, cells: Cells) -> None:
-        predictions = problem.predictions(best.theta)
+        predictions = problem.plain(best.theta)
         self._errors = [
             curve_errors(o, p)  # type: ignore[arg-type]
             for o, p in zip(problem.observations, predictions, strict=True)
@@ -343,14 +345,14 @@ def _sentences(cells: Cells, words: Words, near: Mapping[str, list[int]], groupi
             break
         taken |= {(m, b) for m in channels for b in bands}
         z = failure.z if abs(failure.z) >= abs(failure.z_phase) else failure.z_phase
-        band = "all frequencies" if len(bands) == count else _edges(cells.bands[bands])
+        band = "all frequencies" if len(bands) == count else _edges(cells.bands[bands], cells.reach_hz)
         where = f"{band}, {text}"
         text = level_and_phase(failure.level_dB, failure.z, failure.phase_deg, failure.z_phase)
         found.append(f"{where}: {text} (z = {z:.1f}), {words.details(channels, bands)[1]}")
     return found
 
 
-def _edges(bands: Array) -> str:
-    """Lower and upper edge of a run of third octaves: ``178-224 Hz``."""
+def _edges(bands: Array, reach_hz: tuple[float, float]) -> str:
+    """Lower and upper edge of a run of third octaves, as far as lines reach: ``178-224 Hz``."""
     exact = 1000 * 10 ** (np.round(10 * np.log10(bands / 1000)) / 10)
-    return f"{exact[0] * 10**-0.05:.0f}-{exact[-1] * 10**0.05:.0f} Hz"
+    return f"{max(exact[0] * 10**-0.05, reach_hz[0]):.0f}-{min(exact[-1] * 10**0.05, reach_hz[1]):.0f} Hz"

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
-from specan.study.observation import Array
+from specan.study.observation import Array, Variable
 from specan.study.observation.frf import FrfObservation
 
 Complex = NDArray[np.complex128]
@@ -35,6 +35,8 @@ class FrfErrors:
     ----------
     bands : array (bands,)
         Nominal third octaves, Hz.
+    third : Variable
+        Words of the third octaves, and which of them the lines fill in part only.
     level_dB, u_level_dB, phase_deg, u_phase_deg : array (receivers, bands)
         Model over measurement, and standard uncertainties; a positive phase is ahead.
     frac : array (receivers,)
@@ -43,6 +45,8 @@ class FrfErrors:
     common : complex array (receivers, bands, errors)
         One standard deviation each of what the bands of a receiver share; relative, the real part to the
         level, the imaginary part to the phase.
+    of_all : int
+        How many of the last of these errors all receivers share: of their frame, of the modes.
     frequency_hz : array (lines,)
     band_of_line : array (lines,)
         Number of the third octave of every line.
@@ -53,6 +57,7 @@ class FrfErrors:
     recording: str
     channels: tuple[str, ...]
     bands: Array
+    third: Variable
     level_dB: Array
     u_level_dB: Array
     phase_deg: Array
@@ -60,6 +65,7 @@ class FrfErrors:
     frac: Array
     csac: Array
     common: Complex
+    of_all: int
     frequency_hz: Array
     band_of_line: NDArray[np.intp]
     measured: Complex
@@ -79,9 +85,22 @@ class FrfErrors:
         ):
             shared = np.where(there[..., None], unit * part[cells], 0.0)
             own = np.where(there, spread[cells], 0.0) ** 2 - np.sum(shared**2, axis=-1)
-            variance = np.sum(np.maximum(own, 0.0)) + np.sum(shared.sum(axis=1) ** 2)
+            of_each, of_all = np.split(shared.sum(axis=1), [shared.shape[-1] - self.of_all], axis=-1)
+            variance = np.sum(np.maximum(own, 0.0)) + np.sum(of_each**2) + np.sum(of_all.sum(axis=0) ** 2)
             found += [float(np.nanmean(value[cells])), float(np.sqrt(variance)) / count]
         return found[0], found[1], found[2], found[3]
+
+    @property
+    def band_texts(self) -> list[str]:
+        """The third octaves as they are printed."""
+        return [self.third.short(band, unit=False) for band in self.bands.tolist()]
+
+    @property
+    def worst_band(self) -> int:
+        """The third octave that is furthest off over all receivers; one that lines fill in part only if all are."""
+        off = np.nanmean((self.level_dB / self.u_level_dB) ** 2, axis=0)
+        whole = ~np.isin(self.bands, list(self.third.partial))
+        return int(np.nanargmax(np.where(whole, off, -1.0) if whole.any() else off))
 
     def worst_line(self, rows: Sequence[int], bands: Sequence[int]) -> tuple[float, float]:
         """Frequency of the line with the largest error over some receivers and bands, and that error squared."""
@@ -140,6 +159,7 @@ class FrfErrors:
                 "third_octave_hz": float(band), "channel": channel,
                 "level_error_dB": self.level_dB[m, b], "u_level_dB": self.u_level_dB[m, b],
                 "phase_error_deg": self.phase_deg[m, b], "u_phase_deg": self.u_phase_deg[m, b],
+                "in_part": float(band) in self.third.partial,
             }
             for m, channel in enumerate(self.channels)
             for b, band in enumerate(self.bands)
@@ -164,8 +184,7 @@ def curve_errors(observation: FrfObservation, predicted: Array) -> FrfErrors:
     """
     kept = observation.kept
     measured = np.where(kept, observation.response, 0.0)
-    model = np.zeros(kept.shape, dtype=complex)
-    model[kept] = predicted[: observation.n // 2] + 1j * predicted[observation.n // 2 :]
+    model = observation.lines_of(predicted)
     labels = np.zeros(kept.shape)
     labels[kept] = observation.labels["third_octave_hz"][: observation.n // 2]
     bands = np.unique(labels[kept])
@@ -181,10 +200,12 @@ def curve_errors(observation: FrfObservation, predicted: Array) -> FrfErrors:
     lines_of = [labels.max(axis=0) == band for band in bands]
     by_line = assurance(measured, model, axis=0)
     return FrfErrors(
-        observation.name, observation.channels, bands, parts[0], parts[1], parts[2], parts[3],
+        observation.name, observation.channels, bands, observation.variables["third_octave_hz"],
+        parts[0], parts[1], parts[2], parts[3],
         frac=assurance(measured, model, axis=1),
         csac=np.array([np.nanmean(by_line[lines]) for lines in lines_of]),
-        common=common, frequency_hz=observation.frequency_hz,
+        common=common, of_all=0 if observation.modal is None else observation.modal.shape[-1],
+        frequency_hz=observation.frequency_hz,
         band_of_line=np.searchsorted(bands, labels.max(axis=0)),
         measured=measured, model=model,
     )  # fmt: skip

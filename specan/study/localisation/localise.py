@@ -163,7 +163,7 @@ class Localisation:
             worst = self.fails_at[0]
             failing = [f"fails at {worst.place}: {worst.text} (z = {worst.z:.1f})"]
         if not failing:
-            return ["no block of conditions stands out"]
+            return ["no operating range deviates significantly"]
         return [*failing, *(["no dependence on " + ", ".join(calm)] if calm else [])]
 
 
@@ -188,10 +188,7 @@ def level_and_phase(
 
 
 # kind of measurement -> module with its own way; the others are looked at by blocks
-WAYS = {
-    "frf": "specan.study.localisation.by_band_and_channel",
-    "orders": "specan.study.localisation.by_order_family",
-}
+WAYS = {"frf": "specan.study.localisation.by_band_and_channel"}
 
 
 def localise(problem: Problem, best: Fit) -> Localisation:
@@ -220,7 +217,7 @@ def curve_errors(problem: Problem, best: Fit) -> list[Any]:
 
     See `specan.study.localisation.frf_errors.FrfErrors`.
     """
-    predictions = problem.predictions(best.theta)
+    predictions = problem.plain(best.theta)
     ways = [_of_kind(o.kind, "curve_errors") for o in problem.observations]
     return [way(o, p) for way, o, p in zip(ways, problem.observations, predictions, strict=True) if way]
 

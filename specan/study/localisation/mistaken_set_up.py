@@ -304,7 +304,7 @@ def undeclared_shifts(problem: Problem, least: float) -> str:
     if met.p_value < least:
         return ""
     return (
-        f"modes that ring each a little elsewhere than those of the model would explain it (reduced chi-square "
-        f"{met.reduced_chi2:.2f}), as seams, suspensions and cables make them: declare them by "
+        f"small frequency shifts of single modes would explain it (reduced chi-square "
+        f"{met.reduced_chi2:.2f}), as seams, suspensions and cables cause them: declare them by "
         f"{receivers.usual_shifts.words}, and diagnose again"
     )

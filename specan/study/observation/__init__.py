@@ -136,6 +136,8 @@ class Variable:
         As printed; empty for a name or a plain number.
     before : bool
         Whether the words stand before the level, and the level needs no other words.
+    partial : frozenset of float
+        Levels that the data fill in part only, such as third octaves at the ends of a band.
 
     Examples
     --------
@@ -148,10 +150,15 @@ class Variable:
     words: str
     unit: str = ""
     before: bool = False
+    partial: frozenset[float] = frozenset()
 
-    def short(self, level: Any) -> str:
-        """A level without the variable's name: ``2.5 kN``."""
-        value = level if isinstance(level, str) else f"{level:g} {self.unit}".rstrip()
+    def short(self, level: Any, unit: bool = True) -> str:
+        """A level without the variable's name: ``2.5 kN``, ``500 Hz in part``; without unit ``2.5``, ``500*``."""
+        if isinstance(level, str):
+            value = level
+        else:
+            mark = (" in part" if unit else "*") if level in self.partial else ""
+            value = f"{level:g} {self.unit if unit else ''}".rstrip() + mark
         return f"{self.words} {value}" if self.before else value
 
     def spoken(self, level: Any) -> str:
@@ -161,7 +168,8 @@ class Variable:
     @property
     def axis(self) -> str:
         """Label of an axis: ``output force / kN``."""
-        return f"{self.words} / {self.unit}" if self.unit else self.words
+        mark = " (*: in part)" if self.partial else ""
+        return (f"{self.words} / {self.unit}" if self.unit else self.words) + mark
 
 
 def variable_named(name: str, variables: Mapping[str, Variable]) -> Variable:
@@ -297,9 +305,7 @@ class Fixed:
 # kind -> module with `reads(path) -> bool`, `TITLE` and `open_data(model, wanted) -> OpenedData`
 KINDS = {
     "table": "specan.study.data.open_tables",
-    "frf": "specan.study.data.open_recordings",
     "transfer": "specan.study.data.open_transfer",
-    "orders": "specan.study.data.open_orders",
 }
 ENTRY_POINTS = "specan.measurement_kinds"  # of installed packages: name = such a module
 

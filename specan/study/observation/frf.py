@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from specan.models import Assembly, Evaluation
 from specan.study.observation import NO_VERDICT, Strategy, Variable
 from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to, movers
-from specan.study.observation.kept_lines import KeptLines
+from specan.study.observation.kept_lines import ABOVE_NOISE, KeptLines
 from specan.study.observation.window_leakage import Folding
 
 Array = NDArray[np.float64]
@@ -143,6 +143,8 @@ class FrfObservation(KeptLines):
     notes: tuple[str, ...] = ()
     drift: Drift | None = None
     kind: ClassVar[str] = "frf"
+    level_of: ClassVar[str] = "third-octave levels"
+    cells: ClassVar[tuple[str, ...]] = ("third_octave_hz", "channel")
 
     @property
     def n_effective(self) -> float:
@@ -206,7 +208,28 @@ class FrfObservation(KeptLines):
     @property
     def variables(self) -> Mapping[str, Variable]:
         """Words of the labels."""
-        return {"third_octave_hz": Variable("third octave", "Hz"), "channel": Variable("channel")}
+        third = Variable("third octave", "Hz", partial=self.partial_thirds)
+        return {"third_octave_hz": third, "channel": Variable("channel")}
+
+    @property
+    def partial_thirds(self) -> frozenset[float]:
+        """Third octaves at the ends of the lines in use that these do not fill."""
+        used = self.frequency_hz[self.kept.any(axis=0)]
+        step = float(np.median(np.diff(used))) if used.size > 1 else 0.0
+        found = set()
+        for frequency, side in ((used[0], -0.5), (used[-1], 0.5)):
+            number = round(10 * np.log10(frequency / 1000.0))
+            if abs(1000.0 * 10 ** ((number + side) / 10) - frequency) > step:
+                found.add(nominal_third(number))
+        return frozenset(found)
+
+    def powers(self) -> tuple[Array, Array]:
+        """Lines 10 dB above noise and background, in third octaves that the band does not cut, where there are such."""
+        noise = 2 * self.random[self.kept] ** 2
+        clear = np.abs(self.response[self.kept]) ** 2 > ABOVE_NOISE * noise
+        whole = ~np.isin(self.labels["third_octave_hz"], list(self.partial_thirds))
+        counted = np.tile(clear, 2) & (whole if whole.any() else True)
+        return counted.astype(float), np.zeros(self.n)
 
     def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """What the model expects in place of `measured`."""
@@ -341,12 +364,7 @@ class FrfObservation(KeptLines):
             out[..., k], out[..., shifts.size + k] = folded * units[0], folded * units[1]
         return out
 
-    def plain(
-        self,
-        assembly: Assembly,
-        values: Mapping[str, Any],
-        told: Sequence[tuple[FrfObservation, Mapping[str, Any]]] = (),
-    ) -> Array:
+    def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Prediction as it is shown: shifts of modes that were found are not taken back."""
         predicted = self.predict(assembly, values)
         if not self.shifts or self.declared is None or self.modal is None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.study.observation import Array
+
+ABOVE_NOISE = (
+    10.0  # times its noise that a line's power must be for its level to count: noise then adds 0.4 dB
+)
 
 
 class KeptLines:
@@ -20,8 +25,14 @@ class KeptLines:
     channels : tuple of str
     kept : bool array (channels, lines)
         Rows in use; the real and the imaginary part of a line go together.
+    level_of : str
+        What the levels of its rows are called.
+    cells : tuple of str
+        Labels of the rows whose powers are added up to a level.
     """
 
+    level_of: ClassVar[str]
+    cells: ClassVar[tuple[str, ...]]
     recording: str
     channels: tuple[str, ...]
     kept: NDArray[np.bool_]
@@ -36,9 +47,30 @@ class KeptLines:
         """The one recording."""
         return (self.recording,)
 
+    @property
+    def measured(self) -> Array:
+        """Real parts, then imaginary parts."""
+        raise NotImplementedError
+
+    @property
+    def labels(self) -> Mapping[str, NDArray[Any]]:
+        """One level a row of each operating variable."""
+        raise NotImplementedError
+
+    def powers(self) -> tuple[Array, Array]:
+        """Which rows count for a level, and the power of noise in each that is beside it."""
+        raise NotImplementedError
+
     def stack(self, lines: NDArray[np.complex128]) -> Array:
         """Rows of complex lines (channels, lines, ...)."""
         return np.concatenate([lines.real[self.kept], lines.imag[self.kept]])
+
+    def lines_of(self, rows: Array, unused: float = 0.0) -> NDArray[np.complex128]:
+        """Complex lines (channels, lines) of their rows: `stack` undone."""
+        lines = np.full(self.kept.shape, unused, dtype=complex)
+        real, imaginary = np.split(rows, 2)
+        lines[self.kept] = real + 1j * imaginary
+        return lines
 
     def rows(self, of_lines: Any) -> NDArray[Any]:
         """Rows of what both parts of a line have alike, broadcast to (channels, lines)."""

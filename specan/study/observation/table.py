@@ -1,29 +1,24 @@
 """A table of operating points: one row a reading, conditions and one observable each.
 
-What may be evaluated in one pass over many rows is found out once for each effect and parameter. Most effects treat
-every operating point by itself, and take a parameter that differs from row to row. Some do not: a lag looks at the
-readings before, an effect may ask ``if parameter > 0``. Nothing declares this, so it is tried.
+Most effects treat every operating point by itself, and take a parameter that differs from row to row. Some do not: a
+lag looks at the readings before, an effect may ask ``if parameter > 0``. Nothing declares this, so it is tried once.
 """
 
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import compress
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import ComputationError, InputError
+from specan.errors import ComputationError, InputError, RequestError
 from specan.models import Assembly, Use
 from specan.models.evaluation import Evaluation
 from specan.study.observation import TABLE, Array, Fixed, Strategy, Variable
-
-KEPT = 8  # evaluations, one an assembly: a search goes back and forth between few
-WORTH_A_PASS = 2000  # values for which calling a model's functions costs less than what they compute
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +29,8 @@ class TableObservation(Fixed):
     ----------
     observable : array of str, shape (n,)
         Observable that each row holds; its quantity and unit are the model's.
-    covariance : array, shape (n, n)
-        V, in squared SI units of the rows.
+    covariance : array, shape (n, n) or (n,)
+        V, in squared SI units of the rows; its diagonal where rows are independent.
     parts : mapping
         Standard uncertainty of each row by origin (``reading``, ``setting``, ``discrepancy``).
     recording : array of int, shape (n,)
@@ -43,7 +38,7 @@ class TableObservation(Fixed):
     known : bool
         False where the uncertainty is unknown: residuals can be shown, but nothing be concluded.
     series, position
-        Conditions of the whole table that these rows were taken from, and their places in it.
+        Conditions of the lines of the whole table that these rows were taken from, and their places among them.
     lines, replicate_group : array of int
         Line of each row in its file; rows that were meant to be alike share a replicate group.
     groups : mapping
@@ -89,7 +84,7 @@ class TableObservation(Fixed):
     @cached_property
     def sigma(self) -> Array:
         """Standard uncertainty of each row, all origins together."""
-        return np.sqrt(np.diag(self.covariance))
+        return np.sqrt(self.covariance if self.covariance.ndim == 1 else np.diag(self.covariance))
 
     @cached_property
     def _root(self) -> InverseRoot:
@@ -122,7 +117,7 @@ class TableObservation(Fixed):
 
     @cached_property
     def _diagonal(self) -> bool:
-        return not np.any(self.covariance[~np.eye(self.n, dtype=bool)])
+        return self.covariance.ndim == 1 or np.array_equal(self.covariance, np.diag(np.diag(self.covariance)))
 
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0."""
@@ -140,7 +135,7 @@ class TableObservation(Fixed):
             observable=self.observable[keep],
             measured=self.measured[keep],
             conditions={name: values[keep] for name, values in self.conditions.items()},
-            covariance=self.covariance[np.ix_(keep, keep)],
+            covariance=self.covariance[np.ix_(*[keep] * self.covariance.ndim)],
             labels={name: values[keep] for name, values in self.labels.items()},
             recording=self._recording[keep],
             parts={name: values[keep] for name, values in self.parts.items()},
@@ -167,12 +162,24 @@ class TableObservation(Fixed):
         return np.zeros(self.n, dtype=np.intp) if self.recording is None else self.recording
 
     @cached_property
+    def _lines(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """First row of each line of the tables, and the line of each row."""
+        if self.lines is None:
+            return np.arange(self.n), np.arange(self.n)
+        places = np.stack([self._recording, self.lines])
+        _, first, line = np.unique(places, axis=1, return_index=True, return_inverse=True)
+        return first, line.ravel()
+
+    @cached_property
     def _series(self) -> tuple[Mapping[str, Array], NDArray[np.intp]]:
-        return (self.conditions, self._recording) if self.series is None else self.series
+        if self.series is not None:
+            return self.series
+        first, _ = self._lines
+        return {n: values[first] for n, values in self.conditions.items()}, self._recording[first]
 
     @cached_property
     def _position(self) -> NDArray[np.intp]:
-        return np.arange(self.n) if self.position is None else self.position
+        return self._lines[1] if self.position is None else self.position
 
     @cached_property
     def _rows(self) -> dict[str, NDArray[np.bool_]]:
@@ -180,94 +187,109 @@ class TableObservation(Fixed):
 
     def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """What the model expects in every row."""
-        if rows_are_coupled(assembly, self.conditions):
-            return self._in_order(assembly, values)
-        last = self._last(assembly)
-        after, changed = (last.found, last.changed(values)) if last else (None, ())
-        conditions = {name: column.copy() for name, column in self.conditions.items()}
-        wanted, prepared = list(self._quantities(assembly).values()), self.by_row(assembly, values)
-        with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
-            found = assembly.evaluate(conditions, prepared, wanted, after, changed)
-        self._evaluated.pop(assembly.uses, None)
-        self._evaluated[assembly.uses] = _Evaluated(assembly, values, found)
-        if len(self._evaluated) > KEPT:
-            del self._evaluated[next(iter(self._evaluated))]
-        return self._picked(assembly, found, 1)
+        return self.predict_many(assembly, [values])[:, 0]
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        """Predictions for several sets of values, all in one pass where the model's parts allow it.
-
-        The conditions are repeated once for each set and every parameter becomes one value a row. What
-        is not available so is found out on first use, and evaluated set by set from then on.
-        """
-        varying = _varying(many)
-        vector = knowledge(assembly).vector
-        vector.update({n: False for n in varying if assembly.parameters[n].per not in ("", "recording")})
-        table = None
-        together = len(many) > 1 and all(vector.get(name, True) for name in varying)
-        if together and not rows_are_coupled(assembly, self.conditions):
-            try:
-                self.predict(assembly, _middle(many))
-            except ComputationError:  # a loop that settles at the sets themselves may not do so between them
-                self.predict(assembly, many[0])
-            try:
-                table = self._together(assembly, many)
-            except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
-                vector.update(dict.fromkeys(varying, False))
-        if table is not None and all(name in vector for name in varying):
-            return table
-        single = np.stack([self.predict(assembly, values) for values in many], axis=1)
-        if table is not None:
-            same = np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)
-            vector.update(dict.fromkeys(varying, same))
-        return single
-
-    def _together(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        """Predictions for several sets of values: sets that change much the same quantities in one pass.
-
-        What none of them changes is taken from the evaluation before.
-        """
-        before = self._evaluated[assembly.uses]
-        changed = tuple(before.changed_in(many))
-        if (assembly.uses, changed) not in self._passes:
-            reached = [assembly.downstream(names) for names in changed]
-            self._passes[assembly.uses, changed] = _grouped(reached, self.n)
-        table, wanted = np.empty((self.n, len(many))), list(self._quantities(assembly).values())
-        for touched, members in self._passes[assembly.uses, changed]:
-            sets, times = [many[k] for k in members], len(members)
-            after = before.repeated(assembly.read_by(touched, wanted), self.n, times)
-            moved = sorted({name for k in members for name in changed[k]})
-            conditions = {name: np.concatenate([c] * times) for name, c in self.conditions.items()}
-            values = self.by_row(assembly, self._spread(sets, moved), times)
-            with np.errstate(all="ignore"):
-                found = assembly.evaluate(conditions, values, wanted, after, moved)
-            table[:, members] = self._picked(assembly, found, times).reshape(times, self.n).T
+        """Predictions for several sets of values; what does not depend on what changed is kept."""
+        if rows_are_coupled(assembly, self._series[0]):
+            return np.stack([self._in_order(assembly, values) for values in many], axis=1)
+        found = self._evaluated(assembly, many[:1])
+        table = np.repeat(self._picked(assembly, found, 1), len(many), axis=1)
+        alike: dict[
+            frozenset[str], dict[int, list[str]]
+        ] = {}  # what is worked out anew, and by what, set by set
+        for k, values in enumerate(many):
+            moved = [n for n, v in values.items() if v is not many[0][n] and _differ(v, many[0][n])]
+            if moved:
+                alike.setdefault(assembly.downstream(tuple(moved)), {})[k] = moved
+        for touched, sets in alike.items():
+            moved = sorted({name for names in sets.values() for name in names})
+            chosen = [many[k] for k in sets]
+            table[:, list(sets)] = self._together(assembly, chosen, found, touched, moved)
         return table
 
-    @cached_property
-    def _passes(self) -> dict[Any, list[tuple[frozenset[str], list[int]]]]:
-        """Which of several sets of values are evaluated together, by what changes in each of them."""
-        return {}
+    def _together(
+        self,
+        assembly: Assembly,
+        many: Sequence[Mapping[str, Any]],
+        before: Evaluation,
+        touched: frozenset[str],
+        moved: Sequence[str],
+    ) -> Array:
+        """Predictions that differ from an evaluation by some parameters: in one pass, with a value of them each row.
+
+        Whether the functions take that is tried once for each parameter.
+        """
+        vector = _facts(assembly).vector
+        vector.update({n: False for n in moved if assembly.parameters[n].per not in ("", "recording")})
+        table = None
+        if len(many) > 1 and all(vector.get(name, True) for name in moved):
+            after = self._repeated(assembly, before, assembly.read_by(touched), len(many))
+            try:
+                found = None if after is None else self._evaluated(assembly, many, after, moved)
+                table = None if found is None else self._picked(assembly, found, len(many))
+            except (
+                TypeError,
+                ValueError,
+                RequestError,
+            ):  # "the truth value of an array is ambiguous" and its kin
+                vector.update(dict.fromkeys(moved, False))
+        if table is not None and all(name in vector for name in moved):
+            return table
+        one_by_one = [self._evaluated(assembly, [values], before, moved) for values in many]
+        single = np.hstack([self._picked(assembly, found, 1) for found in one_by_one])
+        if table is not None:
+            vector.update(dict.fromkeys(moved, np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)))
+        return single
+
+    def _evaluated(
+        self,
+        assembly: Assembly,
+        many: Sequence[Mapping[str, Any]],
+        after: Evaluation | None = None,
+        moved: Sequence[str] = (),
+    ) -> Evaluation:
+        """The model at some sets of values, the rows once for each; `after` as in `Evaluator.evaluate`."""
+        times, wanted = len(many), list(self._quantities(assembly).values())
+        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+        values = self.by_row(assembly, many[0], times)
+        if times > 1:
+            values |= {n: np.concatenate([self._per_row(one[n]) for one in many]) for n in moved}
+        with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
+            return assembly.evaluate(conditions, values, wanted, after, moved)
+
+    def _repeated(
+        self, assembly: Assembly, before: Evaluation, names: frozenset[str], times: int
+    ) -> Evaluation | None:
+        """Some quantities for the rows repeated; None where it is not clear which axis is that of the rows."""
+        repeated = {}
+        for name in before.values.keys() & names:
+            quantity, value = assembly.model.quantities[name], before.values[name]
+            axes = len(quantity.axes)
+            if quantity.collection:
+                return None
+            if np.ndim(value) > axes:
+                if np.ndim(value) != axes + 1 or value.shape[-1] != self.n:
+                    return None
+                value = np.concatenate([value] * times, axis=-1)  # a fifth of the time of tile
+            repeated[name] = value
+        return Evaluation(repeated, {})
+
+    def _per_row(self, value: Any) -> Array:
+        value = np.asarray(value, dtype=float)
+        return value[self._recording] if value.ndim else np.full(self.n, value)
 
     def _picked(self, assembly: Assembly, found: Evaluation, times: int) -> Array:
-        """The observable of every row."""
-        quantities, predicted = self._quantities(assembly), np.empty(self.n * times)
-        for name, rows in self._rows.items():
-            value = np.asarray(found[quantities[name]], float)
-            if len(self._rows) == 1 and value.shape == predicted.shape:
-                return value.copy()
-            rows = np.tile(rows, times)
-            predicted[rows] = np.broadcast_to(value, rows.shape)[rows]
-        return predicted
+        """The observable of every row, one column for each set of values."""
+        picked = np.empty((self.n, times))
+        for name, quantity in self._quantities(assembly).items():
+            value = np.broadcast_to(np.asarray(found[quantity], float), self.n * times).reshape(times, self.n)
+            picked[self._rows[name]] = value.T[self._rows[name]]
+        return picked
 
-    def _last(self, assembly: Assembly) -> _Evaluated | None:
-        last = self._evaluated.get(assembly.uses)
-        return last if last is not None and last.assembly is assembly else None
-
-    @cached_property
-    def _evaluated(self) -> dict[tuple[Use, ...], _Evaluated]:
-        """The last evaluation of some assemblies, the one that was used last at the end."""
-        return {}
+    def _quantities(self, assembly: Assembly) -> dict[str, str]:
+        """The model's quantity of every observable of this table."""
+        return {name: assembly.model.observables[name].quantity for name in self._rows}
 
     def _in_order(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Predictions of an effect that looks at earlier rows: whole recordings, one after the other."""
@@ -289,127 +311,16 @@ class TableObservation(Fixed):
             predicted[mine] = [whole[name][k] for name, k in zip(self.observable[mine], rows, strict=True)]
         return predicted
 
-    def _spread(self, many: Sequence[Mapping[str, Any]], varying: Iterable[str]) -> dict[str, Any]:
-        """One set of values whose varying members hold one value a row of the repeated table."""
-        spread = dict(many[0])
-        for name in varying:
-            values = [one[name] for one in many]
-            if isinstance(values[0], float):
-                spread[name] = np.repeat(values, self.n)
-            else:
-                spread[name] = np.concatenate([self._per_row(value) for value in values])
-        return spread
-
-    def _per_row(self, value: Any) -> Array:
-        value = np.asarray(value, dtype=float)
-        return value[self._recording] if value.ndim else np.full(self.n, value)
-
     def by_row(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> dict[str, Any]:
         """Values with one element a row for parameters of each recording, rows repeated `times` times."""
-        prepared = dict(values)
-        for name, value in values.items():
-            if (
-                isinstance(value, float)
-                or np.ndim(value) != 1
-                or assembly.parameters[name].per != "recording"
-            ):
-                continue
-            if np.size(value) != self.n * times:
-                prepared[name] = np.tile(np.asarray(value, dtype=float)[self._recording], times)
-        return prepared
-
-    def _quantities(self, assembly: Assembly) -> dict[str, str]:
-        """The model's quantity of every observable of this table."""
-        return {name: assembly.model.observables[name].quantity for name in self._rows}
-
-
-@dataclass(frozen=True)
-class _Evaluated:
-    """Quantities at some values of the parameters, from which others at the same conditions are worked out."""
-
-    assembly: Assembly
-    values: Mapping[str, Any]
-    found: Evaluation
-
-    def changed(self, values: Mapping[str, Any]) -> tuple[str, ...]:
-        """Parameters that have other values."""
-        own = self.values
-        return tuple(n for n, v in values.items() if n not in own or (v is not own[n] and _differ(v, own[n])))
-
-    def changed_in(self, many: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
-        """The same for several sets of values of the same parameters."""
-        own, names, moved = self.values, [], []
-        for name in many[0]:
-            values, value = [one[name] for one in many], own.get(name)
-            if _all_equal(values, value):
-                continue
-            names.append(name)
-            moved.append(
-                [v != value for v in values]
-                if isinstance(value, float)
-                else [_differ(v, value) for v in values]
-            )
-        return [tuple(compress(names, of_one)) for of_one in zip(*moved, strict=True)] or [()] * len(many)
-
-    def repeated(self, names: Iterable[str], rows: int, times: int) -> Evaluation | None:
-        """Some of the quantities for the rows repeated; None where it is not clear which axis is that of the rows."""
-        repeated, known = {}, self.found.values
-        for name in names:
-            if name not in known:
-                continue
-            value, axes = known[name], len(self.assembly.model.quantities[name].axes)
-            if np.ndim(value) > axes:
-                if np.ndim(value) != axes + 1 or value.shape[-1] != rows:
-                    return None
-                value = np.concatenate([value] * times, axis=-1)  # a fifth of the time of tile
-            repeated[name] = value
-        return Evaluation(repeated, {})
-
-
-def _varying(many: Sequence[Mapping[str, Any]]) -> frozenset[str]:
-    return frozenset(n for n, value in many[0].items() if not _all_equal([one[n] for one in many], value))
-
-
-def _middle(many: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The point that most of the sets share most values with: of a stencil its centre."""
-    middle = dict(many[0])
-    for name, value in many[0].items():
-        if isinstance(value, float) and 2 * [one[name] for one in many].count(value) < len(many):
-            middle[name] = many[-1][name]
-    return middle
-
-
-def _grouped(touched: Sequence[frozenset[str]], rows: int) -> list[tuple[frozenset[str], list[int]]]:
-    """Sets of values that are worth one pass together, by the quantities that each changes."""
-
-    def cost(names: frozenset[str], count: int) -> int:
-        return len(names) * (WORTH_A_PASS + count * rows)
-
-    groups: dict[frozenset[str], list[int]] = {}
-    for k, names in enumerate(touched):
-        groups.setdefault(names, []).append(k)
-    while True:
-        sized = [(names, len(members)) for names, members in groups.items()]
-        saved, one, other = max(
-            (
-                (cost(a, m) + cost(b, n) - cost(a | b, m + n), a, b)
-                for k, (a, m) in enumerate(sized)
-                for b, n in sized[:k]
-            ),
-            key=lambda merged: merged[0],
-            default=(0, frozenset[str](), frozenset[str]()),
-        )
-        if saved <= 0:
-            return list(groups.items())
-        members = sorted([*groups.pop(one), *groups.pop(other)])
-        groups[one | other] = sorted([*groups.get(one | other, []), *members])
-
-
-def _all_equal(values: list[Any], value: Any) -> bool:
-    """Whether all are the same; most parameters are, and lists count them quickly."""
-    if isinstance(value, float):
-        return values.count(value) == len(values)
-    return not any(other is not value and _differ(other, value) for other in values)
+        return {
+            name: np.tile(value[self._recording], times)
+            if not isinstance(value, float)
+            and np.ndim(value) == 1
+            and assembly.parameters[name].per == "recording"
+            else value
+            for name, value in values.items()
+        }
 
 
 def _differ(one: Any, other: Any) -> bool:
@@ -419,7 +330,7 @@ def _differ(one: Any, other: Any) -> bool:
 
 
 @dataclass
-class Knowledge:
+class _Facts:
     """What was found out about the effects and parameters of one model."""
 
     coupled: dict[Use, bool] = field(default_factory=dict)
@@ -427,14 +338,13 @@ class Knowledge:
 
 
 # model id -> (the model, what is known); forgotten together with the model
-_KNOWN: dict[int, tuple[weakref.ref[Any], Knowledge]] = {}
+_KNOWN: dict[int, tuple[weakref.ref[Any], _Facts]] = {}
 
 
-def knowledge(assembly: Assembly) -> Knowledge:
-    """What is known about the model of an assembly."""
+def _facts(assembly: Assembly) -> _Facts:
     key = id(assembly.model)
     if key not in _KNOWN:
-        _KNOWN[key] = (weakref.ref(assembly.model, lambda _: _KNOWN.pop(key, None)), Knowledge())
+        _KNOWN[key] = (weakref.ref(assembly.model, lambda _: _KNOWN.pop(key, None)), _Facts())
     return _KNOWN[key][1]
 
 
@@ -443,7 +353,7 @@ def rows_are_coupled(assembly: Assembly, conditions: Mapping[str, Array]) -> boo
 
     Tried at the default values: every second row alone must give what it gives among the others.
     """
-    known, model = knowledge(assembly).coupled, assembly.model
+    known, model = _facts(assembly).coupled, assembly.model
     for use in assembly.uses:
         if use in known:
             continue

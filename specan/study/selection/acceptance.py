@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
-from specan.study.estimation.distributions import quantile, root
+from specan.study.estimation.distributions import quantile
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.prediction_error import ObservableError, errors_of
@@ -190,11 +191,10 @@ class AcceptanceTest:
             return self.level
         high = math.log(self.level)
         return math.exp(
-            root(
+            brentq(
                 lambda x: self.family.probability(math.exp(x)) - self.level,
                 high + math.log(LEAST_SHARE),
                 high,
-                close=2e-12,
             )
         )
 
@@ -277,35 +277,35 @@ def left_out_score(fit: Projection, left_out: Sequence[NDArray[np.intp]], disper
     return total
 
 
-def left_out_error(refit: Refit) -> ObservableError | None:
-    """Error of a model on conditions that it was not fitted to, each level of each operating variable in turn.
+def left_out_errors(refit: Refit) -> list[ObservableError]:
+    """Errors of a model on conditions that it was not fitted to, each level of each operating variable in turn.
 
     The model is fitted anew without every block, and predicts it. None where nothing can be left out, where a fit
-    without a block fails, and where rows are many.
+    without a block fails, and where rows are many. The observable with most values comes first.
     """
     problem, observation = refit.problem, refit.problem.observations[0]
     blocks = left_out_blocks(problem)
     if not blocks or len(problem.observations) > 1 or not isinstance(observation, TableObservation):
-        return None
+        return []
     if not problem.strategy.secondary_refits or observation.n > MOST_ROWS:
-        return None
+        return []
     (slopes,), predicted = problem.sensitivities(refit.fit.theta), []
     for block in blocks:
         kept = np.ones(observation.n, dtype=bool)
         kept[block] = False
         rest = problem.over([observation.without(block)])
         if rest.n_data + rest.n_priors < len(rest.names):
-            return None
+            return []
         try:
             near = [rest.observations[0].whiten(slopes[kept]), refit.fit.jacobian[problem.n_data :]]
             theta = descend(rest, refit.fit.theta, np.concatenate(near)).theta
         except ComputationError:
-            return None
+            return []
         predicted.append(problem.over([observation.take(~kept)]).predictions(theta)[0])
     rows = np.concatenate(blocks)
     return errors_of(
         problem, observation.observable[rows], np.concatenate(predicted), observation.measured[rows]
-    )[0]
+    )
 
 
 def complete(better: Refit, worse: Refit) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from specan.study.data.operating_table import IDLE
 from specan.study.estimation.distributions import tail
 from specan.study.estimation.fit import fit
+from specan.study.estimation.linear import Projection
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit, kept_with_refit
@@ -116,7 +118,8 @@ def copied_rows(refit: Refit) -> str:
     if observation is None or not observation.conditions:
         return ""
     conditions = np.stack([*observation.conditions.values()], axis=1)
-    table = np.column_stack([conditions, observation.measured])
+    kinds = np.unique(observation.observable, return_inverse=True)[1]
+    table = np.column_stack([conditions, observation.measured, kinds])
     _, first, index = np.unique(table, axis=0, return_index=True, return_inverse=True)
     original = first[np.ravel(index)]
     copies = np.flatnonzero(original != np.arange(observation.n))
@@ -188,12 +191,22 @@ def rows_of_two_kinds(refit: Refit) -> str:
         if rest.dof > 0 and rest.lack_of_fit > WHOLE:
             ask = (
                 "; if they were run with the brake uncoupled, say so in a column 'coupled' (0 there, else 1)"
-                if KINDS in conditions
+                if KINDS in conditions and _asks_for_kinds(refit, observation.take(~loaded))
                 else ""
             )
             where = _where(observation, np.flatnonzero(~loaded))
             return f"rows without load contradict the others: without them ({where}) the model fits{ask}"
     return ""
+
+
+def _asks_for_kinds(refit: Refit, idle: TableObservation) -> bool:
+    """Whether a column that tells the kinds apart would change what the model says of rows without load."""
+    coupled, uncoupled = (
+        refit.problem.over([replace(idle, conditions={**idle.conditions, KINDS: np.full(idle.n, told)})])
+        for told in (1.0, 0.0)
+    )
+    theta = refit.fit.theta
+    return not np.array_equal(coupled.predictions(theta)[0], uncoupled.predictions(theta)[0])
 
 
 def _fall(refit: Refit, rows: NDArray[np.intp]) -> float:
@@ -215,29 +228,35 @@ def _where(observation: _Table, rows: NDArray[np.intp]) -> str:
     return f"{place}; {named}" if place else named
 
 
-def drift_over_rows(base: Refit) -> str:
+def drift_over_rows(best: Refit) -> str:
     """A sentence where repeats of the same conditions differ the more the further they lie apart in the table.
 
     Only differences between repeats are looked at, so that the order of the conditions plays no part: the slope of
-    what the model leaves over the number of the row, both about the means of their replicate groups, in Student's
-    test. Empty where the table holds the time (then a drift is an effect like any other), where nothing is repeated
-    and where nothing drifts.
+    what the best model leaves over the line, beside the mean of every replicate group, in Student's test. All columns
+    are whitened, since readings of one set-up share its error. Empty where the table holds the time (then a drift is an
+    effect like any other), where nothing is repeated and where nothing drifts.
     """
-    problem, observation = base.problem, _table(base)
+    observation = _table(best)
     if observation is None or TIME in observation.available:
         return ""
-    _, index, counts = np.unique(observation.replicate_group, return_inverse=True, return_counts=True)
-    rows = observation.lines - observation.lines.min()
-    span = float(np.ptp(rows))
-    weight = 1.0 / observation.sigma
-    mass = np.bincount(index, weight**2)
+    kinds = [observation.observable == name for name in dict.fromkeys(observation.observable.tolist())]
+    return next(
+        (said for rows in kinds if (said := _drift_of(best, cast("_Table", observation.take(rows))))), ""
+    )
 
-    def centred(column: np.ndarray) -> np.ndarray:
-        return np.asarray(column - (np.bincount(index, weight**2 * column) / mass)[index]) * weight
 
-    left = centred(observation.measured - problem.predictions(base.fit.theta)[0])
-    order = centred(rows / max(span, 1.0))
-    dof, size = float(np.sum(counts - 1)) - 1, float(order @ order)
+def _drift_of(best: Refit, observation: _Table) -> str:
+    """The same for the rows of one observable."""
+    problem = best.problem.over([observation])
+    _, index = np.unique(observation.replicate_group, return_inverse=True)
+    line = observation.lines - observation.lines.min()
+    left = observation.measured - problem.predictions(best.fit.theta)[0]
+    groups = Projection.of(left, observation.whiten(np.eye(index.max() + 1)[index]))
+    left, order = (
+        groups.project_out(observation.whiten(column))
+        for column in (left, line / max(float(np.ptp(line)), 1.0))
+    )
+    dof, size = float(observation.n - groups.rank - 1), float(order @ order)
     if dof < LEAST_DOF or size <= 0:
         return ""
     slope = float(order @ left) / size

@@ -224,12 +224,24 @@ class Refits:
             nested = self._best_within(uses)
             if best is None or best.chi2 > nested.fit.chi2 + STALL_TOLERANCE * unit(problem, best.chi2):
                 best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)], nested)
+        return self._keep(uses, problem, best, reason)
+
+    def fit_from_default(self, use: Use) -> None:
+        """Add one effect to the base and refit from the effect's declared values; the better fit is kept."""
+        problem = self.base.problem.with_uses([use])
+        best, reason = self._lowest(problem, [self.base.fit.values], self.base)
+        self._keep(frozenset({use}), problem, best, reason)
+
+    def _keep(self, uses: EffectSet, problem: Problem, best: Minimum | None, reason: str) -> Refit | None:
+        """Keep a minimum if it is the lowest of a set so far; the reason where there is none."""
+        before = self.done.get(uses)
         if best is None or (before is not None and before.fit.chi2 <= best.chi2):
             if before is None:
                 self.failed[uses] = reason
             return before
         fitted = describe(problem, best.theta, best.residual, best.jacobian)
         self.done[uses] = self._describe(uses, problem, fitted)
+        self.failed.pop(uses, None)
         return self.done[uses]
 
     @property

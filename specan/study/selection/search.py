@@ -34,6 +34,7 @@ from specan.study.selection.signatures import (
     shape_grid,
     signatures,
 )
+from specan.study.selection.significance import LACK_OF_FIT
 from specan.study.selection.single_instruments import (
     MOST_OUTSTANDING,
     displaced,
@@ -234,7 +235,14 @@ class Search:
             done = min(k / max(step.start.problem.strategy.refitted, 1), 1.0)
             self._tell(f"refitting with {use}", SINGLES + (PAIRS - SINGLES) * done)
             self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
-        return self._best_passed(self.refits.of_size(1))
+        found = self._best_passed(self.refits.of_size(1))
+        left = (found or self.base).lack_of_fit < LACK_OF_FIT
+        if left and not self.base.problem.strategy.pruning:
+            # An effect whose slope is nothing where it vanishes promises nothing, however much it explains.
+            for candidate in candidates(self.base.problem)[0]:
+                self.refits.fit_from_default(candidate.use)
+            found = self._best_passed(self.refits.of_size(1))
+        return found
 
     def _singles_to_refit(self, step: Step) -> Iterator[Use]:
         """Candidates that are worth a refit, in view of the sets that were fitted before each."""
@@ -486,7 +494,8 @@ def _worth_refitting(step: Step) -> list[Use]:
     order = sorted(bic, key=lambda use: bic[use])
     # With pruning, what promises nothing is not refitted only because nothing else promises more.
     strategy = step.start.problem.strategy
-    limit = min(bic[order[0]] + WINDOW, 0.0 if strategy.pruning else np.inf)
+    least = bic[order[0]] if order else np.inf
+    limit = min(least + WINDOW, 0.0 if strategy.pruning else np.inf)
     return [use for k, use in enumerate(order) if k < strategy.refitted or bic[use] < limit]
 
 

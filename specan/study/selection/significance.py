@@ -21,8 +21,9 @@ from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
-from specan.study.estimation.distributions import noncentral, quantile, root, tail
+from specan.study.estimation.distributions import noncentral, quantile, tail
 
 LACK_OF_FIT = 1e-3  # probability below which a model is said not to fit
 LIKE_INFINITE = 1e5  # degrees of freedom
@@ -71,8 +72,7 @@ def improvement_probability(
         return 1.0
     value = fall / dispersion / amplitudes
     if tolerated > 0:
-        within = noncentral(value, amplitudes, _known(noise_dof), tolerated, tolerated)
-        return max(1 - within(tolerated), 0.0)
+        return max(1 - noncentral(value, amplitudes, _known(noise_dof), tolerated), 0.0)
     return tail(value, amplitudes, noise_dof) * (0.5 if sided == 1 and amplitudes == 1 else 1.0)
 
 
@@ -123,10 +123,11 @@ def detectable_noncentrality(
     7.85
     """
     most = 4 * gain + 20.0
-    within = noncentral(gain / amplitudes, amplitudes, _known(noise_dof), 0.0, most)
-    if within(0.0) <= 1 - power:
-        return 0.0
-    return root(lambda noncentrality: within(noncentrality) - (1 - power), 0.0, most)
+
+    def missed(noncentrality: float) -> float:
+        return noncentral(gain / amplitudes, amplitudes, _known(noise_dof), noncentrality) - (1 - power)
+
+    return 0.0 if missed(0.0) <= 0 else float(brentq(missed, 0.0, most))
 
 
 @dataclass(frozen=True)

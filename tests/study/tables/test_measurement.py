@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from specan.errors import InputError
+from specan.errors import InputError, RequestError
 from specan.study.data.open_tables import matching, read_tables
-from specan.study.data.operating_table import join
+from specan.study.data.operating_table import grouping_of, join
 from specan.study.data.table_reader import read_measurement
 
 RATIO = 7.5
@@ -171,6 +171,12 @@ def test_rows_are_held_out_by_level(tmp_path, tables, gear):
     rows = join([read_measurement(path, gear)], gear)
     near_50 = np.abs(rows.conditions["indicated_output_torque"] / 50 - 1) < 0.2
     np.testing.assert_array_equal(matching(rows, gear, "torque=50"), near_50)
+    scatter = float(grouping_of(gear, gear.conditions["indicated_output_torque"]).at(50.0))
+    level = rows.levels["indicated_output_torque"][near_50][0]
+    for away, found in ((2.5, near_50), (-2.5, near_50)):  # of three standard deviations of setting
+        np.testing.assert_array_equal(matching(rows, gear, f"torque={level + away * scatter}"), found)
+    with pytest.raises(RequestError, match=r"no row has output_torque_Nm = .* Nm; expected one of .* Nm"):
+        matching(rows, gear, f"torque={level + 4 * scatter}")
     np.testing.assert_array_equal(
         matching(rows, gear, "speed_rpm=800,1500"), rows.conditions["worm_speed"] < 200
     )

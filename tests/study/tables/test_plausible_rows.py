@@ -26,7 +26,7 @@ def observed(tables, folder, columns):
     [
         ("speed_rpm", lambda v: v / 60, "rev/s"),
         ("speed_rpm", lambda v: v * np.pi / 30, "rad/s"),
-        ("speed_rpm", lambda v: v / 1000, "parts thousands"),
+        ("speed_rpm", lambda v: v / 1000, "thousands separator"),
         ("oil_temperature_C", lambda v: v * 9 / 5 + 32, "degF"),
     ],
 )
@@ -72,6 +72,7 @@ def test_copied_rows_are_named_by_their_lines(tables, tmp_path):
     assert not any("equals" in text for text in observed(tables, tmp_path, columns).statements)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "lines"), [("reading", "line 7"), ("condition", "lines 7, 31")])
 def test_what_alone_carries_a_misfit_is_named_by_its_lines(tables, tmp_path, kind, lines):
     columns = tables.bench(seed=3, points=tables.grid(**PLAN), setting="read")

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
+from specan.models import Model
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
+from specan.study.estimation.fit import fit
 from specan.study.selection.candidates import base_problem
+from specan.study.selection.doubtful_data import drift_over_rows
 from specan.study.selection.pulls import ODDS, DataAlone, Pull
+from specan.study.selection.refits import Refit
 from specan.study.verdict import headline
 
 
@@ -30,6 +34,28 @@ def test_a_drift_over_the_rows_is_told_with_its_size(tables, tmp_path, drift):
         assert float(said[0].partition("move by ")[2].split()[0]) == pytest.approx(drift, rel=0.15)
 
 
+def test_readings_that_share_a_set_up_are_no_drift(tmp_path):
+    def force(x, a):
+        return a * x
+
+    model = Model.from_function(
+        force,
+        conditions={"x": ("mm", 0, 10)},
+        observables={"force": ("N", 0.02)},
+        parameters={"a": (2, 1, 5)},
+    )
+    random, told = np.random.default_rng(1), 0
+    for _ in range(12):  # each set-up of four places, in three rounds, is read ten times
+        place = np.repeat(np.tile([2.0, 4.0, 6.0, 8.0], 3), 10)
+        number = np.repeat(np.arange(12), 10)
+        read = 2 * place + random.normal(0, 0.1, 12)[number] + random.normal(0, 0.02, 120)
+        rows = [f"{x},{y:.4f},{k}" for x, y, k in zip(place, read, number, strict=True)]
+        (tmp_path / "t.csv").write_text("\n".join(["x,force,setup", *rows]) + "\n", encoding="utf-8")
+        problem = base_problem(model, read_tables(model, [tmp_path / "t.csv"]).fitted)
+        told += bool(drift_over_rows(Refit(frozenset(), problem, fit(problem))))
+    assert told == 0
+
+
 def test_a_repeat_that_lies_off_is_named_by_its_lines(tables, tmp_path):
     columns = tables.bench(4, repeats=2, points=tables.grid(**GRID))
     columns["input_torque_Nm"][20] += 25 * tables.NOISE
@@ -41,6 +67,7 @@ def copies_told(tables, tmp_path, columns):
     return [r for r in verdict(tables, tmp_path, columns).remarks if "copied row" in r]
 
 
+@pytest.mark.long
 def test_copied_rows_are_named_by_their_lines(tables, tmp_path):
     columns = tables.bench(8, repeats=2, points=tables.grid(**GRID))
     assert not copies_told(tables, tmp_path, columns)
@@ -62,6 +89,7 @@ def test_coarse_readings_at_set_conditions_agree_by_chance(tables, tmp_path):
     assert not copies_told(tables, tmp_path, columns)
 
 
+@pytest.mark.long
 def test_a_condition_that_is_wrong_in_all_repeats_is_named(tables, tmp_path):
     columns = tables.bench(5, repeats=2, points=tables.grid(**GRID))
     columns["input_torque_Nm"][[20, 70]] *= 1.06
@@ -74,6 +102,7 @@ def test_a_condition_that_is_wrong_in_all_repeats_is_named(tables, tmp_path):
     assert found.residual_law is None
 
 
+@pytest.mark.long
 def test_another_published_form_of_the_bearings_is_no_missing_effect(tables, tmp_path):
     """A gear whose bearings follow Palmgren, made with the effect itself; and none where the SKF model holds."""
     plan = tables.grid(**GRID)
@@ -88,6 +117,7 @@ def test_another_published_form_of_the_bearings_is_no_missing_effect(tables, tmp
     assert not found.unknown_possible  # the data decide between the forms
 
 
+@pytest.mark.long
 def test_a_zero_error_without_certificate_is_found_beside_one_with_it(tables, tmp_path):
     """The output sensor's zero is off by 0.8 N*m either way, the input's has a certificate; idle runs uncoupled."""
     for offset in (0.8, -0.8):

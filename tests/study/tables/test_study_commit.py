@@ -3,10 +3,10 @@
 import contextlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tracemalloc
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from specan.errors import RequestError
 from specan.study import history
 from specan.study.create import begin
 from specan.study.edit import _on_errors, add_effect, drop_effect, drop_effect_file
-from specan.study.history import LOCK, PENDING, History, changing, commit, recover
+from specan.study.history import LOCK, PENDING, History, Step, changing, commit, recover
 from specan.study.observation.window_leakage import fold
 from specan.study.study import Study
 from specan.study.study_file import read_study_file
@@ -37,11 +37,19 @@ def own_machine(tmp_path, monkeypatch):
     monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "config"))
 
 
+@pytest.fixture(scope="module")
+def begun(tables, tmp_path_factory):
+    place = tmp_path_factory.mktemp("begun")
+    table = tables.write_table(place / "table.csv", tables.bench(effects={"seal-drag.torque": 0.3}))
+    rig = tables.write_rig(place / "rig.toml", torque_setting_percent=5.0)
+    begin(place / "study", "worm-gear", rig, [table])
+    return place
+
+
 @pytest.fixture
-def study(tables, tmp_path):
-    table = tables.write_table(tmp_path / "table.csv", tables.bench(effects={"seal-drag.torque": 0.3}))
-    rig = tables.write_rig(tmp_path / "rig.toml", torque_setting_percent=5.0)
-    return begin(tmp_path / "study", "worm-gear", rig, [table]).study
+def study(begun, tmp_path):
+    shutil.copytree(begun, tmp_path, dirs_exist_ok=True)
+    return Study(tmp_path / "study")
 
 
 def files_of(directory):
@@ -63,7 +71,7 @@ class Crash(BaseException):
     """The process ends here."""
 
 
-@pytest.mark.parametrize("after", range(1, 8))
+@pytest.mark.parametrize("after", [1, 4, 7, *(pytest.param(n, marks=pytest.mark.long) for n in (2, 3, 5, 6))])
 def test_a_process_that_ends_in_the_middle_leaves_either_state(study, monkeypatch, after):
     """Every call that reaches the disk is counted; the process ends before the one with the given number."""
     before = files_of(study.directory)
@@ -136,6 +144,7 @@ def test_a_second_process_is_refused_while_one_changes_the_study(study):
     assert not (study.directory / LOCK).exists()
 
 
+@pytest.mark.long
 def test_two_that_opened_the_same_state_both_keep_their_effect(study):
     one, two = Study(study.directory), Study(study.directory)
     add_effect(one, "seal-drag")
@@ -146,6 +155,7 @@ def test_two_that_opened_the_same_state_both_keep_their_effect(study):
     consistent(study.directory)
 
 
+@pytest.mark.long
 def test_a_failed_change_is_forgotten_by_the_study_that_was_open(study, monkeypatch):
     opened = add_effect(study, "seal-drag").study
     with monkeypatch.context() as patch:
@@ -225,8 +235,8 @@ def test_memory_of_the_window_matrix_grows_with_the_length_not_with_its_square()
 )
 def test_an_error_rises_where_it_does_by_more_than_chance(after, n, expected):
     def step(value):
-        return SimpleNamespace(
-            fit_error=None, held_out_error={"value": value}, errors={"held_out": [{"n": n}]}
-        )
+        error = {"observable": "x", "rms": value, "unit": "m", "n": n}
+        none: dict = {}
+        return Step(0, "add", (), none, none, None, None, none, none, errors={"held_out": [error]})
 
     assert _on_errors(step(1.0), step(after), expected_to_fall=True) == [expected] * (expected is not None)

@@ -1,0 +1,1 @@
+"""Eight machines as a user of specan would model them, with the truth in other formulas; see `run.py`."""

@@ -1,0 +1,343 @@
+"""A model made of an FMU and the TOML file beside it."""
+
+from __future__ import annotations
+
+import inspect
+import itertools
+import re
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError, nearest
+from specan.fmu.process import FmuProcess
+from specan.fmu.settings import EffectEntry, FmuSettings, Variable, read_settings
+from specan.models.effect import Effect, Parameter, effect
+from specan.models.model import Model
+from specan.units import base_unit, convert, is_compatible
+
+Array = NDArray[np.float64]
+MOST_KEPT = 200_000  # simulations whose outputs are kept
+KINDS = {"co-simulation": "CoSimulation", "model-exchange": "ModelExchange"}
+SHARE = "share"  # of a switch that has no amplitude of its own
+
+
+def files_of(path: Path) -> tuple[Path, ...]:
+    """The FMU and the TOML file that describes it."""
+    return path, path.with_suffix(".toml")
+
+
+def model_from(path: Path) -> Model:
+    """Make a model of an FMU.
+
+    Each row of a table is one simulation with constant inputs. Parameters of the FMU are quantities, to which effects
+    add. A switch between 0 and 1 is a share: what the FMU gives without and with it is mixed.
+
+    Raises
+    ------
+    RequestError
+        The file or the TOML file beside it is missing or wrong, FMPy is not installed, or the FMU is for another
+        platform.
+    """
+    if not path.exists():
+        raise RequestError(f"the model file {path} does not exist", remedy="check the path")
+    settings = read_settings(path)
+    simulations = _Simulations(path, settings)
+    names = (*settings.conditions, *simulations.quantities)
+    observed = [
+        _function(name, names, _reader(simulations, k), name) for k, name in enumerate(settings.observables)
+    ]
+    return Model.from_function(
+        *observed,
+        conditions={n: (simulations.unit_of(n), c.low, c.high) for n, c in settings.conditions.items()},
+        observables={
+            n: unit if o.uncertainty is None else (unit, o.uncertainty)
+            for (n, o), unit in zip(settings.observables.items(), simulations.observed_units, strict=True)
+        },
+        parameters=simulations.quantities,
+        effects=[_effect(name, entry, simulations) for name, entry in settings.effects.items()],
+        name=path.stem,
+        title=settings.title or simulations.title,
+    )
+
+
+class _Simulations:
+    """Outputs of an FMU for rows of values; what was simulated once is kept."""
+
+    def __init__(self, path: Path, settings: FmuSettings) -> None:
+        self.settings, self.path = settings, path
+        self._folder = tempfile.TemporaryDirectory(prefix="specan_fmu_", ignore_cleanup_errors=True)
+        description = _unpacked(path, self._folder.name)
+        self.title = (description.description or description.modelName or path.stem).strip().rstrip(".")
+        self._known = {v.name: v for v in description.modelVariables}
+        self.quantities: dict[str, Parameter] = {}
+        self._variables: dict[str, Variable] = {}
+        for name, entry in {**settings.conditions, **settings.parameters}.items():
+            self._variables[name] = self.variable(name, entry)
+        self.quantities |= {n: _parameter(p, self._variables[n].unit) for n, p in settings.parameters.items()}
+        for name, effect_entry in settings.effects.items():
+            self._take(name, effect_entry)
+        outputs = [self.variable(n, o) for n, o in settings.observables.items()]
+        self._output_units = [(self._fmu_unit(o), o.unit) for o in outputs]
+        self._switches = [
+            k
+            for k, v in enumerate(self._variables.values())
+            if self._known[v.variable].type not in ("Real", "Float64", "Float32")
+        ]
+        self._kept: dict[bytes, list[float]] = {}
+        run = settings.simulation
+        self._process = FmuProcess(
+            str(path),
+            self._folder.name,
+            {
+                "names": [v.variable for v in self._variables.values()],
+                "outputs": [o.variable for o in outputs],
+                "kind": _kind(path, description, run.kind),
+                "duration": run.duration,
+                "step": run.step,
+                "average": run.average,
+                "tolerance": run.tolerance,
+            },
+            run.time_limit,
+        )
+
+    def unit_of(self, name: str) -> str:
+        """Unit of a condition or parameter."""
+        return self._variables[name].unit
+
+    @property
+    def observed_units(self) -> list[str]:
+        """Units of the observables."""
+        return [own for _, own in self._output_units]
+
+    def quantity_of(self, variable: str) -> str:
+        """Name of the quantity that stands for a variable of the FMU."""
+        return next(n for n, v in self._variables.items() if v.variable == variable)
+
+    def start_of(self, variable: str, unit: str) -> float:
+        """The FMU's own value, in a unit."""
+        given = self._known[variable].start
+        value = {"true": 1.0, "false": 0.0}.get(str(given).lower()) if given is not None else 0.0
+        return float(
+            convert(
+                float(given) if value is None else value,
+                self._fmu_unit(Variable(variable=variable, unit=unit)),
+                unit,
+            )
+        )
+
+    def outputs(self, values: Mapping[str, Any]) -> Array:
+        """Outputs, one row a row of the table, for arrays or numbers in the units of the TOML file."""
+        columns = [
+            convert(np.asarray(values[n], dtype=float), v.unit, self._fmu_unit(v))
+            for n, v in self._variables.items()
+        ]
+        table = np.stack(np.broadcast_arrays(*map(np.atleast_1d, columns)), axis=1)
+        table[:, self._switches] = np.clip(table[:, self._switches], 0.0, None)
+        found = np.zeros((len(table), len(self._output_units)))
+        for places, weight in self._corners(table):
+            found += weight[:, None] * self._simulated(places)
+        for k, (fmu, own) in enumerate(self._output_units):
+            found[:, k] = convert(found[:, k], fmu, own)
+        return found
+
+    def _corners(self, table: Array) -> list[tuple[Array, Array]]:
+        """Tables with every switch on or off, and their weights: the mixture that the shares ask for."""
+        mixed = [k for k in self._switches if np.any((table[:, k] != 0) & (table[:, k] != 1))]
+        found = []
+        for corner in itertools.product((0.0, 1.0), repeat=len(mixed)):
+            places, weight = table.copy(), np.ones(len(table))
+            for k, on in zip(mixed, corner, strict=True):
+                weight = weight * (table[:, k] if on else 1 - table[:, k])
+                places[:, k] = on
+            found.append((places, weight))
+        return found
+
+    def _simulated(self, table: Array) -> Array:
+        keys = [row.tobytes() for row in table]
+        new = {key: row for key, row in zip(keys, table, strict=True) if key not in self._kept}
+        if new:
+            answers = dict(zip(new, self._process.simulate(list(new.values())), strict=True))
+            if len(self._kept) + len(new) > MOST_KEPT:
+                self._kept = {key: self._kept[key] for key in set(keys) - set(new)}
+            self._kept |= answers
+        return np.array([self._kept[key] for key in keys])
+
+    def variable(self, name: str, entry: Variable) -> Variable:
+        """The entry with its variable and unit filled in."""
+        variable = entry.variable or name
+        if variable not in self._known:
+            raise RequestError(
+                f"{self.path.with_suffix('.toml')}: the FMU has no variable {variable!r}",
+                remedy=nearest(variable, self._known),
+            )
+        known = Variable(variable=variable, unit=entry.unit or _unit(self._known[variable].unit) or "1")
+        try:
+            base_unit(known.unit)
+        except RequestError as fault:
+            raise RequestError(
+                f"{self.path.with_suffix('.toml')}: {name!r}: {fault.found}", expected=fault.expected
+            ) from None
+        fmu = self._fmu_unit(known)
+        if not is_compatible(known.unit, fmu):
+            raise RequestError(
+                f"{self.path.with_suffix('.toml')}: {name!r} is in {known.unit}, and the FMU's {variable!r} in {fmu}",
+                expected="units of one kind",
+            )
+        return known
+
+    def _fmu_unit(self, variable: Variable) -> str:
+        return _unit(self._known[variable.variable].unit) or variable.unit
+
+    def _take(self, name: str, entry: EffectEntry) -> None:
+        """Quantities for the switch and the parameters of an effect, at which it vanishes."""
+        if entry.switch:
+            self._add(Variable(variable=entry.switch, unit="1"), entry.switch, 0.0)
+        for own, given in entry.parameters.items():
+            variable = self.variable(own, given)
+            rest = given.neutral
+            self._add(
+                variable, variable.variable,
+                self.start_of(variable.variable, variable.unit) if rest is None else rest,
+            )  # fmt: skip
+
+    def _add(self, variable: Variable, name: str, value: float) -> None:
+        if any(v.variable == variable.variable for v in self._variables.values()):
+            return
+        quantity = re.sub(r"\W+", "_", name).strip("_")
+        while quantity in self._variables or quantity in self.settings.observables:
+            quantity += "_"
+        self._variables[quantity] = self.variable(quantity, variable)
+        self.quantities[quantity] = Parameter(
+            value, self._variables[quantity].unit, doc=f"{variable.variable} of the FMU", fixed=True
+        )
+
+
+def _unpacked(path: Path, directory: str) -> Any:
+    """Unpack an FMU for this platform, and read what it says of itself."""
+    try:
+        import fmpy
+    except ImportError:
+        raise RequestError(
+            f"{path} needs FMPy, which is not installed", remedy='pip install "specan[fmu]"'
+        ) from None
+    try:
+        description = fmpy.read_model_description(str(path))
+        platforms = fmpy.supported_platforms(str(path))
+        fmpy.extract(str(path), unzipdir=directory)
+    except Exception as fault:
+        raise RequestError(
+            f"{path} cannot be read as an FMU ({fault})", expected="an FMU of FMI 2 or 3"
+        ) from None
+    if not description.fmiVersion.startswith(("2", "3")):
+        raise RequestError(f"{path} is an FMU of FMI {description.fmiVersion}", expected="FMI 2 or 3")
+    if fmpy.platform not in platforms and fmpy.platform_tuple not in platforms:
+        raise RequestError(
+            f"{path} is made for {', '.join(platforms) or 'no platform'}, and this machine is {fmpy.platform_tuple}",
+            remedy="export the FMU for this platform as well",
+        )
+    return description
+
+
+def _kind(path: Path, description: Any, asked: str | None) -> str:
+    has = {
+        "co-simulation": description.coSimulation is not None,
+        "model-exchange": description.modelExchange is not None,
+    }
+    kind = asked or next((k for k, there in has.items() if there), "co-simulation")
+    if not has[kind]:
+        raise RequestError(
+            f"{path} is no FMU for {kind}", expected=" or ".join(k for k, there in has.items() if there)
+        )
+    return KINDS[kind]
+
+
+def _unit(text: str | None) -> str:
+    """A unit as FMI writes it (``N.m``, ``kg.m2/s2``), for `specan.units`; empty where it cannot be read.
+
+    Examples
+    --------
+    >>> _unit("kg.m2/s2"), _unit("1/min"), _unit(None)
+    ('kg*m^2/s^2', '1/min', '')
+    """
+    if not text:
+        return ""
+    written = re.sub(r"(?<=[A-Za-z])(-?\d+)", r"^\1", re.sub(r"\.(?=[A-Za-z])", "*", text))
+    try:
+        base_unit(written)
+    except RequestError:
+        return ""
+    return written
+
+
+def _parameter(entry: Any, unit: str, name: str = "") -> Parameter:
+    return Parameter(
+        entry.value, unit, min=entry.min, max=entry.max, lower=entry.lower, upper=entry.upper,
+        fixed=entry.fixed, doc=name or entry.variable,
+    )  # fmt: skip
+
+
+def _effect(name: str, entry: EffectEntry, simulations: _Simulations) -> Effect:
+    """An effect that sets the FMU's switch and adds to the FMU's parameters, and does neither where it is neutral."""
+    units = {n: simulations.variable(n, p) for n, p in entry.parameters.items()}
+    parameters = {n: _parameter(p, units[n].unit, n) for n, p in entry.parameters.items()}
+    neutral = {n: p.neutral for n, p in entry.parameters.items() if p.neutral is not None}
+    if not neutral:
+        neutral[SHARE] = 0.0
+        parameters[SHARE] = Parameter(
+            1.0,
+            "1",
+            min=0.5,
+            max=1.5,
+            lower=0.0,
+            upper=5.0,
+            doc="how much of it the data support; 1 as the FMU has it",
+        )
+    targets = {n: simulations.quantity_of(units[n].variable) for n in units}
+    rests = {
+        n: simulations.start_of(units[n].variable, units[n].unit) if p.neutral is None else p.neutral
+        for n, p in entry.parameters.items()
+    }
+    switch = simulations.quantity_of(entry.switch) if entry.switch else ""
+
+    def contribution(**given: Any) -> Any:
+        acts = np.any(np.broadcast_arrays(*(np.asarray(given[n]) != v for n, v in neutral.items())), axis=0)
+        added = {targets[n]: np.where(acts, given[n] - rests[n], 0.0) for n in units}
+        if switch:
+            added[switch] = np.where(acts, given.get(SHARE, 1.0), 0.0)
+        return added if len(added) > 1 else next(iter(added.values()))
+
+    function = _function(name.replace("-", "_"), (), contribution, entry.doc or name, parameters)
+    changed = [*dict.fromkeys([*targets.values(), *([switch] if switch else [])])]
+    return effect(name, adds_to=changed, neutral=neutral, reference=entry.reference)(function)
+
+
+def _reader(simulations: _Simulations, column: int) -> Callable[..., Any]:
+    def read(**values: Any) -> Any:
+        found = simulations.outputs(values)[:, column]
+        return found if any(np.ndim(v) for v in values.values()) else found[0]
+
+    return read
+
+
+def _function(
+    name: str, reads: tuple[str, ...], function: Callable[..., Any], doc: str, parameters: Mapping[str, Parameter] = {}
+) -> Callable[..., Any]:  # fmt: skip
+    """A function with a signature as a person would have written it."""
+    kinds = inspect.Parameter
+
+    def named(*given: Any, **others: Any) -> Any:
+        return function(**dict(zip(reads, given, strict=False)), **others)
+
+    named.__name__, named.__doc__ = name, doc
+    named.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            *(kinds(n, kinds.POSITIONAL_OR_KEYWORD) for n in reads),
+            *(kinds(n, kinds.KEYWORD_ONLY, default=p) for n, p in parameters.items()),
+        ]
+    )
+    return named

@@ -1,9 +1,0 @@
-"""A planetary gear with a fixed ring: meshing forces in time, order lines of the ring's acceleration.
-
-Decisions: docs/decisions/orders_and_gears.md.
-"""
-
-from specan.models.planetary_gear.build import build
-from specan.models.planetary_gear.rig import EXAMPLE_RIG
-
-__all__ = ["EXAMPLE_RIG", "build"]

@@ -1,0 +1,218 @@
+"""From a rig file to the model of a planetary gear, or of a gear pair."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from specan.errors import RequestError
+from specan.models.catalogue import effects_in
+from specan.models.model import Model, Nuisance
+from specan.models.quantity import Condition, Observable, Quantity, constant
+from specan.planetary_gear.model import excitation, load, response
+from specan.planetary_gear.model.geometry import (
+    check_assembly,
+    inertia_uncertainty,
+    mesh_phases,
+    planet_angles,
+    rotors,
+    set_meshes,
+)
+from specan.planetary_gear.model.kinematics import (
+    carrier_speed_ratio,
+    kind_of_phasing,
+    line_statement,
+    planet_order,
+    repeat_turns,
+    sun_order,
+)
+from specan.planetary_gear.model.rig import Gear, Rig, read_rig
+from specan.planetary_gear.model.simulated_recording import path_window
+
+HARMONICS = 3  # of the mesh: what a study compares
+# Uncertainty of the answer to unlike planets about each harmonic, over that of the rig file: against springs of another
+# form over the pitch lines were right within a tenth about the first, within a factor 3 about the others.
+UNLIKE = (1.0, 2.0, 2.0)
+MOST_SAMPLES = 400_000
+# Power of the window by which lines beside the mesh grow by the factor e: those at 66h +- 3 go from 1/20 to 4/35 of the
+# window's mean between the powers 3 and 4.
+SHARPER = 1.2
+TACHO_DEG = 2.0  # standard uncertainty of the angle between the tacho's mark and planet 1
+
+
+def build(rig: Mapping[str, Any]) -> Model:
+    """Build the order-domain model of a planetary set.
+
+    Raises
+    ------
+    RequestError
+        The rig file has an unknown key, lacks one, or its teeth do not assemble.
+    """
+    settings = read_rig(rig)
+    if settings.gear is None:
+        return _pair(settings)
+    gear = settings.gear
+    check_assembly(gear)
+    known = settings.uncertainty
+    quantities = [*_constants(settings, gear), *load.QUANTITIES, *excitation.QUANTITIES, *response.QUANTITIES]
+    return Model(
+        name="planetary-gear",
+        title=f"Order lines of a planetary gear {gear.z_sun}/{gear.z_ring}/{gear.z_planet}, "
+        f"{gear.planets} planets, {kind_of_phasing(gear)}",
+        conditions={
+            "order": Condition("order", "1", "Order of each line, per turn of the carrier.", "order", "1"),
+            "sun_speed": Condition("sun_speed", "Hz", "Speed of the sun's shaft.", "sun_speed_hz", "Hz"),
+            "carrier_torque": Condition(
+                "carrier_torque", "N*m", "Torque on the carrier.", "carrier_torque_Nm", "N*m"
+            ),
+        },
+        quantities={q.name: q for q in quantities},
+        effects=effects_in("specan.planetary_gear.model.effects"),
+        observables={
+            "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.",
+                                kind="orders")
+        },
+        nuisances=(
+            Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),
+            Nuisance("contact-exponent", "change", known.contact_exponent,
+                     "bending 1, contact along a line 10/9, at a point 3/2"),
+            Nuisance("contact-stiffness", "change", known.contact_stiffness_percent / 100,
+                     "bodies deflect too, loads vary along the flank"),
+            Nuisance("carrier-inertia", "change", inertia_uncertainty(settings),
+                     "carrier, shaft and load are taken as one disc" if rig.get("rotors") is None else "the rig file"),
+            Nuisance("contact-damping", "change", known.contact_damping_percent / 100,
+                     "damping ratios of meshes from 0.01 to 0.1"),
+            Nuisance("transmission-path", "sharpness", SHARPER * known.path_percent / 100,
+                     "over how much of the turn a planet is heard"),
+            *(Nuisance(f"unlike-response@H{h}", "change", times * known.response_percent / 100,
+                       "form of the stiffness over the pitch") for h, times in enumerate(UNLIKE, 1)),
+        ),
+        for_kinds={"orders": line_statement(settings, HARMONICS)},
+        axes={
+            "planet": tuple(f"P{i}" for i in range(1, gear.planets + 1)),
+            "sensor": tuple(f"Acc {k}" for k in range(1, len(settings.sensors.acc_angle_deg) + 1)),
+            "harmonic": tuple(f"H{h}" for h in range(1, HARMONICS + 1)),
+        },
+        settings={
+            "rig": settings.model_dump(), "parsed_rig": settings, "uncertainty": settings.uncertainty.model_dump(),
+        },
+        notes=(f"all teeth meet again after {repeat_turns(gear)} turns of the carrier",),
+    )  # fmt: skip
+
+
+def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
+    sun, ring = set_meshes(gear)
+    module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))
+    turns = repeat_turns(gear)
+    per_turn = _smooth(2 * (HARMONICS * gear.z_ring + max(16, gear.z_ring // 2)))
+    if turns * per_turn > MOST_SAMPLES:
+        raise RequestError(
+            f"the teeth meet again only after {turns} turns of the carrier",
+            expected=f"at most {MOST_SAMPLES // per_turn}",
+        )
+    samples = turns * per_turn
+    law = rig.contact
+    si = np.array([law.K_N_mm_e * 1e3**law.exponent, law.exponent, 1e3 * law.C_Ns_mm, 1e-3 * law.depth_mm])
+    phases, places = np.stack(mesh_phases(gear)), planet_angles(gear)
+    made = rotors(gear, rig.rotors)
+    sun_turn = np.arange(samples) * (turns / samples) * float(sun_order(gear))
+    listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
+        ("sun_teeth", gear.z_sun, "1", "Teeth of the sun.", ()),
+        ("ring_teeth", gear.z_ring, "1", "Teeth of the ring.", ()),
+        ("planet_count", gear.planets, "1", "Number of planets.", ()),
+        ("harmonic_count", HARMONICS, "1", "Harmonics of the mesh that are followed.", ()),
+        ("repeat_turns", turns, "1", "Turns of the carrier after which everything repeats.", ()),
+        ("carrier_turn", np.arange(samples) * (turns / samples), "1", "Turns of the carrier.", ()),
+        ("mesh_waves", _waves(gear.z_ring, np.arange(samples) * (turns / samples)), "1",
+         "exp(2j pi h z_ring turn), one row a harmonic of the mesh.", ()),
+        ("transfer_path", path_window(_distance(rig, places, samples // turns, turns)), "1",
+         "Weight with which each sensor hears each planet as it passes, (sensors, planets, angle).", ("sensor",)),
+        ("sun_order", float(sun_order(gear)), "1", "Turns of the sun against the carrier.", ()),
+        ("sun_wave", np.exp(1j * (2 * np.pi * sun_turn - places[:, None])), "1",
+         "exp(j a), a the turn of the sun against the carrier beyond each planet's place.", ("planet",)),
+        ("planet_order", float(planet_order(gear)), "1", "Turns of a planet against the carrier.", ()),
+        ("carrier_ratio", carrier_speed_ratio(gear), "1", "Speed of the carrier over the sun's.", ()),
+        ("base_radii", module * cos / 2 * np.array([gear.z_sun, gear.z_planet, gear.z_ring]), "m", "Base radii.", ()),
+        ("carrier_inertia", made.carrier_inertia, "kg*m^2", "Of the carrier with the planets' masses on it.", ()),
+        ("planet_inertia", made.planet_inertia, "kg*m^2", "Of a planet about its pin.", ()),
+        ("centre_distance", made.centre_distance, "m", "From the carrier's axis to a planet's.", ()),
+        ("pressure_cosine", cos, "1", "Cosine of the pressure angle.", ()),
+        ("pressure_angle", math.acos(cos), "rad", "Pressure angle.", ()),
+        ("planet_angle", places, "rad", "Places of the planets on the carrier.", ("planet",)),
+        ("nominal_phase", phases, "1", "Phases of sun and ring meshes as drawn, in pitches.", ("planet",)),
+        ("sensor_angle", np.radians(rig.sensors.acc_angle_deg), "rad", "Places of the sensors.", ("sensor",)),
+        ("drawn_contact", si, "1", "K (N/m^e), e, C (N s/m), depth (m) of the rig file.", ()),
+        ("contact_exponent", law.exponent, "1", "Exponent of the contact law.", ()),
+        ("contact_stiffness", 1.0, "1", "Stiffness of the teeth over that of the rig file's contact law.", ()),
+        ("mesh_geometry", np.array([[m.base_pitch, m.contact_ratio, m.gap_before, m.gap_after] for m in (sun, ring)]),
+         "1", "Base pitch, contact ratio, gaps of the sun and the ring mesh.", ()),
+        ("load_share", np.ones(gear.planets), "1", "Share of each planet, before errors of place.", ("planet",)),
+        ("planet_position", np.zeros(gear.planets), "m", "By how much each pin lies ahead.", ("planet",)),
+        ("sun_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the sun meshes.", ("planet",)),
+        ("ring_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the ring meshes.", ("planet",)),
+        ("tacho_angle", 0.0, "rad", "Angle of planet 1 at a pulse of the carrier's tacho.", ()),
+        ("tip_relief", 0.0, "m", "Relief of the tips.", ()),
+        ("stiffness_change", np.zeros(2), "1", "Relative change of the stiffness of sun and ring meshes.", ()),
+        ("damping_scale", 1.0, "1", "Damping of the meshes over that of the contact law.", ()),
+        ("torque_ripple", np.zeros(samples), "1", "Relative change of the torque over the turn.", ()),
+        ("friction_share", np.zeros((gear.planets, samples)), "1", "Force of friction over that of a ring mesh.",
+         ("planet",)),
+    ]  # fmt: skip
+    stiff = replace(
+        constant(
+            "shaft_receptance",
+            lambda omega: np.zeros(np.shape(omega), complex),
+            "rad/(N*m)",
+            "Twist of the sun's shaft.",
+        ),
+        opaque=True,
+    )
+    return [stiff, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
+
+
+def _distance(rig: Rig, places: Any, per_turn: int, turns: int) -> Any:
+    """Angle between each sensor and each planet, over all turns of the carrier."""
+    one = 2 * np.pi * np.arange(per_turn) / per_turn
+    sensors = np.radians(rig.sensors.acc_angle_deg)
+    return np.tile(one + places[None, :, None] - sensors[:, None, None], turns)
+
+
+def _smooth(least: int) -> int:
+    """The next number without prime factors above five: Fourier transforms of such a length are quick."""
+    number = least
+    while True:
+        rest = number
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return number
+        number += 1
+
+
+def _waves(teeth: int, turn: Any) -> Any:
+    return np.exp(2j * np.pi * teeth * np.outer(np.arange(1, HARMONICS + 1), turn))
+
+
+def _pair(settings: Rig) -> Model:
+    """A gear pair: the run in time has its equations; here stands what is static."""
+    pair = settings.pair
+    assert pair is not None
+    rb = 1e-3 * pair.module_mm * pair.z_driver * math.cos(math.radians(pair.pressure_angle_deg)) / 2
+    quantities = [
+        constant("mesh_order", pair.z_driver, "1", "Order of the mesh, per turn of the driver."),
+        constant("mean_force", pair.driver_torque_Nm / rb, "N", "Mean force along the line of action."),
+    ]
+    return Model(
+        name="planetary-gear",
+        title=f"Gear pair {pair.z_driver}/{pair.z_driven}",
+        conditions={},
+        quantities={q.name: q for q in quantities},
+        effects={},
+        observables={"force": Observable("force", "mean_force", "N", "Mean force of the mesh.")},
+        settings={"rig": settings.model_dump(), "parsed_rig": settings, "uncertainty": {}},
+    )

@@ -1,0 +1,288 @@
+"""Time-domain model: rigid gears, elastic tooth contacts, constant speed of the driver and a torque on the output."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import ComputationError, RequestError
+from specan.planetary_gear.model import contact_steps
+from specan.planetary_gear.model.compiled import HAS_NUMBA
+from specan.planetary_gear.model.geometry import (
+    Mesh,
+    disc,
+    mesh_phases,
+    pair_mesh,
+    planet_angles,
+    rotors,
+    set_meshes,
+)
+from specan.planetary_gear.model.rig import Contact, Gear, Rig
+
+Real = NDArray[np.float64]
+
+# Of the fastest oscillation of a loaded mesh, at least: forces of the article's pair and set then change by less than
+# 1e-4 of the largest one when the step is halved. How fast contacts are damped does not matter to the method.
+STEPS_PER_PERIOD = 25.0
+SETTLE_S = 0.25  # left away before the first sample: transients of the contacts have died away
+_STORED_RATE = 51200.0
+OVERSAMPLED = 4
+_CHUNK = 12800
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the integration gives; all arrays against `time`.
+
+    Attributes
+    ----------
+    time : array
+        s from the first stored sample on.
+    sun_force, ring_force : arrays (planets, samples)
+        Along the lines of action, N; a pair has one "sun" mesh and no ring.
+    carrier_angle : array
+        Of the carrier (of the driven gear), steady rotation included, rad.
+    sun_angle : array
+    torque_in : array
+        That the driver gives, N m.
+    energy : array (6, samples)
+        Brought in, taken out, dissipated, taken up by the change of contact, held in the contacts, kinetic,
+        J from the start of the integration.
+    step_s : float
+    """
+
+    time: Real
+    sun_force: Real
+    ring_force: Real
+    carrier_angle: Real
+    sun_angle: Real
+    torque_in: Real
+    energy: Real
+    step_s: float
+    rig: Rig
+
+    @property
+    def energy_error(self) -> float:
+        """What is missing in the balance of energy over what went through."""
+        given, taken, lost, changed, held, kinetic = self.energy
+        gap = (given - taken - lost - changed) - (held + kinetic)
+        return float(np.abs(gap - gap[0]).max() / max(abs(given[-1] - given[0]), 1e-300))
+
+
+@dataclass(frozen=True)
+class _System:
+    """Numbers of one machine in the form that the integrator takes."""
+
+    planets: int
+    sizes: Real
+    law: Real
+    sun_mesh: Real
+    ring_mesh: Real
+    phases: Real
+    sun_speed: float
+    load: float
+    step: float
+    static: Real
+
+
+def simulate(rig: Rig, duration_s: float, *, sampling_rate: float = _STORED_RATE, refine: int = 1) -> Motion:
+    """Integrate the equations of motion of a set or a pair.
+
+    Parameters
+    ----------
+    rig : Rig
+    duration_s : float
+        After the transients of the start.
+    sampling_rate : float
+        Of what is stored; the step is a whole part of it.
+    refine : int
+        Divides the step further: 2 halves it.
+
+    Raises
+    ------
+    ComputationError
+        The integration became infinite.
+    """
+    system = _system(rig)
+    fine = OVERSAMPLED * sampling_rate
+    every = math.ceil(1.0 / (fine * system.step)) * refine
+    dt = 1.0 / (fine * every)
+    settle, count = math.ceil(SETTLE_S * sampling_rate), round(duration_s * sampling_rate)
+    n = system.planets
+    state = np.zeros(2 * (n + 1) + 4)
+    state[: n + 1] = system.static
+    taps = _low_pass()
+    held = np.empty((0, 2 * n + 9))
+    stored: list[Real] = []
+    rows, done, guard = 0, 0, (taps.size - 1) // (2 * OVERSAMPLED) + 1
+    while rows < settle + count + guard:
+        out = np.zeros((_CHUNK, 2 * n + 9))
+        contact_steps.advance(
+            _CHUNK * every, every, dt, done / fine, n, system.sizes, system.law, system.sun_mesh, system.ring_mesh,
+            system.phases, system.sun_speed, system.load, state, out,
+        )  # fmt: skip
+        if not np.all(np.isfinite(out)):
+            raise ComputationError(
+                "the equations of motion became infinite", remedy="check [contact] and the torque"
+            )
+        done += _CHUNK
+        held = np.concatenate([held, out])
+        windows = np.lib.stride_tricks.sliding_window_view(held, taps.size, axis=0)[::OVERSAMPLED]
+        stored.append(windows @ taps)
+        rows += windows.shape[0]
+        held = held[windows.shape[0] * OVERSAMPLED :]
+    # The first filtered row stands half a filter after the start.
+    kept = np.concatenate(stored)[settle : settle + count]
+    return _motion(
+        rig, system, kept, (settle + (taps.size - 1) / 2 / OVERSAMPLED) / sampling_rate, dt, sampling_rate
+    )
+
+
+def _low_pass() -> Real:
+    """What lies above half the sampling rate is taken away before every fourth sample is kept: it would fold back."""
+    half = 16 * OVERSAMPLED
+    at = np.arange(-half, half + 1) / OVERSAMPLED
+    taps = np.sinc(0.85 * at) * np.kaiser(at.size, 9.0)
+    return taps / taps.sum()
+
+
+def estimate_s(rig: Rig, duration_s: float) -> float:
+    """Seconds of computing that `simulate` takes here, from a short trial."""
+    system = _system(rig)
+    steps = 100 if not HAS_NUMBA else 20_000
+    n = system.planets
+    state, out = np.zeros(2 * (n + 1) + 4), np.zeros((steps, 2 * n + 9))
+    state[: n + 1] = system.static
+    trial = np.zeros((1, 2 * n + 9))
+    contact_steps.advance(
+        1, 1, system.step, 0.0, n, system.sizes, system.law, system.sun_mesh, system.ring_mesh, system.phases,
+        system.sun_speed, system.load, state, trial,
+    )  # fmt: skip  # compiles
+    begun = clock.process_time()
+    contact_steps.advance(
+        steps, 1, system.step, 0.0, n, system.sizes, system.law, system.sun_mesh, system.ring_mesh, system.phases,
+        system.sun_speed, system.load, state, out,
+    )  # fmt: skip
+    per_step = (clock.process_time() - begun) / steps
+    every = OVERSAMPLED * math.ceil(1.0 / (OVERSAMPLED * _STORED_RATE * system.step))
+    return per_step * every * _STORED_RATE * (duration_s + SETTLE_S)
+
+
+def step_error(rig: Rig, duration_s: float = 0.05) -> float:
+    """Largest change of a mesh force when the step is halved, over the largest force."""
+    coarse, fine = simulate(rig, duration_s), simulate(rig, duration_s, refine=2)
+    top = float(np.abs(fine.sun_force).max())
+    return float(np.abs(coarse.sun_force - fine.sun_force).max() / top)
+
+
+def force_normal_angle(rig: Rig, motion: Motion) -> tuple[Real, Real]:
+    """Directions of the forces on the sun and on the ring, rad from the horizontal, (planets, samples)."""
+    if rig.gear is None:
+        assert rig.pair is not None
+        angle = math.radians(rig.pair.pressure_angle_deg)
+        return np.full((1, motion.time.size), np.pi / 2 - angle), np.empty((0, motion.time.size))
+    sun, ring = set_meshes(rig.gear)
+    place = planet_angles(rig.gear)[:, None] + motion.carrier_angle[None, :]
+    # On the sun against its rotation, on the ring with the planets' way, tilted by the pressure angle.
+    return place - np.pi / 2 - sun.pressure_angle, place + np.pi / 2 - ring.pressure_angle
+
+
+def _system(rig: Rig) -> _System:
+    contact = rig.contact
+    if rig.gear is not None:
+        return _set(rig, rig.gear, contact)
+    assert rig.pair is not None
+    pair, mesh = rig.pair, pair_mesh(rig.pair)
+    cos = math.cos(math.radians(pair.pressure_angle_deg))
+    module = 1e-3 * pair.module_mm
+    rb1, rb2 = module * pair.z_driver * cos / 2, module * pair.z_driven * cos / 2
+    inertia = disc(pair.z_driven * module, 1e-3 * pair.face_width_mm)[1]
+    ratio = pair.z_driver / pair.z_driven
+    load = pair.driver_torque_Nm / ratio
+    # A pair is a set whose "carrier" is the driven gear: x = -rb2 angle, and no planet that turns.
+    sizes = np.array([rb2, 0.0, 0.0, inertia, 1.0, pair.z_driver * pair.driver_speed_hz, 0.0, rb1, 0.0])
+    sizes[6] = 2 * np.pi * pair.driver_speed_hz * ratio
+    force = load / rb2
+    depth = _depth(force, contact)
+    none = np.array([1.0, 1.0, 0.0, 0.0])
+    step = _step(contact, depth, inertia / rb2**2)
+    # Power goes in at the driver: torque there is force times rb1, and forces[2n] is force times sizes[0] = rb2.
+    return _System(
+        1, sizes, _law(contact, pair.backlash_mm), _numbers(mesh), none, np.array([[0.0], [0.5]]),
+        2 * np.pi * pair.driver_speed_hz * rb1 / rb2, load, step, np.array([-1e-3 * depth / rb2, 0.0]),
+    )  # fmt: skip
+
+
+def _set(rig: Rig, gear: Gear, contact: Contact) -> _System:
+    sun, ring = set_meshes(gear)
+    module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))
+    rb_s, rb_p, rb_r = (module * z * cos / 2 for z in (gear.z_sun, gear.z_planet, gear.z_ring))
+    made = rotors(gear, rig.rotors)
+    carrier, inertia = made.carrier_inertia, made.planet_inertia
+    speed = 2 * np.pi * rig.operation.sun_speed_hz
+    relative = speed * gear.z_ring / (gear.z_sun + gear.z_ring)  # of the sun against the carrier
+    mesh_frequency, turning = relative * gear.z_sun / (2 * np.pi), speed - relative
+    planet_speed = turning - relative * gear.z_sun / gear.z_planet
+    sizes = np.array([rb_s, rb_p, rb_r, carrier, inertia, mesh_frequency, turning, rb_s, planet_speed])
+    phases = np.stack(mesh_phases(gear))
+    force = rig.operation.carrier_torque_Nm / (gear.planets * (rb_s + rb_r))
+    depth = 1e-3 * _depth(force, contact)
+    # Both meshes of a planet are pressed as deep: x_s = x_r = depth.
+    angle = -2 * depth / (rb_s + rb_r)
+    turn = (depth + (rb_s + rb_p) * angle) / rb_p
+    step = _step(contact, 1e3 * depth, inertia / rb_p**2 / 2)
+    return _System(
+        gear.planets, sizes, _law(contact, gear.backlash_mm), _numbers(sun), _numbers(ring), phases, speed,
+        rig.operation.carrier_torque_Nm, step, np.array([angle, *([turn] * gear.planets)]),
+    )  # fmt: skip
+
+
+def _depth(force: float, contact: Contact) -> float:
+    return float((force / contact.K_N_mm_e) ** (1.0 / contact.exponent))
+
+
+def _law(contact: Contact, backlash: float) -> Real:
+    return np.array([contact.K_N_mm_e, contact.exponent, contact.C_Ns_mm, contact.depth_mm, backlash])
+
+
+def _numbers(mesh: Mesh) -> Real:
+    return np.array(
+        [1e3 * mesh.base_pitch, mesh.contact_ratio, 1e-3 * mesh.gap_before, 1e-3 * mesh.gap_after]
+    )
+
+
+def _step(contact: Contact, depth: float, mass: float) -> float:
+    """Part of the shortest period: that of a mesh's mass on two pairs of teeth."""
+    stiffness = 2e3 * contact.exponent * contact.K_N_mm_e * depth ** (contact.exponent - 1.0)
+    return 2 * np.pi / math.sqrt(stiffness / mass) / STEPS_PER_PERIOD
+
+
+def _motion(rig: Rig, system: _System, kept: Real, begun: float, dt: float, rate: float) -> Motion:
+    n = system.planets
+    time = np.arange(kept.shape[0]) / rate
+    whole = time + begun
+    sizes = system.sizes
+    state_angle = kept[:, 2 * n]
+    energy = kept[:, 2 * n + 3 : 2 * n + 9].T.copy()
+    driver = system.sun_speed if rig.gear is not None else system.sun_speed * sizes[0] / sizes[7]
+    return Motion(
+        time=time,
+        sun_force=kept[:, :n].T.copy(),
+        ring_force=kept[:, n : 2 * n].T.copy() if rig.gear is not None else np.empty((0, time.size)),
+        carrier_angle=sizes[6] * whole + state_angle,
+        sun_angle=driver * whole,
+        torque_in=kept[:, 2 * n + 2] * sizes[7] / sizes[0],
+        energy=energy,
+        step_s=dt,
+        rig=rig,
+    )
+
+
+def check_duration(duration_s: float) -> None:
+    """A length that can be simulated."""
+    if not 0.01 <= duration_s <= 600.0:
+        raise RequestError(f"{duration_s:g} s are asked for", expected="0.01 to 600 s")

@@ -1,0 +1,307 @@
+"""Involute geometry of the meshes: contact ratios, phases, gaps before and after contact, conditions of assembly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError
+from specan.planetary_gear.model.rig import Gear, Rig
+from specan.planetary_gear.model.rig import Rotors as Known
+
+if TYPE_CHECKING:
+    from specan.planetary_gear.model.rig import Gear, Pair
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A pair of gears in mesh; lengths in m, along the line of action.
+
+    Attributes
+    ----------
+    base_pitch : float
+    contact_ratio : float
+    pressure_angle : float
+        At the working pitch circles, rad.
+    gap_before, gap_after : float
+        1/m: a pair of teeth that is u outside its path of contact, before or after it, is gap u^2 apart.
+    """
+
+    base_pitch: float
+    contact_ratio: float
+    pressure_angle: float
+    gap_before: float
+    gap_after: float
+
+
+def working_pressure_angle(teeth: int, module: float, pressure_angle: float, centre_distance: float) -> float:
+    """cos a_w = m z cos a / (2 centre distance), z the sum (external) or difference (internal) of teeth.
+
+    Examples
+    --------
+    >>> round(math.degrees(working_pressure_angle(45, 2e-3, math.radians(20.0), 45e-3)), 9)
+    20.0
+    """
+    cosine = module * teeth * math.cos(pressure_angle) / (2 * centre_distance)
+    if not 0 < cosine < 1:
+        raise RequestError(
+            f"a centre distance of {1e3 * centre_distance:g} mm is shorter than the base circles allow",
+            expected=f"about {500 * module * teeth:g} mm",
+        )
+    return math.acos(cosine)
+
+
+def external_mesh(
+    z1: int, z2: int, module: float, pressure_angle: float, centre_distance: float | None = None
+) -> Mesh:
+    """Two external gears without profile shift; gear 1 drives.
+
+    Contact ratio: length of the path of contact over the base pitch (ISO 21771:2007, clause 5).
+
+    Examples
+    --------
+    >>> round(external_mesh(24, 21, 2e-3, math.radians(20)).contact_ratio, 3)
+    1.586
+    """
+    a = centre_distance or module * (z1 + z2) / 2
+    angle = working_pressure_angle(z1 + z2, module, pressure_angle, a)
+    one, two = (_Wheel(0.0, z1, 1, module, pressure_angle), _Wheel(a, z2, 1, module, pressure_angle))
+    pitch = math.pi * module * math.cos(pressure_angle)
+    length = one.reach + two.reach - a * math.sin(angle)
+    # Contact begins at the driven gear's tip and ends at the driver's.
+    before = _tip_gap(two, one, angle, 0.05 * pitch, external=True)
+    after = _tip_gap(one, two, angle, 0.05 * pitch, external=True)
+    return Mesh(pitch, length / pitch, angle, before, after)
+
+
+def internal_mesh(
+    z_ring: int, z_planet: int, module: float, pressure_angle: float, centre_distance: float | None = None
+) -> Mesh:
+    """A planet in a ring, without profile shift; the planet drives.
+
+    Examples
+    --------
+    >>> round(internal_mesh(66, 21, 2e-3, math.radians(20)).contact_ratio, 3)
+    1.932
+    """
+    a = centre_distance or module * (z_ring - z_planet) / 2
+    angle = working_pressure_angle(z_ring - z_planet, module, pressure_angle, a)
+    ring = _Wheel(0.0, z_ring, -1, module, pressure_angle)
+    planet = _Wheel(a, z_planet, 1, module, pressure_angle)
+    if ring.tip <= ring.base:
+        raise RequestError(
+            f"a ring of {z_ring} teeth has tips inside its base circle", remedy="take more teeth"
+        )
+    pitch = math.pi * module * math.cos(pressure_angle)
+    length = planet.reach - ring.reach + a * math.sin(angle)
+    before = _tip_gap(ring, planet, angle, 0.05 * pitch, external=False)
+    after = _tip_gap(planet, ring, angle, 0.05 * pitch, external=False)
+    return Mesh(pitch, length / pitch, angle, before, after)
+
+
+class _Wheel:
+    """Radii of a wheel whose centre lies at x on the line of centres; `side` -1 for a ring, whose tips lie inside."""
+
+    def __init__(self, x: float, teeth: int, side: int, module: float, pressure_angle: float) -> None:
+        self.x = x
+        self.base = module * teeth * math.cos(pressure_angle) / 2
+        self.tip = module * (teeth + 2 * side) / 2
+        self.reach = math.sqrt(max(self.tip**2 - self.base**2, 0.0))
+
+
+def _tip_gap(tip: _Wheel, other: _Wheel, angle: float, step: float, *, external: bool) -> float:
+    """Coefficient of the gap between a tip outside the path of contact and the other wheel's flank, 1/m.
+
+    The tip turns on beyond the line of action by u along its base circle, the other wheel with it. Through the tip
+    passes one involute of the other wheel; by how much its base point differs from that of the wheel's own flank, times
+    the base radius, is the gap along the line of action. It grows with u^2.
+    """
+    normal = (math.cos(angle), -math.sin(angle))
+    along = (math.sin(angle), math.cos(angle))
+    mirrored = external and tip.x < other.x  # the pair seen from its other side: the tip's wheel lies right
+    x_tip, x_other = (other.x - tip.x, 0.0) if mirrored else (tip.x, other.x)
+    side = -1.0 if external else 1.0
+    start = (x_tip + side * tip.base * normal[0], side * tip.base * normal[1])
+    p0 = (start[0] + side * tip.reach * along[0], start[1] + side * tip.reach * along[1])
+
+    def base_point(p: tuple[float, float]) -> float:
+        x, y = p[0] - x_other, p[1]
+        inside = math.acos(min(1.0, other.base / math.hypot(x, y)))
+        return math.atan2(y, x) - inside + math.tan(inside)
+
+    def gap(u: float) -> float:
+        turn = u / tip.base
+        x, y = p0[0] - x_tip, p0[1]
+        cos, sin = math.cos(turn), math.sin(turn)
+        moved = (x_tip + cos * x - sin * y, sin * x + cos * y)
+        return other.base * (base_point(moved) - base_point(p0)) - side * u
+
+    return 0.5 * (abs(gap(step)) + abs(gap(-step))) / step**2
+
+
+def planet_angles(gear: Gear) -> Real:
+    """Places of the planets on the carrier, rad; equally spaced unless the rig says otherwise."""
+    if gear.planet_angles_deg is not None:
+        return np.radians(np.asarray(gear.planet_angles_deg, dtype=float))
+    return 2 * np.pi * np.arange(gear.planets) / gear.planets
+
+
+def mesh_phases(gear: Gear) -> tuple[Real, Real]:
+    """Phases of the sun-planet and the ring-planet meshes in tooth pitches, from 0 to 1.
+
+    Parker and Lin, Mesh phasing relationships in planetary and epicyclic gears, J. Mech. Des. 126 (2004) 365: a
+    planet at the angle psi is z_sun psi / 2 pi pitches behind one at zero on the sun, which overtakes the carrier, and
+    z_ring psi / 2 pi ahead on the ring, which falls behind (the same where the set assembles); between the two
+    meshes of one planet lies half a pitch where its number of teeth is even (the other flank, on the other side).
+
+    Examples
+    --------
+    >>> from specan.planetary_gear.model.rig import Gear
+    >>> sun, ring = mesh_phases(Gear(z_sun=31, z_planet=31, z_ring=95, planets=3, module_mm=1.0))
+    >>> sun.round(3).tolist(), ring.round(3).tolist()
+    ([0.0, 0.667, 0.333], [0.0, 0.667, 0.333])
+    """
+    turns = planet_angles(gear) / (2 * np.pi)
+    other_flank = 0.5 * ((gear.z_planet + 1) % 2)
+    return (-gear.z_sun * turns) % 1.0, (gear.z_ring * turns + other_flank) % 1.0
+
+
+def check_assembly(gear: Gear) -> None:
+    """Conditions under which the set can be put together.
+
+    Raises
+    ------
+    RequestError
+        Centre distances that do not agree, planets that do not fit in at their places, or that touch.
+    """
+    gap = gear.z_ring - gear.z_sun - 2 * gear.z_planet
+    if abs(gap) > 2 or (gap and gear.centre_distance_mm is None):
+        raise RequestError(
+            f"sun {gear.z_sun}, planet {gear.z_planet}, ring {gear.z_ring} have no common centre distance",
+            expected=f"a ring of z_sun + 2 z_planet = {gear.z_sun + 2 * gear.z_planet} teeth"
+            + (", or a [gear] centre_distance_mm with profile shift" if abs(gap) <= 2 else ""),
+        )
+    total = gear.z_sun + gear.z_ring
+    if gear.planet_angles_deg is None:
+        if total % gear.planets:
+            fits = [n for n in range(2, 9) if total % n == 0]
+            raise RequestError(
+                f"{gear.planets} planets cannot be equally spaced: z_sun + z_ring = {total} is not a multiple of "
+                f"{gear.planets}",
+                expected=f"{', '.join(map(str, fits)) or 'no'} planets, or planet_angles_deg in steps of 360/{total} "
+                f"= {360 / total:.4f} degrees",
+            )
+    elif len(gear.planet_angles_deg) != gear.planets:
+        raise RequestError(
+            f"planet_angles_deg has {len(gear.planet_angles_deg)} angles for {gear.planets} planets",
+            expected="one angle a planet",
+        )
+    else:
+        step = 360.0 / total
+        for angle in gear.planet_angles_deg:
+            if abs(angle / step - round(angle / step)) > 1e-3:
+                raise RequestError(
+                    f"a planet at {angle:g} degrees does not mesh with sun and ring at once",
+                    expected=f"multiples of 360/{total} = {step:.6f} degrees, such as {round(angle / step) * step:.4f}",
+                )
+    places = np.sort(planet_angles(gear) % (2 * np.pi))
+    if places.size > 1:
+        nearest = float(np.min(np.diff(np.concatenate([places, [places[0] + 2 * np.pi]]))))
+        a = gear.centre_distance_mm or gear.module_mm * (gear.z_sun + gear.z_planet) / 2
+        room, needed = 2 * a * math.sin(min(nearest, np.pi) / 2), gear.module_mm * (gear.z_planet + 2)
+        if room <= needed:
+            raise RequestError(
+                f"neighbouring planets touch: their centres lie {room:.2f} mm apart, their tip circles are "
+                f"{needed:.2f} mm wide",
+                remedy="take fewer planets or smaller ones",
+            )
+
+
+def contact_stiffness(z1: int, z2: int, module: float, pressure_angle: float, modulus: float) -> float:
+    """Stiffness K of the contact of two cylinders at the pitch point, N/m^1.5 (the article's equation 5).
+
+    K = 4/3 sqrt(R) E*, with R = d1 cos(a_t) tan(a_t') / (2 cos(b_b)) i / (1 + i) for straight teeth.
+
+    Examples
+    --------
+    >>> k = contact_stiffness(24, 21, 2e-3, math.radians(20), 1.154e11)
+    >>> round(k / 1e3**1.5 / 1e5, 2)  # in 1e5 N/mm^1.5
+    3.01
+    """
+    ratio = z2 / z1
+    radius = module * z1 * math.cos(pressure_angle) * math.tan(pressure_angle) / 2 * ratio / (1 + ratio)
+    return 4.0 / 3.0 * math.sqrt(radius) * modulus
+
+
+def pair_mesh(pair: Pair) -> Mesh:
+    """The mesh of a gear pair."""
+    mesh = external_mesh(
+        pair.z_driver, pair.z_driven, 1e-3 * pair.module_mm, math.radians(pair.pressure_angle_deg)
+    )
+    return _with_ratio(mesh, pair.contact_ratio)
+
+
+def set_meshes(gear: Gear) -> tuple[Mesh, Mesh]:
+    """Sun-planet and ring-planet mesh of a set."""
+    module, angle = 1e-3 * gear.module_mm, math.radians(gear.pressure_angle_deg)
+    a = None if gear.centre_distance_mm is None else 1e-3 * gear.centre_distance_mm
+    return (
+        _with_ratio(
+            external_mesh(gear.z_sun, gear.z_planet, module, angle, a), gear.contact_ratio_sun_planet
+        ),
+        _with_ratio(
+            internal_mesh(gear.z_ring, gear.z_planet, module, angle, a), gear.contact_ratio_ring_planet
+        ),
+    )
+
+
+def _with_ratio(mesh: Mesh, ratio: float | None) -> Mesh:
+    from dataclasses import replace
+
+    return mesh if ratio is None else replace(mesh, contact_ratio=ratio)
+
+
+STEEL = 7850.0  # kg/m^3
+
+
+@dataclass(frozen=True)
+class Rotors:
+    """Inertias in kg m^2 about the own axis; the carrier's holds the planets' masses on it and the load."""
+
+    carrier_inertia: float
+    planet_inertia: float
+    planet_mass: float
+    centre_distance: float
+
+
+def disc(diameter: float, width: float) -> tuple[float, float]:
+    """Mass and inertia of a steel disc.
+
+    Examples
+    --------
+    >>> round(disc(0.042, 0.02)[0], 4)
+    0.2175
+    """
+    mass = STEEL * math.pi * diameter**2 / 4 * width
+    return mass, mass * diameter**2 / 8
+
+
+def rotors(gear: Gear, known: Known) -> Rotors:
+    """Unless known, planets are discs of the pitch circle and the carrier is a plate that reaches to their centres."""
+    width = 1e-3 * gear.face_width_mm
+    mass, inertia = disc(1e-3 * gear.module_mm * gear.z_planet, width)
+    centre = 1e-3 * (gear.centre_distance_mm or gear.module_mm * (gear.z_sun + gear.z_planet) / 2)
+    carrier = known.carrier_kg_m2 or disc(2 * centre, width)[1] + gear.planets * mass * centre**2
+    return Rotors(carrier + known.load_kg_m2, known.planet_kg_m2 or inertia, mass, centre)
+
+
+def inertia_uncertainty(rig: Rig) -> float:
+    """Standard uncertainty of the natural logarithm of what turns with the carrier."""
+    percent = rig.uncertainty.carrier_inertia_percent or (10.0 if rig.rotors.carrier_kg_m2 else 100.0)
+    return percent / 100

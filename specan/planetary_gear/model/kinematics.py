@@ -1,0 +1,189 @@
+"""Orders of a set with a fixed ring, counted per turn of the carrier: arithmetic on tooth numbers."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import lcm
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models.model import Model
+from specan.planetary_gear.model.geometry import mesh_phases
+from specan.planetary_gear.model.lines import OrderLines, Stated, Tacho
+from specan.planetary_gear.model.rig import Gear, Rig
+
+
+def sun_order(gear: Gear) -> Fraction:
+    """Turns of the sun against the carrier.
+
+    Examples
+    --------
+    >>> sun_order(Gear(z_sun=24, z_planet=21, z_ring=66, module_mm=2.0))
+    Fraction(11, 4)
+    """
+    return Fraction(gear.z_ring, gear.z_sun)
+
+
+def planet_order(gear: Gear) -> Fraction:
+    """Turns of a planet against the carrier."""
+    return Fraction(gear.z_ring, gear.z_planet)
+
+
+def repeat_turns(gear: Gear) -> int:
+    """Turns of the carrier after which all teeth meet again as they did.
+
+    Examples
+    --------
+    >>> repeat_turns(Gear(z_sun=24, z_planet=21, z_ring=66, module_mm=2.0))
+    28
+    """
+    return lcm(sun_order(gear).denominator, planet_order(gear).denominator)
+
+
+def carrier_speed_ratio(gear: Gear) -> float:
+    """Speed of the carrier over that of the sun: z_sun / (z_sun + z_ring)."""
+    return gear.z_sun / (gear.z_sun + gear.z_ring)
+
+
+def mesh_line_strength(gear: Gear, orders: NDArray[np.int64]) -> NDArray[np.float64]:
+    """How far the planets' contributions to a sensor on the ring add up at integer orders, from 0 to 1.
+
+    A planet passes the sensor once a turn, so its mesh harmonic h appears with all sidebands, at whole orders n; the
+    contribution of the planet at psi_i with the mesh phase gamma_i has the phase 2 pi h gamma_i + (n - h z_ring) psi_i.
+    With gamma_i = z_ring psi_i / 2 pi that is n psi_i for every h: the lines are those n for which exp(j n psi_i)
+    adds up over the planets (Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677, all five cases).
+
+    Examples
+    --------
+    >>> article = Gear(z_sun=24, z_planet=21, z_ring=66, module_mm=2.0)
+    >>> mesh_line_strength(article, np.arange(63, 70)).round(6).tolist()
+    [1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]
+    """
+    from specan.planetary_gear.model.geometry import planet_angles
+
+    places = planet_angles(gear)
+    return np.abs(np.exp(1j * np.outer(orders, places)).mean(axis=1))
+
+
+def kind_of_phasing(gear: Gear) -> str:
+    """In phase, sequentially phased, counter-phased, or unequally spaced.
+
+    Parker, A physical explanation for the effectiveness of planet phasing, J. Sound Vib. 236 (2000) 561.
+
+    Examples
+    --------
+    >>> kind_of_phasing(Gear(z_sun=24, z_planet=21, z_ring=66, module_mm=2.0))
+    'in phase'
+    """
+    if gear.planet_angles_deg is not None:
+        steps = np.diff(np.sort(np.asarray(gear.planet_angles_deg) % 360))
+        if not np.allclose(steps, 360.0 / gear.planets):
+            return "unequally spaced"
+    phases = mesh_phases(gear)[1]
+    apart = (phases - phases[0]) % 1.0
+    if np.allclose(np.minimum(apart, 1 - apart), 0.0):
+        return "in phase"
+    if gear.planets % 2 == 0 and np.allclose(np.abs((2 * apart + 0.5) % 1.0 - 0.5), 0.0):
+        return "counter-phased"
+    return "sequentially phased"
+
+
+# Part of the uncertainty of the answer to unlike planets that differs between recordings; the whole is common to all.
+OF_A_RECORDING = 0.5
+MULTIPLES = (
+    1,
+    2,
+    3,
+)  # of the sun's turns that are looked at: a runout's, and two that tell it from pitch errors
+HEARD = (
+    -2,
+    -1,
+    0,
+    1,
+    2,
+)  # passages beside an order: third powers of a Hann window leave a twentieth at three
+
+
+def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDArray[np.float64]:
+    """Orders about each mesh harmonic at which teeth, runouts and passing planets can show.
+
+    Each harmonic with whole orders to either side, the half order below it, and the turns of sun and planet. A sun that
+    is uneven m times a turn presses planet i with the phase -m psi_i, while its mesh has the phase h z_ring psi_i; a
+    sensor on the ring hears it at h z_ring +- m turns of the sun + n, for those n at which the planets add up. A planet
+    that is uneven is heard once a turn more and less. Left out are whole orders further away that the ideal set shows
+    where its path is sharper than assumed.
+
+    Examples
+    --------
+    >>> article = Gear(z_sun=24, z_planet=21, z_ring=66, module_mm=2.0)
+    >>> found = kinematic_orders(article, harmonics=1, sidebands=1)
+    >>> found[found >= 66].round(3).tolist()
+    [66.0, 66.75, 67.0, 68.143, 68.75, 69.143, 69.75, 70.143, 70.5, 73.5, 74.25]
+    """
+    sun, planet = float(sun_order(gear)), float(planet_order(gear))
+    found = set()
+    for h in range(1, harmonics + 1):
+        middle = h * gear.z_ring
+        uneven = [sign * family for family in (sun, planet - 1.0, planet, planet + 1.0) for sign in (-1, 1)]
+        uneven += [sign * m * sun + n for m in MULTIPLES for sign in (-1, 1) for n in HEARD
+                   if _all_planets_show(gear, middle - sign * m + n)]  # fmt: skip
+        further = {round(middle + offset, 9) for offset in uneven}
+        further = {o for o in further if abs(o - middle) < sidebands or not _any_path_shows(gear, o)}
+        found |= {float(middle + k) for k in range(-sidebands, sidebands + 1)} | further
+        found.add(middle - gear.z_ring / 2)
+    return np.array(sorted(found))
+
+
+def _all_planets_show(gear: Gear, number: int) -> bool:
+    """Whether exp(j n psi_i) adds up over the planets."""
+    return bool(mesh_line_strength(gear, np.array([number]))[0] > 1e-9)
+
+
+def _any_path_shows(gear: Gear, order: float) -> bool:
+    """Whether the ideal set has a line there by some path to the sensor: no evidence, where this one gives none."""
+    whole = round(order)
+    return abs(order - whole) < 1e-9 and _all_planets_show(gear, whole)
+
+
+def line_conditions(model: Model, **settings: Any) -> dict[str, NDArray[np.float64]]:
+    """Conditions of all kinematic orders at the rig's speed and torque."""
+    rig = model.settings["parsed_rig"]
+    orders = kinematic_orders(rig.gear, **settings)
+    return {
+        "order": orders,
+        "sun_speed": np.full(orders.size, rig.operation.sun_speed_hz),
+        "carrier_torque": np.full(orders.size, rig.operation.carrier_torque_Nm),
+    }
+
+
+def line_statement(rig: Rig, harmonics: int) -> OrderLines:
+    """What a study has to know of the lines: orders, families, tachos, and where a recording tells the torque."""
+    gear = rig.gear
+    assert gear is not None
+    orders = kinematic_orders(gear, harmonics=harmonics)
+    number = np.clip(np.rint(orders / gear.z_ring), 1, harmonics).astype(int)
+    offset = np.round(orders - number * gear.z_ring, 6)
+    return OrderLines(
+        axis="sensor",
+        order=orders,
+        harmonic=number,
+        offset=offset,
+        family=tuple(_family(gear.z_ring, abs(float(o))) for o in offset),
+        order_condition="order",
+        rate_condition="sun_speed",
+        rate_ratio=1.0 / carrier_speed_ratio(gear),
+        tachos=(Tacho("Tacho sun", 1.0 / carrier_speed_ratio(gear)), Tacho("Tacho carrier", 1.0)),
+        index="Tacho carrier",
+        period=repeat_turns(gear),
+        stated={"carrier_torque": Stated("Torque", "Torque carrier", rig.operation.carrier_torque_Nm)},
+        discrepancy=rig.uncertainty.model_discrepancy_percent / 100,
+        path=rig.uncertainty.path_percent / 100,
+        response=OF_A_RECORDING * rig.uncertainty.response_percent / 100,
+    )
+
+
+def _family(mesh: int, offset: float) -> str:
+    """``66h`` or ``66h+-3.75``."""
+    return f"{mesh}h+-{offset:.5g}" if offset else f"{mesh}h"

@@ -1,0 +1,159 @@
+"""What the instruments on the test rig would record of a simulated run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.planetary_gear.model.geometry import planet_angles
+from specan.planetary_gear.model.rig import Rig
+
+if TYPE_CHECKING:
+    from specan.planetary_gear.model.dynamics import Motion
+
+Real = NDArray[np.float64]
+
+RIM_STIFFNESS = (
+    1.0e9  # N/m: radial stiffness of the ring's rim below a planet, of the order of that of its housing
+)
+TACHO_V = 5.0
+_DUTY = {
+    1: 0.1
+}  # part of a turn that a pulse lasts where there is one a turn; half of a pulse's pitch otherwise
+# Second derivative by central differences of the eighth order (Fornberg, Math. Comp. 51 (1988) 699, table 1).
+_SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
+
+
+@dataclass(frozen=True)
+class RecordedChannel:
+    """Samples of one channel in the unit of the quantity, and what an acquisition program would say of it."""
+
+    name: str
+    unit: str
+    samples: Real
+    sensitivity: float
+    sensitivity_unit: str
+    properties: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def volts(self) -> Real:
+        """What the converter saw."""
+        if self.unit == "V":
+            return self.samples
+        per_volt = self.sensitivity_unit.endswith("/V")
+        scale = 1e-3 if self.sensitivity_unit.startswith("mm") else 1.0
+        return (
+            self.samples / (self.sensitivity * scale) if per_volt else self.samples * 1e-3 * self.sensitivity
+        )
+
+
+def recorded_channels(motion: Motion, sampling_rate: float) -> list[RecordedChannel]:
+    """Forces, torques, places of the planets, accelerations, tachos; a pair has forces, torques and tachos."""
+    from specan.planetary_gear.model.dynamics import force_normal_angle
+
+    rig = motion.rig
+    sensors = rig.sensors
+    force, torque = sensors.force_N_per_V, sensors.torque_Nm_per_V
+    on_sun, on_ring = force_normal_angle(rig, motion)
+    found = []
+    if rig.gear is None:
+        found += _forces("Mesh", motion.sun_force, on_sun, 50 * force, numbered=False)
+    else:
+        found += _forces("Sun-planet", motion.sun_force, on_sun, force)
+        found += _forces("Ring-planet", motion.ring_force, on_ring, force)
+    names = ("Torque driver", "Tacho driver") if rig.gear is None else ("Torque sun", "Tacho sun")
+    found.append(RecordedChannel(names[0], "Nm", motion.torque_in, torque, "Nm/V"))
+    if rig.gear is not None:
+        found.append(RecordedChannel("Torque carrier", "Nm", _carrier_torque(motion, rig), torque, "Nm/V"))
+        found += _centres(motion, rig)
+        found += _accelerations(motion, rig, sampling_rate)
+    found.append(tacho_channel(names[1], motion.sun_angle, sensors.tacho_sun_pulses))
+    if rig.gear is not None:
+        found.append(tacho_channel("Tacho carrier", motion.carrier_angle, sensors.tacho_carrier_pulses))
+    return found
+
+
+def _forces(
+    mesh: str, forces: Real, angle: Real, per_volt: float, numbered: bool = True
+) -> list[RecordedChannel]:
+    found = []
+    for i in range(forces.shape[0]):
+        name = f"{mesh} {i + 1} force" if numbered else f"{mesh} force"
+        found.append(RecordedChannel(f"{name} normal", "N", forces[i], per_volt, "N/V"))
+        found.append(RecordedChannel(f"{name} vertical", "N", forces[i] * np.sin(angle[i]), per_volt, "N/V"))
+    return found
+
+
+def _carrier_torque(motion: Motion, rig: Rig) -> Real:
+    """Torque of the meshes on the carrier."""
+    gear = rig.gear
+    assert gear is not None
+    cos = math.cos(math.radians(gear.pressure_angle_deg)) * 1e-3 * gear.module_mm / 2
+    sun, planet, ring = (cos * z for z in (gear.z_sun, gear.z_planet, gear.z_ring))
+    return (sun + planet) * motion.sun_force.sum(axis=0) + (ring - planet) * motion.ring_force.sum(axis=0)
+
+
+def planet_centres(motion: Motion) -> list[tuple[Real, Real]]:
+    """x and y of each planet's centre, m."""
+    gear = motion.rig.gear
+    assert gear is not None
+    radius = 1e-3 * (gear.centre_distance_mm or gear.module_mm * (gear.z_sun + gear.z_planet) / 2)
+    angles = [motion.carrier_angle + place for place in planet_angles(gear)]
+    return [(radius * np.cos(angle), radius * np.sin(angle)) for angle in angles]
+
+
+def _centres(motion: Motion, rig: Rig) -> list[RecordedChannel]:
+    per_volt = rig.sensors.displacement_mm_per_V
+    return [
+        RecordedChannel(f"Planet {i} {axis}", "m", samples, per_volt, "mm/V")
+        for i, centre in enumerate(planet_centres(motion), 1)
+        for axis, samples in zip("xy", centre, strict=True)
+    ]
+
+
+def path_window(angle: Real) -> Real:
+    """Weight with which a planet at an angle from a sensor is heard: the third power of a Hann window around the ring.
+
+    Inalpolat and Kahraman (J. Sound Vib. 323 (2009) 677) take a Hann window; its third power is heard over a third of a
+    turn and has the lines 3 orders beside the mesh that recordings of such sets show. The power is an assumption, the
+    effect transmission-path changes it.
+    """
+    hann = 0.5 + 0.5 * np.cos(angle)
+    return hann * hann * hann  # ten times as fast as a power
+
+
+def _accelerations(motion: Motion, rig: Rig, sampling_rate: float) -> list[RecordedChannel]:
+    """The rim gives way to the planets' forces as a spring; the sensor sees the second derivative of that."""
+    gear = rig.gear
+    assert gear is not None
+    found = []
+    for k, degrees in enumerate(rig.sensors.acc_angle_deg, 1):
+        pressed = np.zeros(motion.time.size)
+        for i, place in enumerate(planet_angles(gear)):
+            weight = path_window(motion.carrier_angle + place - math.radians(degrees))
+            pressed += weight * motion.ring_force[i]
+        inside = np.convolve(pressed, _SECOND, mode="valid") * sampling_rate**2 / RIM_STIFFNESS
+        acceleration = np.pad(inside, 4, mode="edge")
+        found.append(
+            RecordedChannel(
+                f"Acc {k}", "m/s^2", acceleration, rig.sensors.acc_mV_per_m_s2, "mV/(m/s^2)",
+                {"Angle_deg": degrees},
+            )
+        )  # fmt: skip
+    return found
+
+
+def tacho_channel(name: str, angle: Real, pulses: int) -> RecordedChannel:
+    """Rectangular pulses with edges of one sample, so that their instants are known between samples."""
+    phase = angle / (2 * np.pi) * pulses
+    step = np.gradient(phase)
+    inside = phase % 1.0
+    duty = _DUTY.get(pulses, 0.5)
+    rise = np.clip(np.where(inside < 0.5 + duty / 2, inside, inside - 1.0) / step + 0.5, 0.0, 1.0)
+    fall = np.clip((inside - duty) / step + 0.5, 0.0, 1.0)
+    volts = TACHO_V * np.where(inside > 0.5 + duty / 2, rise, rise - fall)
+    return RecordedChannel(name, "V", volts, 1.0, "V/V", {"PulsesPerRevolution": pulses})

@@ -1,0 +1,236 @@
+"""What ``specan simulate planetary-gear`` does: a recording of a simulated run, or a table of order lines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from specan.errors import RequestError
+from specan_cli.output import emit_json, say, table
+
+if TYPE_CHECKING:
+    from specan.models.model import Model
+
+RATE = 51200.0
+LINES_RATE = 12800.0  # of recordings made of order lines: three harmonics of the mesh lie far below
+# Relative distance within which a harmonic meets a natural frequency: as well as stiffness is known.
+_NEAR = 0.15
+_PATIENCE_S = 5.0  # from which on the time that a run takes is told before it starts
+
+
+@click.option(
+    "--duration", type=float, default=10.0, show_default=True, metavar="S", help="Length of the recording."
+)
+def run(model: Model, options: Mapping[str, Any]) -> None:
+    """A recording of forces, torques, accelerations and tachos (-o run.tdms), or order lines (-o lines.csv).
+
+    --noise is what a channel adds, V.
+
+    \b
+    specan simulate planetary-gear sample_data/planetary_gear/rig.toml -e planet-position-error@P2=5 -o lines.csv
+    """
+    path = options["output"]
+    if path is None:
+        raise RequestError(
+            "a simulated run has nowhere to go",
+            remedy="name a file with -o: run.tdms, or lines.csv for order lines",
+        )
+    elif path.suffix.lower() == ".csv":
+        _lines(model, path, options)
+    elif path.suffix.lower() == ".tdms":
+        _record(model, path, options)
+    else:
+        raise RequestError(
+            f"{path.name} cannot be written here", expected="a name that ends in .tdms or .csv"
+        )
+
+
+def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
+    import numpy as np
+
+    from specan.io.output_file import check_directory
+    from specan.io.write_tdms import write_tdms
+    from specan.planetary_gear.model.compiled import HAS_NUMBA
+    from specan.planetary_gear.model.dynamics import check_duration, simulate, step_error
+    from specan.planetary_gear.model.simulated_recording import recorded_channels
+
+    if options["effects"] or options["without"]:
+        _record_lines(model, path, options)
+        return
+    check_directory(path)
+    rig, duration = model.settings["parsed_rig"], options["duration"]
+    check_duration(duration)
+    _announce(rig, duration)
+    motion = simulate(rig, duration, sampling_rate=RATE)
+    error = step_error(rig) if HAS_NUMBA else None
+    channels = recorded_channels(motion, RATE)
+    noise = _noise(options, motion.time.size)
+    written = []
+    for channel in channels:
+        samples = channel.volts + (noise() if channel.unit != "V" else 0.0)
+        own = {"unit_string": "V", "QuantityUnit": channel.unit, **channel.properties}
+        if channel.unit != "V":
+            own |= {"Sensitivity": channel.sensitivity, "SensitivityUnit": channel.sensitivity_unit}
+        written.append((channel.name, samples, own))
+    names, volts, described = zip(*written, strict=True)
+    write_tdms(
+        path, names, np.stack(volts), RATE, channels=described, group=_described(rig), samples="float32"
+    )
+    balance = f"energy balanced to {motion.energy_error:.1e}"
+    halved = "" if error is None else f", forces change by {error:.1e} when the step is halved"
+    say(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")
+    say(f"step {1e6 * motion.step_s:.3g} us: {balance}{halved}")
+    rows = [
+        {"channel": c.name, "unit": c.unit, "mean": float(c.samples.mean()), "rms": float(c.samples.std())}
+        for c in channels
+    ]
+    if options["as_json"]:
+        emit_json(
+            {
+                "step_s": motion.step_s,
+                "energy_error": motion.energy_error,
+                "step_error": error,
+                "channels": rows,
+            }
+        )
+    else:
+        cells = [[r["channel"], f"{r['mean']:.4g}", f"{r['rms']:.4g}", str(r["unit"])] for r in rows]
+        table("", ["channel", "mean", "rms about it", "unit"], cells)
+
+
+def _announce(rig: Any, duration: float) -> None:
+    """Say before a long run how long it takes."""
+    from specan.planetary_gear.model.compiled import HAS_NUMBA
+    from specan.planetary_gear.model.dynamics import estimate_s
+
+    needed = estimate_s(rig, duration)
+    if needed > _PATIENCE_S or not HAS_NUMBA:
+        slow = "" if HAS_NUMBA else "; install specan[fast] (numba) to have it some forty times faster"
+        say(f"The run takes about {needed:.0f} s{slow}.")
+
+
+def _noise(options: Mapping[str, Any], count: int):
+    """Volts that each channel adds."""
+    import numpy as np
+
+    random = np.random.default_rng(options["seed"])
+    return lambda: options["noise"] * random.standard_normal(count)
+
+
+def _described(rig: Any) -> dict[str, object]:
+    if rig.gear is None:
+        return {
+            "SamplingRate": RATE, "DriverSpeed_Hz": rig.pair.driver_speed_hz, "Torque_Nm": rig.pair.driver_torque_Nm,
+            "Description": "simulated",
+        }  # fmt: skip
+    return {
+        "SamplingRate": RATE, "SunSpeed_Hz": rig.operation.sun_speed_hz,
+        "Torque_Nm": rig.operation.carrier_torque_Nm, "Description": "simulated",
+    }  # fmt: skip
+
+
+def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+    """Orders, complex lines (sensors, orders), and the effects with which they were made."""
+    from specan.models.chosen_model import choose_model
+    from specan.planetary_gear.model.kinematics import line_conditions
+
+    if "orders" not in model.for_kinds:
+        raise RequestError(
+            "a gear pair has no order-domain model: no order lines and no effects",
+            remedy="write its run in time: -o run.tdms",
+        )
+    request = choose_model(model, options["effects"], options["without"])
+    conditions = line_conditions(model)
+    values = {**request.assembly.defaults, **request.values}
+    found = request.assembly.evaluate(conditions, values, wanted=["order_lines"])["order_lines"]
+    return conditions["order"], found, request
+
+
+def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
+    """Accelerations made of the order-domain model's lines, and tachos, at constant speed."""
+    import numpy as np
+
+    from specan.io.write_tdms import write_tdms
+    from specan.planetary_gear.model.dynamics import check_duration
+    from specan.planetary_gear.model.kinematics import carrier_speed_ratio
+    from specan.planetary_gear.model.simulated_recording import tacho_channel
+
+    check_duration(options["duration"])
+    orders, lines, request = _order_lines(model, options)
+    rig = model.settings["parsed_rig"]
+    time = np.arange(round(options["duration"] * LINES_RATE)) / LINES_RATE
+    turns = rig.operation.sun_speed_hz * carrier_speed_ratio(rig.gear) * time
+    waves = np.exp(2j * np.pi * np.outer(orders, turns))
+    noise = _noise(options, time.size)
+    sensitivity = rig.sensors.acc_mV_per_m_s2
+    names, volts, described = [], [], []
+    for name, amplitude in zip(model.axes["sensor"], lines, strict=True):
+        names.append(name)
+        volts.append(1e-3 * sensitivity * (amplitude @ waves).real + noise())
+        described.append(
+            {"QuantityUnit": "m/s^2", "Sensitivity": sensitivity, "SensitivityUnit": "mV/(m/s^2)"}
+        )
+    ratio = 1.0 / carrier_speed_ratio(rig.gear)
+    for name, angle, pulses in (
+        ("Tacho sun", 2 * np.pi * ratio * turns, rig.sensors.tacho_sun_pulses),
+        ("Tacho carrier", 2 * np.pi * turns, rig.sensors.tacho_carrier_pulses),
+    ):
+        channel = tacho_channel(name, angle, pulses)
+        names.append(name)
+        volts.append(channel.samples)
+        described.append({"QuantityUnit": "V", **channel.properties})
+    group = {**_described(rig), "SamplingRate": LINES_RATE}
+    write_tdms(path, names, np.stack(volts), LINES_RATE, channels=described, group=group, samples="float32")
+    say(
+        f"{len(names)} channels of {options['duration']:g} s made of {orders.size} order lines written to {path}"
+    )
+    _say_resonances(model)
+    if options["as_json"]:
+        emit_json({"effects": [str(u) for u in request.assembly.uses], "channels": names})
+
+
+def _say_resonances(model: Model) -> None:
+    """Natural frequencies of the set, and harmonics of the mesh that meet one."""
+    import numpy as np
+
+    from specan.planetary_gear.model.kinematics import carrier_speed_ratio
+    from specan.planetary_gear.model.modes import torsional_frequencies
+
+    rig = model.settings["parsed_rig"]
+    mesh = rig.operation.sun_speed_hz * carrier_speed_ratio(rig.gear) * rig.gear.z_ring
+    natural = np.unique(torsional_frequencies(model).round(1))
+    say(f"natural frequencies of the set: {', '.join(f'{f:.0f}' for f in natural)} Hz; mesh at {mesh:.0f} Hz")
+    for frequency in natural:
+        harmonic = max(round(frequency / mesh), 1)
+        if abs(harmonic * mesh / frequency - 1) < _NEAR and harmonic <= len(model.axes["harmonic"]):
+            say(
+                f"harmonic {harmonic} of the mesh, at {harmonic * mesh:.0f} Hz, meets that at {frequency:.0f} Hz"
+            )
+
+
+def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
+    """Order lines of the order-domain model at the rig's operating point."""
+    import numpy as np
+
+    from specan.io.output_file import write_csv
+
+    orders, found, request = _order_lines(model, options)
+    rows = [
+        [name, f"{order:.6f}", f"{abs(value):.6g}", f"{np.degrees(np.angle(value)):.3f}"]
+        for name, line in zip(model.axes["sensor"], found)
+        for order, value in zip(orders, line)
+    ]
+    header = ["channel", "order", "amplitude_m_per_s2", "phase_deg"]
+    write_csv(path, header, rows)
+    say(f"{len(rows)} order lines written to {path}")
+    _say_resonances(model)
+    if options["as_json"]:
+        emit_json(
+            {
+                "effects": [str(u) for u in request.assembly.uses],
+                "lines": [dict(zip(header, r)) for r in rows],
+            }
+        )

@@ -1,0 +1,326 @@
+"""From recordings with a tacho to observations of order lines: what is fitted, what is held out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.analysis.order_settings import Shaft, tracked_shaft
+from specan.analysis.orders import Orders
+from specan.analysis.section import aligned
+from specan.data.channel import Channel
+from specan.data.orders import OrderLines as FoundLines
+from specan.data.orders import TachoReport
+from specan.data.recording import Recording
+from specan.errors import InputError, RequestError
+from specan.io.open import open_recording
+from specan.models import Model
+from specan.planetary_gear.model.lines import OrderLines, Stated
+from specan.planetary_gear.study.by_order_family import localise  # noqa: F401  where a model of lines fails
+from specan.planetary_gear.study.order_lines import OrderLinesObservation, declared_errors, response_errors
+from specan.study.data.recordings import put_aside, reads  # noqa: F401  a recording is one by its content
+from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
+from specan.units import convert
+
+TITLE = "a recording"
+NEIGHBOURS = 2  # lines to either side over which the noise is averaged
+# Of that noise: medians of 24 bins (48 real values, of which a median of powers is worth a half: ln(2)^2) over 5 lines.
+NOISE_DOF = 100.0
+# Of the strongest line about the same harmonic, and of the strongest of all: what converters and resampling put
+# elsewhere (lines of simulated recordings without noise have 1e-7 to 1e-4 of the one, up to 3e-5 of the other).
+LEAKAGE, RANGE = 1e-4, 3e-5
+# Second over first order of a stiffening contact: of F = K x^e a force that swings by the part r of its mean has a line
+# at twice the frequency of (e - 1) / (4 e) r of the first; e = 1.3. Lines that one fault alone makes mix so.
+PRODUCTS = 0.06
+SHOWN = 1e-6  # of a harmonic's strongest line: less is rounding
+LIKE_ENOUGH = 25.0  # chi-square that turning a recording by whole turns must gain; 1e-5 for the best of 28
+
+
+def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
+    """Read the recordings of a study.
+
+    Raises
+    ------
+    InputError
+        No tacho, or too few turns.
+    RequestError
+        The model predicts no order lines, or what is held out is not there.
+    """
+    known: OrderLines | None = model.for_kinds.get("orders")
+    if known is None:
+        raise RequestError(f"the model {model.name} predicts no order lines", remedy="give a table instead")
+    fitted, held_out, statements = [], [], []
+    first: OrderLinesObservation | None = None
+    for file in (*wanted.measurements, *wanted.validations):
+        whole, said = observe(model, known, wanted, file)
+        if first is None:
+            first = whole
+        else:
+            whole, turned = like(first, whole, known)
+            said += turned
+        statements += said
+        if file in wanted.validations:
+            held_out.append(whole)
+            continue
+        aside = put_aside(whole, file, wanted, partial(_label, whole=whole, model=model))
+        if not np.all(aside):
+            fitted.append(whole.take(~aside))
+        if np.any(aside):
+            held_out.append(whole.take(aside))
+    if not fitted:
+        raise RequestError("everything that was measured is held out", remedy="hold out less")
+    common = (
+        f"every line: model discrepancy {100 * known.discrepancy:.3g} %, common to lines within a few orders, and "
+        f"{100 * known.path:.3g} % for the path, common to all harmonics; lines that the ideal set does not have: "
+        f"{100 * known.response:.3g} %, common to a harmonic (from the rig file or its defaults); a free gain for "
+        "every harmonic of each sensor"
+    )
+    return OpenedData(tuple(fitted), tuple(held_out), (*statements, common), True, 100 * known.discrepancy)
+
+
+def observe(
+    model: Model, known: OrderLines, wanted: MeasuredFiles, file: DataFile
+) -> tuple[OrderLinesObservation, list[str]]:
+    """The order lines of one recording."""
+    recording = open_recording(file.path, calibration=wanted.calibration, label=file.name)
+    recording, _ = aligned(recording, recording.channels)
+    names = tuple(c.name for c in recording.channels)
+    sensors = tuple(n for n in model.axes[known.axis])
+    missing = [n for n in sensors if n not in names]
+    if missing:
+        raise InputError(
+            f"{file.name} has no channel {missing[0]}", expected=f"channels {', '.join(sensors)}"
+        )
+    tacho = next((t for t in known.tachos if t.channel in names), None)
+    if tacho is None:
+        raise InputError(
+            f"{file.name} has no tacho", expected=f"a channel {' or '.join(t.channel for t in known.tachos)}"
+        )
+    settings = Orders(
+        channels=sensors, tacho=tacho.channel, ratio=tacho.ratio, orders=tuple(known.order.tolist())
+    )
+    found = settings(recording)
+    lines = found.lines
+    assert lines is not None
+    zero = 0.0
+    if known.index in names and tacho.channel != known.index:
+        zero = _turn_zero(recording, known.index, tracked_shaft(recording, tacho.channel, None, tacho.ratio))
+    place = [found.channels.index(n) for n in sensors]
+    amplitude = lines.amplitude[place] * np.exp(2j * np.pi * known.order * zero)
+    point, said = {known.rate_condition: found.tacho.mean_hz * known.rate_ratio}, []
+    for name, stated in known.stated.items():
+        point[name], how = _stated(recording, model, name, stated, file)
+        said.append(f"{model.conditions[name].name.replace('_', ' ')} {how}")
+    levels = {}
+    for name, value in point.items():
+        condition = model.conditions[name]
+        shown = float(convert(value, condition.unit, condition.column_unit))
+        levels[name] = (float(f"{shown:.3g}"), Variable(name.replace("_", " "), condition.column_unit))
+    (observable,) = (o for o in model.observables.values() if o.kind == "orders")
+    beyond = ~_shown(model, observable.quantity, known, point)
+    observation = OrderLinesObservation(
+        name=file.name,
+        recording=file.name,
+        quantity=observable.quantity,
+        channels=sensors,
+        order=known.order,
+        harmonic=known.harmonic,
+        family=np.array(known.family),
+        amplitude=amplitude,
+        noise=np.hypot(
+            _with_leakage(_smooth(_noise(lines)[place], known.harmonic), amplitude, known, found.tacho),
+            _products(amplitude, beyond, known.harmonic),
+        ),
+        relative=declared_errors(known.order, known.offset, known.discrepancy, known.path),
+        common=response_errors(beyond, known.harmonic, known.response),
+        kept=np.ones(amplitude.shape, dtype=bool),
+        order_condition=known.order_condition,
+        point=point,
+        levels=levels,
+        noise_dof=NOISE_DOF,
+        observable=observable.name,
+    )
+    levels_said = ", ".join(f"{words.words} {value:g} {words.unit}" for value, words in levels.values())
+    return observation, [
+        f"{file.name}: {len(sensors)} sensors, {known.order.size} order lines over {lines.turns} turns, angle from "
+        f"{tacho.channel}; {levels_said} ({', '.join(said) or 'from the tacho'})",
+        *(f"{file.name}: {note}" for note in found.notes),
+    ]
+
+
+def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, float]) -> NDArray[np.bool_]:
+    """Lines that the model shows without effects, (sensors, lines); all others are evidence of an effect."""
+    conditions = {
+        known.order_condition: known.order,
+        **{c: np.full(known.order.size, v) for c, v in point.items()},
+    }
+    found = np.abs(model.assemble(model.base_effects).evaluate(conditions, None, [quantity])[quantity])
+    return found > SHOWN * np.stack(
+        [found[:, known.harmonic == h].max(axis=1) for h in known.harmonic], axis=1
+    )
+
+
+def _strongest(amplitude: NDArray[np.complex128], harmonic: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Largest line about each line's harmonic, (sensors, lines)."""
+    size = np.abs(amplitude)
+    return np.stack([size[:, harmonic == h].max(axis=1) for h in harmonic], axis=1)
+
+
+def _with_leakage(
+    noise: NDArray[np.float64], amplitude: NDArray[np.complex128], known: OrderLines, tacho: TachoReport
+) -> NDArray[np.float64]:
+    """Noise of lines, with what strong lines put there: by the instruments, and by jitter of the pulses.
+
+    White jitter of N pulses has sqrt(2 / N) of it in either part of every line of the angle; an angle that turns by b
+    modulates order o by o b, half of which lies at either side.
+    """
+    jitter = 2 * np.pi * known.order * tacho.mean_hz * tacho.jitter_s / np.sqrt(2 * max(tacho.pulses, 1))
+    beside = np.hypot(LEAKAGE, jitter) * _strongest(amplitude, known.harmonic)
+    far = RANGE * np.abs(amplitude).max(axis=1, keepdims=True)
+    return np.asarray(np.sqrt(noise**2 + beside**2 + far**2))
+
+
+def _products(
+    amplitude: NDArray[np.complex128], beyond: NDArray[np.bool_], harmonic: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """Lines that the strongest fault may put elsewhere because contacts are no linear springs, (sensors, lines).
+
+    The lines that the ideal machine does not have, over those that it has, tell by which part forces swing.
+    """
+    swing = _strongest(np.where(beyond, amplitude, 0.0), harmonic)
+    mean = _strongest(np.where(beyond, 0.0, amplitude), harmonic)
+    return PRODUCTS * swing * np.minimum(swing / np.where(mean > 0, mean, np.inf), 1.0)
+
+
+def _turn_zero(recording: Recording, index: str, shaft: Shaft) -> float:
+    """Place in its turn, by the finer tacho, at which the index gives its pulses (circular mean)."""
+    from specan.dsp.tacho import pulse_times, repair
+
+    channel: Channel = recording.channel(index)
+    times = repair(pulse_times(recording.read([channel])[0], channel.sampling_rate)).time
+    times = times - channel.delay_s
+    times = times[(times >= shaft.start_s) & (times <= shaft.stop_s)]
+    return float(np.angle(np.mean(np.exp(2j * np.pi * shaft.turns(times)))) / (2 * np.pi))
+
+
+def _noise(lines: FoundLines) -> NDArray[np.float64]:
+    """From the bins that belong to no line; the scatter of blocks of turns, where there are enough and it is larger."""
+    scatter = np.nan_to_num(lines.u_scatter)
+    both = np.fmax(lines.u, np.where(scatter > 2 * np.nan_to_num(lines.u), scatter, 0.0))
+    middle = np.nanmedian(np.where(both > 0, both, np.nan), axis=1, keepdims=True)
+    if not np.all(np.isfinite(middle)):
+        raise InputError("the lines lie too close to tell their noise", remedy="record more turns")
+    return np.where(np.isfinite(both) & (both > 0), both, middle)
+
+
+def _smooth(noise: NDArray[np.float64], harmonic: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Geometric mean over neighbouring lines of the same harmonic: single estimates have heavy tails."""
+    number = np.arange(harmonic.size)
+    near = np.abs(number[:, None] - number) <= NEIGHBOURS
+    weight = (near & (harmonic[:, None] == harmonic)).astype(float)
+    return np.exp(np.log(noise) @ weight.T / weight.sum(axis=1))
+
+
+def like(
+    first: OrderLinesObservation, other: OrderLinesObservation, known: OrderLines
+) -> tuple[OrderLinesObservation, list[str]]:
+    """A recording turned by whole turns until lines of slower families stand as in another one.
+
+    Pulses of the reference shaft do not tell in which of its `period` turns a recording begins: lines at broken orders
+    are turned by ``exp(2j pi o n)``. Lines at whole orders of each harmonic give the gain between the recordings, and
+    lines at broken orders, by denominators, then are best alike at one n. Where no n is clearly better, nothing is
+    turned.
+    """
+    if known.period == 1:
+        return other, []
+    parts = [Fraction(float(o)).limit_denominator(known.period).denominator for o in known.order]
+    denominators = sorted({d for d in parts if d > 1 and known.period % d == 0})
+    turns = np.arange(known.period)
+    clear = np.zeros(known.period)
+    for d in denominators:
+        mine = np.array(parts) == d
+        gain = _alike(first, other, mine, known.order, turns)
+        if gain.max() - np.median(gain) > LIKE_ENOUGH:
+            clear += gain
+    if not clear.any():
+        return other, []
+    n = int(np.argmax(clear))
+    factor = np.exp(2j * np.pi * known.order * n)
+    turned = replace(other, amplitude=other.amplitude * factor)
+    return turned, (
+        [f"{other.name}: begins {n} turns after {first.name} in the machine's period"] if n else []
+    )
+
+
+def _alike(
+    first: OrderLinesObservation,
+    other: OrderLinesObservation,
+    mine: NDArray[np.bool_],
+    order: NDArray[np.float64],
+    turns: NDArray[np.intp],
+) -> NDArray[np.float64]:
+    """Gain in chi-square, at each number of turns, if lines of another recording are a real multiple of these.
+
+    Of every sensor and harmonic; the phase of its gain is that between its strongest whole lines.
+    """
+    total = np.zeros(turns.size)
+    whole = np.abs(order - np.rint(order)) < 1e-6
+    for sensor in range(first.amplitude.shape[0]):
+        for h in np.unique(first.harmonic):
+            near = first.harmonic == h
+            phase = np.vdot(first.amplitude[sensor, whole & near], other.amplitude[sensor, whole & near])
+            chosen = mine & near
+            a, b = first.amplitude[sensor, chosen], other.amplitude[sensor, chosen]
+            sigma = np.hypot(first.noise[sensor, chosen], other.noise[sensor, chosen])
+            if not abs(phase):
+                continue
+            turned = (
+                b[:, None] * np.exp(2j * np.pi * np.outer(order[chosen], turns)) * np.conj(phase) / abs(phase)
+            )
+            # unit vectors of what stands out of the noise, so that no strong line decides alone
+            size = np.minimum(np.abs(a), np.abs(b)) / sigma
+            same = np.real(np.conj(a)[:, None] * turned) / np.maximum(np.abs(a) * np.abs(b), 1e-300)[:, None]
+            total += (np.minimum(size, 10.0) ** 2) @ same
+    return total
+
+
+def _stated(
+    recording: Recording, model: Model, name: str, stated: Stated, file: DataFile
+) -> tuple[float, str]:
+    """Value of a condition in SI, and what told it."""
+    condition = model.conditions[name]
+    for key in (name, condition.column):
+        if key in file.conditions:
+            return float(
+                convert(float(file.conditions[key]), condition.column_unit, condition.unit)
+            ), "as the study says"
+    places: list[Any] = [recording.properties, *recording.group_properties.values()]
+    for properties in places:
+        for key, value in properties.items():
+            if key.partition("_")[0].lower() == stated.prefix.lower():
+                try:
+                    number = float(str(value).replace(",", "."))
+                except ValueError:
+                    continue
+                return float(
+                    convert(number, condition.column_unit, condition.unit)
+                ), f"from the property {key}"
+    if any(c.name == stated.channel for c in recording.channels):
+        channel = recording.channel(stated.channel)
+        return float(np.mean(recording.read([channel])[0])), f"from the channel {stated.channel}"
+    return stated.default, "as the rig file says"
+
+
+def _label(given: str, whole: OrderLinesObservation, model: Model) -> str:
+    """The label that a key means: its name, the column of a condition, or the last word of its name."""
+    for name in whole.labels:
+        condition = model.conditions.get(name)
+        if given in (name, name.rpartition("_")[2], condition.column if condition else name):
+            return name
+    return given

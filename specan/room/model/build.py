@@ -1,0 +1,309 @@
+"""From a rig file to the room model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from specan.errors import RequestError
+from specan.models.catalogue import effects_in
+from specan.models.effect import Use
+from specan.models.model import Model, Nuisance, Words
+from specan.models.quantity import Condition, Observable, Quantity, constant
+from specan.room.model import air, field, instruments, known_walls, mode_shifts
+from specan.room.model.places import in_recording, places_of, room_receivers, wall_areas
+from specan.room.model.rig import WALLS, Rig, read_rig
+from specan.room.model.shape import RoomShape, mesh_shape
+from specan.room.model.temperature_log import TemperatureLog, read_temperature_log
+
+WORDS = Words(
+    ideal="the ideal room",
+    discrepancy_of="response",
+    remedy_uncertainty="position_m = 0.002",
+    what_else="Positions that would tell more of the walls: specan study impedance {study}",
+)
+MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
+NOTHING_KNOWN = {"known_wall": "the rig file states the impedance of no wall ([walls])"}
+ONE_LOUDSPEAKER = {"loudspeaker": "the rig file has no further loudspeaker ([[loudspeakers]])"}
+LARGEST_M = 100.0  # no room is so large along its shortest edge
+MOST_MODES = 60_000  # about 60 MB a block of lines
+
+
+def build(rig: Mapping[str, Any]) -> Model:
+    """Build the model of a rectangular room, or of one of any shape from a mesh.
+
+    Raises
+    ------
+    RequestError
+        The rig file has an unknown key, lacks one, says something impossible, or needs too many modes.
+    """
+    settings, log, notes = _at_logged_temperature(read_rig(rig))
+    shape = _box(settings) if settings.room.mesh is None else mesh_shape(settings)
+    microphones = tuple(f"Mic {i}" for i in range(1, len(settings.mics.position_m) + 1))
+    places = places_of(settings, microphones)
+    cards = settings.mics.cards or ((1, len(microphones)),)
+    walls = known_walls.tied(shape.walls, settings.room.tied_walls)
+    tables = known_walls.known_tables(settings.walls, walls, (settings.band.f_min_hz, settings.band.f_max_hz))
+    octaves = _bands(settings, per_octave=1)
+    modes = mode_shifts.modes_of(settings)
+    quantities = [
+        *shape.quantities,
+        *_constants(settings, cards, shape.walls),
+        *_of_walls(shape.walls, walls, tables, octaves),
+        *air.QUANTITIES,
+        *known_walls.QUANTITIES,
+        *field.QUANTITIES,
+        *instruments.QUANTITIES,
+        *mode_shifts.quantities(settings, modes),
+    ]
+    effects = effects_in("specan.room.model.effects")
+    loudspeakers = tuple(f"loudspeaker {i}" for i in range(2, 2 + len(settings.loudspeakers)))
+    lacks = {
+        **({} if tables else NOTHING_KNOWN),
+        **({} if settings.loudspeakers else ONE_LOUDSPEAKER),
+    }
+    unsuited = {name for name, effect in effects.items() if effect.at in lacks}
+    return Model(
+        name="room",
+        title=shape.title,
+        notes=(*shape.notes, *notes, *mode_shifts.notes(settings, modes)),
+        conditions={
+            "frequency": Condition("frequency", "Hz", "Frequency of each line.", "frequency_hz", "Hz"),
+            "velocity_psd": Condition(
+                "velocity_psd",
+                "m^2/s",
+                "Power spectral density of the vibrometer's signal.",
+                "velocity_psd",
+                "m^2/s",
+            ),
+            "temperature_difference": Condition(
+                "temperature_difference",
+                "K",
+                "Air of a recording over the nominal temperature.",
+                "temperature_difference_K",
+                "K",
+                default=0.0,
+            ),
+            "driven": Condition(
+                "driven", "1", "Number of the set of loudspeakers that move.", "driven", "1", default=0.0
+            ),
+        },
+        quantities={q.name: q for q in quantities},
+        effects={name: effect for name, effect in effects.items() if name not in unsuited},
+        unsuited={name: lacks[effects[name].at] for name in sorted(unsuited)},
+        observables={
+            "frf": Observable(
+                "frf", "indicated_frf", "Pa*s/m", "Sound pressure over diaphragm velocity.", kind="frf"
+            ),
+        },
+        nuisances=tuple(n for n in _nuisances(settings, tables) if Use.parse(n.effect).name not in unsuited),
+        axes={
+            "wall": tuple(walls),
+            "face": shape.walls,
+            "known_wall": tuple(tables),
+            "octave": tuple(f"{f:.4g} Hz" for f in octaves),
+            "microphone": microphones,
+            "place": places,
+            "loudspeaker": loudspeakers,
+            "card": tuple(f"card {i}" for i in range(1, len(cards) + 1)),
+            "third_octave": tuple(f"{f:.4g} Hz" for f in _bands(settings)),
+            **mode_shifts.axes(modes),
+            **shape.axes,
+        },
+        words=WORDS,
+        receivers=replace(
+            room_receivers(settings, places, partial(in_recording, settings, log)),
+            shifts=mode_shifts.mode_shifts(modes),
+            usual_shifts=mode_shifts.usual_shifts(settings, modes),
+        ),
+        settings={"rig": settings.model_dump(), "face_areas_m2": shape.areas_m2},
+    )
+
+
+def _at_logged_temperature(rig: Rig) -> tuple[Rig, TemperatureLog | None, tuple[str, ...]]:
+    """The rig with the air as a thermometer has logged it, where it has; the log, and what to tell of it."""
+    if rig.air.temperature_log is None:
+        return rig, None, ()
+    path = Path(rig.air.temperature_log)
+    log = read_temperature_log(path)
+    thermometer = rig.uncertainty.temperature_K
+    known = thermometer if log.timed else log.uncertainty_K(thermometer)
+    logged = rig.model_copy(
+        update={
+            "air": rig.air.model_copy(update={"nominal_temperature_C": log.mean_C}),
+            "uncertainty": rig.uncertainty.model_copy(update={"temperature_K": known}),
+        }
+    )
+    said = (
+        f"air of {log.mean_C:.2f} degrees Celsius, {log.span_K:.2g} K from the lowest to the highest reading"
+    )
+    how = "with that of the thermometer" + (", of each recording by its own time" if log.timed else "")
+    return logged, log, (f"{path.name}: {said}; standard uncertainty {known:.2g} K {how}",)
+
+
+def _box(rig: Rig) -> RoomShape:
+    assert rig.room.dims_m is not None
+    _check_size(rig, rig.room.dims_m)
+    dims = np.array(rig.room.dims_m)
+    reach = "Reach of the truncated modal sum over the band's wave number."
+    return RoomShape(
+        title="Sound field of a rectangular room with a piston in one wall",
+        walls=WALLS,
+        areas_m2=tuple(wall_areas(rig.room.dims_m).values()),
+        quantities=(
+            constant("room_origin", np.zeros(3), "m", "Corner from which the room's edges start."),
+            constant("room_dimensions", dims, "m", "Edges of the room.", ("dimension",)),
+            constant("drawn_dimensions", dims, "m", "Edges of the room as drawn."),
+            constant("mode_margin", MODE_MARGIN, "1", reach),
+            field.room_modes,
+        ),
+        axes={"dimension": ("x", "y", "z")},
+    )
+
+
+def _check_size(rig: Rig, dims: tuple[float, ...]) -> None:
+    k_max = 2 * np.pi * rig.band.f_max_hz / field.COLD
+    counts = field.mode_counts(dims, k_max, MODE_MARGIN)
+    modes = int(np.prod(counts))
+    if modes > MOST_MODES and min(dims) > LARGEST_M:
+        raise RequestError(
+            f"[room] dims_m says {list(dims)}",
+            expected="edges in metres",
+            remedy="divide them by 1000 if they are millimetres",
+        )
+    if modes > MOST_MODES:
+        # 16 bytes a mode and line, 64 lines at once
+        raise RequestError(
+            f"the room of {list(dims)} m has {modes} modes up to {MODE_MARGIN} times "
+            f"{rig.band.f_max_hz:.0f} Hz, which would take {modes * 64 * 16 * 4 / 1e9:.1f} GB",
+            expected=f"at most {MOST_MODES} modes",
+            remedy="lower [band] f_max_hz",
+        )
+
+
+def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, ...]) -> list[Quantity]:
+    positions = np.array(rig.mics.position_m, dtype=float)
+    count = len(positions)
+    everywhere = np.concatenate(
+        [positions, *(np.array(places, dtype=float) for places in rig.moved.values())]
+    )
+    card_of = np.zeros(count, dtype=int)
+    for number, (low, high) in enumerate(cards):
+        card_of[low - 1 : high] = number
+    listed = [
+        (
+            "nominal_air_temperature",
+            rig.air.nominal_temperature_C + air.ZERO_CELSIUS,
+            "K",
+            "Temperature of the air as the rig file states it.",
+            (),
+        ),
+        ("air_pressure", rig.air.nominal_pressure_Pa, "Pa", "Static pressure.", ()),
+        ("relative_humidity", rig.air.relative_humidity_percent / 100, "1", "Relative humidity.", ()),
+        ("receiver_position", everywhere, "m", "Places of microphones, in all recordings.", ("place",)),
+        (
+            "microphone_at_place",
+            np.arange(len(everywhere)) % count,
+            "1",
+            "Number of the microphone at each place.",
+            ("place",),
+        ),
+        ("receiver_nominal_gain", np.ones(count), "1", "Gain after calibration.", ("microphone",)),
+        ("card_nominal_delay", np.zeros(len(cards)), "s", "Delay of each card as it should be.", ("card",)),
+        ("card_of_microphone", card_of, "1", "Number of the card of each microphone.", ("microphone",)),
+        ("source_position", np.array(rig.piston.centre_m), "m", "Centre of the piston.", ()),
+        ("piston_wall", walls.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
+        ("piston_radius", rig.piston.radius_m, "m", "Radius of the piston.", ()),
+        ("loudspeaker_nominal", _ratios(rig), "1", "Level (dB), delay (s) and sign against the piston.", ()),
+        ("third_octave_hz", _bands(rig), "Hz", "Third octaves of the band.", ("third_octave",)),
+    ]
+    opaque = [
+        constant("wall_names", walls, "1", "Names of the walls."),
+        constant(
+            "further_loudspeakers",
+            tuple((walls.index(one.wall), np.array(one.centre_m), one.radius_m) for one in rig.loudspeakers),
+            "1",
+            "Wall, centre and radius of loudspeakers beside the piston.",
+        ),
+        constant(
+            "driven_sets", _driven_sets(rig), "1", "Loudspeakers that move, that of the vibrometer first."
+        ),
+    ]
+    return [
+        *(replace(one, opaque=True) for one in opaque),
+        *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed),
+    ]
+
+
+def _driven_sets(rig: Rig) -> tuple[tuple[int, ...], ...]:
+    """Numbers of the loudspeakers that move, counted from 0: all, then those of recordings with others."""
+    own = [tuple(n - 1 for n in one.driven) for one in rig.recordings if one.driven is not None]
+    return (tuple(range(1 + len(rig.loudspeakers))), *dict.fromkeys(own))
+
+
+def _ratios(rig: Rig) -> np.ndarray:
+    stated = [(one.level_dB, one.delay_s, -1.0 if one.inverted else 1.0) for one in rig.loudspeakers]
+    return np.array(stated).reshape(-1, 3).T
+
+
+def _of_walls(
+    faces: tuple[str, ...],
+    walls: Mapping[str, tuple[str, ...]],
+    tables: Mapping[str, known_walls.WallTable],
+    octaves: np.ndarray,
+) -> list[Quantity]:
+    names = list(walls)
+    wall_of = np.array([next(i for i, n in enumerate(names) if face in walls[n]) for face in faces])
+    known = np.array([names.index(name) for name in tables], dtype=int)
+    stated = constant("wall_tables", tuple(tables.values()), "1", "What the rig file states of walls.")
+    return [
+        constant("wall_of_face", wall_of, "1", "Number of the wall that each face belongs to.", ("face",)),
+        constant("known_walls", known, "1", "Numbers of the walls of which something is stated."),
+        constant("octave_hz", octaves, "Hz", "Octaves of the band.", ("octave",)),
+        replace(stated, opaque=True),
+    ]
+
+
+def _bands(rig: Rig, per_octave: int = 3) -> np.ndarray:
+    """Exact mid-band frequencies of the third octaves or octaves of the band (IEC 61260-1, base 10)."""
+    ends = (max(rig.band.f_min_hz, 1.0), rig.band.f_max_hz)
+    low, high = (round(10 * np.log10(f / 1000) * per_octave / 3) for f in ends)
+    return 1000 * 10.0 ** (np.arange(low, high + 1) * 3 / (10 * per_octave))
+
+
+def _nuisances(rig: Rig, known: Iterable[str]) -> tuple[Nuisance, ...]:
+    """Instrument errors and the state of the air, held by what the rig file says of them."""
+    given = rig.uncertainty
+    listed = [
+        ("temperature", "offset", given.temperature_K, "temperature_K"),
+        ("vibrometer-delay", "delay", given.vibrometer_delay_s, "vibrometer_delay_s"),
+        ("vibrometer-gain", "gain", given.vibrometer_gain_percent / 100, "vibrometer_gain_percent"),
+        *(
+            (f"dimension-error@{axis}", "error", given.dimension_percent / 100, "dimension_percent")
+            for axis in "xyz"
+        ),
+        *(
+            (f"microphone-delay@card {i}", "delay", given.card_delay_s, "card_delay_s")
+            for i in range(1, len(rig.mics.cards) + 1)
+        ),
+    ]
+    stated = [
+        Nuisance(f"loudspeaker-ratio@loudspeaker {number}", part, sd, "[[loudspeakers]]")
+        for number, one in enumerate(rig.loudspeakers, 2)
+        for part, sd in (("level", one.u_level_dB), ("delay", one.u_delay_s))
+        if sd
+    ]
+    stated += [
+        Nuisance(f"wall-data@{wall}", part, 1.0, "[walls]")
+        for wall in known
+        for part in ("conductance", "susceptance")
+    ]
+    return (
+        *(Nuisance(e, p, sd, f"[uncertainty] {key}", e == "temperature") for e, p, sd, key in listed if sd),
+        *stated,
+    )

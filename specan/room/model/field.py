@@ -1,0 +1,310 @@
+"""Sound pressure at the microphones per velocity of the piston."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models.effect import Parameter
+from specan.models.kept import forgotten_by
+from specan.models.quantity import quantity
+from specan.room.model.box_field import BoxField, box
+from specan.room.model.port import Port, point
+
+Complex = NDArray[np.complex128]
+COLD = 325.0  # m/s, at -11 degC
+
+
+class RoomModes(Protocol):
+    """What the field needs of a room of any shape: ports, and couplings between them."""
+
+    def patch(self, wall: str, position: Sequence[float], radius: float) -> Port:
+        """A round patch at a position in a wall."""
+
+    def place(self, wall: str, across: float, along: float, radius: float) -> Port:
+        """A round patch in parts of a wall's edges."""
+
+    def prepare(self, ports: Sequence[Port]) -> None:
+        """Get ready for several sources at once."""
+
+    def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
+        """Mean of Green's function over both ports, array (lines, receivers), 1/m."""
+
+
+@dataclass(frozen=True)
+class WallPlace:
+    """A round patch of the wall at which an effect acts, in parts of the wall's edges.
+
+    Of a wall that is not a rectangle: of the edges of the one around it.
+    """
+
+    across: float
+    along: float
+    radius: float
+
+
+@dataclass(frozen=True)
+class Source:
+    """A second place where sound enters: volume velocity per velocity of the piston, m^2."""
+
+    port: Port | WallPlace
+    strength: Complex
+
+
+@dataclass(frozen=True)
+class LocalLoad:
+    """What takes volume velocity at a place: ``q = -admittance * p`` (m^3/(s Pa))."""
+
+    port: Port | WallPlace
+    admittance: Complex
+
+
+def opening(area: float, impedance: Complex, mass_factor: Complex, radius: float, end: float) -> Complex:
+    """Admittance of an opening whose `impedance` (Pa s/m) counts the air on the room's side already.
+
+    The coupling of a patch with itself holds the mass of that air once more, ``end / (pi a)`` for a patch in a baffle,
+    with an `end` correction of 8 / (3 pi) radii where it moves as one; it is taken off. `mass_factor` is ``j w rho``.
+    """
+    return area / (impedance - area * mass_factor * end / (np.pi * radius))
+
+
+@quantity(unit="1", axes=("wall",))
+def wall_admittance(
+    frequency,
+    wall_of_face,
+    known_admittance,
+    known_walls,
+    *,
+    common=Parameter(0.005, "1", min=0.0, max=0.03, doc="the same on all walls of which nothing is known"),
+):
+    """Specific admittance rho c / Z of each wall, of tied walls together, array (walls, lines)."""
+    found = np.full((max(wall_of_face) + 1, len(frequency)), common, dtype=complex)
+    found[known_walls] = known_admittance
+    return found
+
+
+@quantity(unit="1", axes=("face",))
+def face_admittance(wall_admittance, wall_of_face):
+    """Specific admittance of each face of the room, array (faces, lines): tied walls have one for all of theirs."""
+    return wall_admittance[wall_of_face]
+
+
+@quantity(unit="1", opaque=True)
+def room_modes(
+    frequency,
+    sound_speed,
+    air_attenuation,
+    air_dispersion,
+    face_admittance,
+    room_dimensions,
+    drawn_dimensions,
+    mode_margin,
+    modes_apart,
+    mode_shift,
+):
+    """The room's modes, and the couplings that were asked of them."""
+    inputs = (
+        frequency,
+        sound_speed,
+        air_attenuation,
+        air_dispersion,
+        face_admittance,
+        room_dimensions,
+        drawn_dimensions,
+        mode_margin,
+        modes_apart,
+        mode_shift,
+    )
+    key: tuple[bytes, ...] = tuple(np.asarray(value).tobytes() for value in inputs)
+    if key not in _BOXES:
+        while len(_BOXES) >= 3:
+            _BOXES.popitem(last=False)
+        _BOXES[key] = _make_box(*inputs)
+    return _BOXES[key]
+
+
+# A fit changes one parameter at a time, most of which leave the modes alone.
+_BOXES: OrderedDict[tuple[bytes, ...], BoxField] = OrderedDict()
+forgotten_by(_BOXES.clear)
+
+
+def mode_counts(lengths: tuple[float, ...], k_max: float, margin: float) -> tuple[int, ...]:
+    """Modes along each axis, so that the truncated sum reaches `margin` times the largest wave number."""
+    return tuple(int(np.ceil(margin * k_max * length / np.pi)) + 2 for length in lengths)
+
+
+def _make_box(
+    frequency: Any,
+    sound_speed: Any,
+    attenuation: Any,
+    dispersion: Any,
+    admittance: Any,
+    dimensions: Any,
+    drawn: Any,
+    margin: Any,
+    modes_apart: Any,
+    mode_shift: Any,
+) -> BoxField:
+    lengths, as_drawn = point(dimensions), point(drawn)
+    k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + dispersion))
+    # Counts and the static_correction's range belong to the drawn room in cold air: while temperature or an edge
+    # is fitted they must not jump.
+    k_max = 2 * np.pi * float(np.max(frequency)) / COLD
+    counts = mode_counts(as_drawn, k_max, float(margin))
+    k2 = (k - 1j * attenuation) ** 2
+    return box(frequency, lengths, k2, 1j * k * admittance, as_drawn, k_max, counts, modes_apart, mode_shift)
+
+
+@quantity(unit="Pa*s/m", axes=("place",))
+def field(
+    frequency,
+    room_modes,
+    density,
+    sound_speed,
+    face_admittance,
+    wall_names,
+    receiver_position,
+    source_position,
+    piston_wall,
+    piston_radius,
+    piston_velocity_profile,
+    sources,
+    local_loads,
+    further_loudspeakers,
+    loudspeaker_velocity,
+):
+    """Sound pressure over the velocity at the vibrometer's point, array (places, lines).
+
+    ``p = j w rho sum_s G(r, s) q_s``: the pistons with their area times mean velocity, further sources, and
+    what local loads give back. A piston, moving or at rest, does not yield to the pressure as the wall around it
+    does: it is a load with the negative admittance of its area.
+    """
+    omega = 2 * np.pi * frequency
+    pistons = [(piston_wall, source_position, float(piston_radius)), *further_loudspeakers]
+    ports = [room_modes.patch(wall_names[wall], centre, radius) for wall, centre, radius in pistons]
+    areas = [np.pi * port.radius**2 for port in ports]
+    microphones = _points(np.asarray(receiver_position, dtype=float).tobytes(), ports[0].axis)
+    first, *others = loudspeaker_velocity
+    given = [(ports[0], areas[0] * (piston_velocity_profile * first))]
+    given += [(port, area * moving) for port, area, moving in zip(ports[1:], areas[1:], others, strict=True)]
+    given += [(port, item.strength * first) for port, item in _placed(sources, room_modes)]
+    loads = [
+        (port, -area * face_admittance[wall] / (density * sound_speed))
+        for port, area, (wall, _, _) in zip(ports, areas, pistons, strict=True)
+    ]
+    loads += [(port, item.admittance) for port, item in _placed(local_loads, room_modes)]
+    factor = 1j * omega * density
+    room_modes.prepare([port for port, _ in (*given, *loads)])
+    strengths = _load_strengths(room_modes, factor, given, loads, microphones)
+    total = np.zeros((len(frequency), len(microphones)), dtype=complex)
+    for port, strength in [*given, *zip((port for port, _ in loads), strengths, strict=True)]:
+        if np.any(strength):
+            total += strength[:, None] * room_modes.coupling(port, microphones)
+    return (factor[:, None] * total).T
+
+
+@lru_cache(maxsize=64)
+def _points(positions: bytes, axis: int) -> tuple[Port, ...]:
+    """Ports of microphones; the same ones where they stand still, as they mostly do in a fit."""
+    return tuple(Port(point(p), axis) for p in np.frombuffer(positions).reshape(-1, 3))
+
+
+def _placed(collection: Any, modes: RoomModes) -> list[tuple[Port, Any]]:
+    """Ports of what joined a collection; an effect at one wall comes as ``(wall, thing)``."""
+    found = []
+    for item in collection:
+        wall, thing = item if isinstance(item, tuple) and isinstance(item[0], str) else ("", item)
+        for one in thing if isinstance(thing, tuple) else (thing,):
+            port = one.port
+            if isinstance(port, WallPlace):
+                port = modes.place(wall, port.across, port.along, port.radius)
+            found.append((port, one))
+    return found
+
+
+def _load_strengths(
+    modes: RoomModes,
+    factor: Complex,
+    sources: list[tuple[Port, Complex]],
+    loads: list[tuple[Port, Complex]],
+    microphones: Sequence[Port],
+) -> list[Complex]:
+    """Volume velocity that each load returns: ``(1 + F G Y) p = F G q`` at the loads, ``q = -Y p``.
+
+    What the microphones will be asked for is had with it: once a port's modes are there, a receiver costs little.
+    """
+    ports = [port for port, _ in loads]
+    lines, count = len(factor), len(loads)
+    if not any(np.any(admittance) for _, admittance in loads):
+        return [np.zeros(lines, dtype=complex)] * count
+    for port in dict.fromkeys([*(port for port, _ in sources), *ports]):
+        modes.coupling(port, [*ports, *microphones])
+    driven = np.zeros((lines, count), dtype=complex)
+    for port, strength in sources:
+        driven += strength[:, None] * modes.coupling(port, ports)
+    between = np.stack([modes.coupling(port, ports) for port in ports], axis=2)  # (lines, at, from)
+    admittance = np.stack([y * np.ones(lines) for _, y in loads], axis=1)
+    if count == 1:
+        (only,) = admittance.T
+        return [-only * factor * driven[:, 0] / (1 + factor * between[:, 0, 0] * only)]
+    matrix = np.eye(count) + factor[:, None, None] * between * admittance[:, None, :]
+    pressure = np.linalg.solve(matrix, (factor[:, None] * driven)[..., None])[..., 0]
+    return list((-admittance * pressure).T)
+
+
+@quantity(unit="1", collection=True)
+def sources():
+    """Further sources of sound."""
+    return ()
+
+
+@quantity(unit="1", collection=True)
+def local_loads():
+    """Resonators, openings, objects: each condensed to what it does at its place."""
+    return ()
+
+
+@quantity(unit="1")
+def piston_velocity_profile(frequency):
+    """Mean velocity of the diaphragm over that at the vibrometer's point."""
+    return np.ones(len(frequency), dtype=complex)
+
+
+@quantity(unit="1", axes=("loudspeaker",))
+def loudspeaker_ratio(frequency, loudspeaker_nominal):
+    """Velocity of each further loudspeaker over that of the piston where all are driven, array (others, lines)."""
+    level_dB, delay_s, sign = loudspeaker_nominal
+    size = sign * 10 ** (level_dB / 20)
+    return size[:, None] * np.exp(-2j * np.pi * np.outer(delay_s, frequency))
+
+
+@quantity(unit="1")
+def loudspeaker_velocity(loudspeaker_ratio, driven, driven_sets):
+    """Velocity of the piston and the others over that of the vibrometer's in this recording; zero of one at rest."""
+    all_driven = np.concatenate(
+        [np.ones_like(loudspeaker_ratio, shape=(1, loudspeaker_ratio.shape[1])), loudspeaker_ratio]
+    )
+    seen, *others = driven_sets[int(driven)]
+    moving = np.zeros_like(all_driven)
+    moving[seen] = 1.0
+    for number in others:
+        moving[number] = all_driven[number] / all_driven[seen]
+    return moving
+
+
+QUANTITIES = (
+    wall_admittance,
+    face_admittance,
+    loudspeaker_ratio,
+    loudspeaker_velocity,
+    field,
+    sources,
+    local_loads,
+    piston_velocity_profile,
+)

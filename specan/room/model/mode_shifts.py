@@ -1,0 +1,143 @@
+"""Modes of a box that ring each a little elsewhere than those of the ideal box, and decay a little faster or slower.
+
+Seams, suspensions and cables move every mode of a real room by an amount of its own. A shift belongs to the room:
+all microphones, recordings and loudspeakers meet the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models.effect import Parameter
+from specan.models.measurement_kinds import ModeShifts, UsualShifts
+from specan.models.model import Model
+from specan.models.quantity import Quantity, constant, quantity
+from specan.room.model.port import Port, point
+from specan.room.model.rig import Rig
+
+Complex = NDArray[np.complex128]
+
+USUAL_PERCENT = 0.1  # of natural frequencies of built rooms; see docs/room.md
+BESIDE_BAND = 0.03  # of the ends of the band: modes so near beside it may move too, 30 shifts of 0.1 %
+SOUND_SPEED = 343.2  # m/s, at 20 degrees Celsius (ISO 9613-1): which modes there are needs no better one
+
+
+@quantity(unit="1")
+def mode_shift(
+    mode_shift_sd,
+    *,
+    frequency=Parameter(
+        0.0, "1", min=-3.0, max=3.0, fixed=True, per="mode", doc="of each mode, in standard uncertainties"
+    ),
+    damping=Parameter(
+        0.0, "1", min=-3.0, max=3.0, fixed=True, per="mode", doc="of each mode, in standard uncertainties"
+    ),
+):
+    """Relative changes of each mode's natural frequency and of its decay rate, array (2, modes)."""
+    return np.stack([size * value for size, value in zip(mode_shift_sd, (frequency, damping), strict=True)])
+
+
+def modes_of(rig: Rig) -> NDArray[np.intp]:
+    """Numbers along the edges (n, 3) of the modes of a rigid box in the band, the lowest first; none if none may shift.
+
+    ``f = c / 2 sqrt((l / X)^2 + (m / Y)^2 + (n / Z)^2)`` (Kuttruff, Room Acoustics, 6th ed., eq. 3.17).
+    """
+    if rig.room.dims_m is None or not any(rig.uncertainty.of_each_mode):
+        return np.empty((0, 3), dtype=np.intp)
+    edges = np.array(rig.room.dims_m)
+    low, high = rig.band.f_min_hz * (1 - BESIDE_BAND), rig.band.f_max_hz * (1 + BESIDE_BAND)
+    most = np.floor(2 * high * edges / SOUND_SPEED).astype(int)
+    orders = np.array(list(np.ndindex(*(most + 1))))
+    frequency = SOUND_SPEED / 2 * np.linalg.norm(orders / edges, axis=1)
+    inside = np.flatnonzero((frequency >= low) & (frequency <= high))
+    return np.asarray(orders[inside[np.argsort(frequency[inside])]])
+
+
+def quantities(rig: Rig, modes: NDArray[np.intp]) -> tuple[Quantity, ...]:
+    """Which modes may be shifted, and by how much; no parameters where no mode may."""
+    listed = constant("modes_apart", modes, "1", "Numbers along the edges of modes that may be shifted.")
+    if not len(modes):
+        return listed, constant("mode_shift", np.zeros((2, 0)), "1", "No mode is shifted.")
+    sd = np.array([[rig.uncertainty.of_each_mode[0]], [rig.uncertainty.of_each_mode[1]]])
+    sizes = constant(
+        "mode_shift_sd", np.broadcast_to(sd, (2, len(modes))), "1", "Standard uncertainties of the shifts."
+    )
+    return listed, sizes, mode_shift
+
+
+def axes(modes: NDArray[np.intp]) -> dict[str, tuple[str, ...]]:
+    """Names of the modes: ``x1 y2``; no axis where none may be shifted."""
+    names = [
+        " ".join(f"{axis}{n}" for axis, n in zip("xyz", order, strict=True) if n) for order in modes.tolist()
+    ]
+    return {"mode": tuple(names)} if names else {}
+
+
+def usual_shifts(rig: Rig, modes: NDArray[np.intp]) -> UsualShifts | None:
+    """What built rooms usually have; None where shifts are declared, or the modes have no numbers."""
+    if len(modes) or rig.room.dims_m is None:
+        return None
+    usual = {"mode_frequency_percent": USUAL_PERCENT}
+    declared = rig.model_copy(update={"uncertainty": rig.uncertainty.model_copy(update=usual)})
+
+    def with_shifts(model: Model) -> Model:
+        apart = modes_of(declared)
+        assert model.receivers is not None
+        return replace(
+            model,
+            quantities={**model.quantities, **{q.name: q for q in quantities(declared, apart)}},
+            axes={**model.axes, **axes(apart)},
+            receivers=replace(model.receivers, shifts=mode_shifts(apart), usual_shifts=None),
+        )
+
+    return UsualShifts(with_shifts, f"[uncertainty] mode_frequency_percent = {USUAL_PERCENT:g}")
+
+
+def notes(rig: Rig, modes: NDArray[np.intp]) -> tuple[str, ...]:
+    """What is to be told of a freedom of single modes."""
+    frequency, damping = (100 * part for part in rig.uncertainty.of_each_mode)
+    declared = (
+        f"each of {len(modes)} modes by itself {frequency:.3g} % in frequency and {damping:.3g} % in damping"
+    )
+    return (f"uncertain: {declared} ([uncertainty])",) if len(modes) else ()
+
+
+def _columns(known: Mapping[str, Any]) -> Iterator[tuple[Complex, tuple[complex, complex]]]:
+    """Change of the transfer functions with each mode, and how far one standard uncertainty moves it.
+
+    Sound that loads give back is not followed: a diaphragm, a resonator hear the mode where it was.
+    """
+    room = known["room_modes"]
+    pistons = [
+        (known["piston_wall"], known["source_position"], known["piston_radius"]), *known["further_loudspeakers"]
+    ]  # fmt: skip
+    ports = [room.patch(known["wall_names"][int(w)], centre, float(radius)) for w, centre, radius in pistons]
+    velocity = known["loudspeaker_velocity"] * np.ones(len(known["frequency"]))
+    velocity[0] = velocity[0] * known["piston_velocity_profile"]
+    sources = [(p, np.pi * p.radius**2 * v) for p, v in zip(ports, velocity, strict=True)]
+    heard = 2j * np.pi * known["frequency"] * known["density"] * known["indicated_frf"] / known["field"]
+    receivers = [Port(point(p), 0) for p in known["receiver_position"]]
+    each = room.mode_slopes(sources, receivers, known["modes_apart"])
+    for (change, sizes), (frequency, damping) in zip(each, known["mode_shift_sd"].T, strict=True):
+        yield heard * change, (sizes[0] * frequency, sizes[1] * damping)
+
+
+def mode_shifts(modes: NDArray[np.intp]) -> ModeShifts | None:
+    """What a fit needs to find the shifts of all modes; None where none may be shifted."""
+    if not len(modes):
+        return None
+    return ModeShifts(
+        parameters=("mode_shift.frequency", "mode_shift.damping"),
+        size=len(modes),
+        reads=(
+            "frequency", "room_modes", "modes_apart", "mode_shift_sd", "wall_names", "piston_wall", "source_position",
+            "piston_radius", "further_loudspeakers", "loudspeaker_velocity", "piston_velocity_profile", "density",
+            "receiver_position", "indicated_frf", "field",
+        ),
+        columns=_columns,
+    )  # fmt: skip

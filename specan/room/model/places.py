@@ -1,0 +1,272 @@
+"""Places in a box: where microphones are near a wall, and where further ones can stand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models.measurement_kinds import (
+    InRecording,
+    NamedModes,
+    PlacedEffects,
+    Places,
+    ReceiverErrors,
+    Receivers,
+    SourcePlaces,
+    WaveNumberStep,
+)
+from specan.models.model import Model
+from specan.models.quantity import constant
+from specan.room.model.port import Port, point
+from specan.room.model.rig import WALLS, OwnRecording, Rig, left_out
+from specan.room.model.temperature_log import TemperatureLog
+
+Array = NDArray[np.float64]
+
+EACH_WAY = 4  # places along each edge
+FROM_WALL_M = 0.06
+FROM_PISTON_M = 0.15
+APART_M = 0.05
+NEAR = 0.3  # of an edge: within this distance a microphone is near a wall
+DRIFT_K = (
+    0.02  # standard deviation over a recording, below which it moves no mode by a hundredth of its width
+)
+STEP_K = 0.02  # of a difference quotient by the temperature
+
+
+def places_of(rig: Rig, microphones: Sequence[str]) -> tuple[str, ...]:
+    """Names of the places of all microphones: ``Mic 3``, and ``Mic 3 in second`` where it stands elsewhere."""
+    moved = [f"{name} in {Path(file).stem}" for file in rig.moved for name in microphones]
+    return (*microphones, *moved)
+
+
+def in_recording(
+    rig: Rig, log: TemperatureLog | None, file: str, start: np.datetime64 | None, duration_s: float
+) -> InRecording:
+    """Where the microphones stand in a recording, how warm its air is, and which loudspeakers move."""
+    name = Path(file).name
+    own = next((one for one in rig.recordings if one.file == name), OwnRecording(file=name))
+    count, number = len(rig.mics.position_m), 0
+    if own.position_m is not None:
+        number = 1 + list(rig.moved).index(name)
+    text, drift = "", None
+    moving = [one.driven for one in rig.recordings if one.driven is not None]
+    driven = 0 if own.driven is None else 1 + list(dict.fromkeys(moving)).index(own.driven)
+    conditions = {"driven": float(driven)} if driven else {}
+    if own.temperature_C is not None:
+        conditions["temperature_difference"] = own.temperature_C - rig.air.nominal_temperature_C
+        text = f"air of {own.temperature_C:g} degrees Celsius"
+    elif log is not None and log.timed and start is not None:
+        during = log.during(start, duration_s)
+        conditions["temperature_difference"] = float(during.mean()) - rig.air.nominal_temperature_C
+        text = f"air of {during.mean():.2f} degrees Celsius, {np.ptp(during):.2g} K of drift"
+        if during.std() > DRIFT_K:
+            drift = ("temperature_difference", during - during.mean())
+    return InRecording(number * count + np.arange(count), conditions, drift, text)
+
+
+def room_receivers(
+    rig: Rig, names: tuple[str, ...], of_recording: Callable[[str, Any, float], InRecording]
+) -> Receivers:
+    """The microphones of a room, compared with the vibrometer."""
+    given, dims = rig.uncertainty, rig.room.dims_m
+    nominal_K = rig.air.nominal_temperature_C + 273.15
+    positions = np.concatenate([np.array(places) for places in (rig.mics.position_m, *rig.moved.values())])
+    sets = 1 + len(rig.moved)
+    return Receivers(
+        axis="place",
+        noun="microphone",
+        plural="microphones",
+        role="microphone",
+        reference_role="vibrometer",
+        helper_role="generator",
+        band_hz=(rig.band.f_min_hz, rig.band.f_max_hz),
+        positions_m=positions,
+        moved_by="microphone-position",
+        along=("dx", "dy", "dz"),
+        errors=ReceiverErrors(
+            position_m=np.tile(given.position_m, sets)[:, None]
+            if isinstance(given.position_m, tuple)
+            else given.position_m,
+            calibration_dB=given.calibration_dB,
+            calibration_phase_deg=given.calibration_phase_deg,
+            discrepancy=given.model_discrepancy_percent / 100,
+            detuning=(given.natural_frequency_percent if dims is None else given.smooth_percent) / 100,
+            frame_m=given.frame_m,
+            frame_tilt_deg=given.frame_tilt_deg,
+            common_dB=given.calibrator_dB,
+        ),
+        block_s=rig.band.block_s,
+        left_out_hz=left_out(rig.band),
+        background=rig.background.recording,
+        in_recording=of_recording,
+        # k goes as T^(-1/2), and the response as the density besides: dH/d ln k = -2 (T dH/dT + H)
+        wave_number=WaveNumberStep("temperature", "offset", STEP_K, -2 * nominal_K, -2.0),
+        groups=lambda channels: {} if dims is None else near_walls(dims, positions, names, channels),
+        group_label="near_wall",
+        group_words="microphones near wall",
+        places=None
+        if dims is None
+        else Places(
+            free=lambda: free_places(rig),
+            with_receivers=with_microphones,
+            depth=lambda wall, places: _depth(dims, wall, places),
+            extent_m=dims,
+        ),
+        placed=None if dims is None else PLACED,
+        modes=None if dims is None else NAMED,
+        source=None
+        if dims is None or rig.loudspeakers
+        else SourcePlaces(
+            faces=WALLS,
+            with_source=lambda model, wall, across, along: _with_source(rig, model, wall, across, along),
+            words=lambda wall, across, along: _source_words(rig, wall, across, along),
+        ),
+    )
+
+
+def _on_wall(rig: Rig, wall: str, across: float, along: float) -> Array:
+    """Centre of the diaphragm in parts of a wall's edges, the whole of it inside the wall, m."""
+    dims, axis = np.array(rig.room.dims_m), "xyz".index(wall[0])
+    centre = np.insert(np.array([across, along]), axis, float(wall[1])) * dims
+    inside = np.clip(centre, rig.piston.radius_m, dims - rig.piston.radius_m)
+    inside[axis] = centre[axis]
+    return np.asarray(inside)
+
+
+def _with_source(rig: Rig, model: Model, wall: str, across: float, along: float) -> Model:
+    there = {"source_position": _on_wall(rig, wall, across, along), "piston_wall": WALLS.index(wall)}
+    changed = {
+        name: constant(name, value, node.unit, node.doc, node.axes)
+        for name, value in there.items()
+        for node in (model.quantities[name],)
+    }
+    return replace(model, quantities={**model.quantities, **changed})
+
+
+def _source_words(rig: Rig, wall: str, across: float, along: float) -> str:
+    def said(place: Any) -> str:
+        return ", ".join(f"{c:.2f}" for c in place)
+
+    there, here = _on_wall(rig, wall, across, along), rig.piston.centre_m
+    return (
+        f"the loudspeaker seems to be in wall {wall} near [{said(there)}] m, "
+        f"not in wall {rig.piston.wall} at [{said(here)}] m"
+    )
+
+
+def _patterns(quantities: Mapping[str, Any], wall: str, places: Array) -> NDArray[np.complex128]:
+    """Sound at the microphones of a source at places of a wall, without its near field."""
+    modes, heard = quantities["room_modes"], quantities["indicated_frf"] / quantities["field"]
+    ports = [modes.place(wall, across, along, 0.0) for across, along in places.tolist()]
+    found = [modes.modal(Port(point(p), 0), ports) for p in quantities["receiver_position"]]
+    return np.stack([column.T for column in found], axis=1) * heard
+
+
+PLACED = PlacedEffects(
+    shapes=dict.fromkeys(("helmholtz-resonator", "leak", "flanking-source"), ("across", "along")),
+    reads=("room_modes", "receiver_position", "indicated_frf", "field"),
+    patterns=_patterns,
+)
+
+
+def near_walls(
+    dims_m: Sequence[float], positions_m: Array, names: Sequence[str], channels: Sequence[str]
+) -> dict[str, list[int]]:
+    """Numbers of the channels near each wall of a box; at least two, and not all."""
+    place = np.array([positions_m[names.index(c)] for c in channels])
+    found = {}
+    for axis, edge in enumerate(dims_m):
+        for side, distance in (("0", place[:, axis]), ("1", edge - place[:, axis])):
+            inside = np.flatnonzero(distance <= NEAR * edge).tolist()
+            if 2 <= len(inside) < len(channels):
+                found["xyz"[axis] + side] = inside
+    return found
+
+
+def free_places(rig: Rig) -> Array:
+    """A grid of places (n, 3) in m: off the walls, off the piston, where no microphone stands yet."""
+    dims = np.array(rig.room.dims_m)
+    margin = np.minimum(FROM_WALL_M, dims / 4)
+    along = [np.round(np.linspace(m, edge - m, EACH_WAY), 3) for m, edge in zip(margin, dims, strict=True)]
+    grid = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 3)
+    taken = np.concatenate([np.array(places) for places in (rig.mics.position_m, *rig.moved.values())])
+    clear = np.min(np.linalg.norm(grid[:, None] - taken[None], axis=2), axis=1) > APART_M
+    clear &= np.linalg.norm(grid - np.array(rig.piston.centre_m), axis=1) > FROM_PISTON_M
+    return np.asarray(grid[clear])
+
+
+def with_microphones(model: Model, places: Array) -> tuple[Model, tuple[str, ...]]:
+    """The model with further microphones behind its own, on the first card; and their names."""
+    names = tuple(f"place {k}" for k in range(1, len(places) + 1))
+    further = len(model.axes["microphone"]) + np.arange(len(places))
+    more = {"receiver_position": places, "receiver_nominal_gain": np.ones(len(places)),
+            "card_of_microphone": np.zeros(len(places), dtype=int), "microphone_at_place": further}  # fmt: skip
+    changed = {
+        name: constant(name, np.concatenate([np.asarray(node()), more[name]]), node.unit, node.doc, node.axes)
+        for name, node in ((name, model.quantities[name]) for name in more)
+    }
+    axes = {**model.axes, **{axis: (*model.axes[axis], *names) for axis in ("microphone", "place")}}
+    return replace(model, quantities={**model.quantities, **changed}, axes=axes), names
+
+
+def _depth(dims_m: Sequence[float], wall: str, places: Array) -> Array:
+    axis, far = "xyz".index(wall[0]), wall[1] == "1"
+    return np.asarray(dims_m[axis] - places[:, axis] if far else places[:, axis])
+
+
+def wall_areas(dims_m: Sequence[float]) -> Mapping[str, float]:
+    """Area of every wall of a box, m^2.
+
+    Examples
+    --------
+    >>> wall_areas([2.0, 3.0, 4.0])["y1"]
+    8.0
+    """
+    x, y, z = (float(edge) for edge in dims_m)
+    return {"x0": y * z, "x1": y * z, "y0": x * z, "y1": x * z, "z0": x * y, "z1": x * y}
+
+
+_SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
+
+
+def mode_names(dims_m: Any, sound_speed: float, f_max_hz: float) -> list[tuple[float, str]]:
+    """Natural frequency and name of every mode of a box with rigid walls, the lowest first.
+
+    ``f = c / 2 sqrt((l / X)^2 + (m / Y)^2 + (n / Z)^2)`` (Kuttruff, Room Acoustics, 6th ed., eq. 3.17).
+
+    Examples
+    --------
+    >>> mode_names([2.0, 1.0, 0.5], 340.0, 200.0)
+    [(85.0, '1st axial mode along x'), (170.0, '1st axial mode along y'), (170.0, '2nd axial mode along x'), \
+(190.1, 'tangential mode x1 y1')]
+    """
+    edges = np.array(dims_m, dtype=float)
+    most = np.floor(2 * f_max_hz * edges / sound_speed).astype(int)
+    found = []
+    for orders in np.ndindex(*(most + 1)):
+        frequency = sound_speed / 2 * float(np.sqrt(np.sum((np.array(orders) / edges) ** 2)))
+        if any(orders) and frequency <= f_max_hz:
+            found.append((round(frequency, 1), _name(orders)))
+    return sorted(found, key=lambda mode: mode[0])
+
+
+def _name(orders: tuple[int, ...]) -> str:
+    along = [(axis, order) for axis, order in zip("xyz", orders, strict=True) if order]
+    if len(along) == 1:
+        axis, order = along[0]
+        return f"{order}{_SUFFIXES.get(order, 'th')} axial mode along {axis}"
+    family = "tangential" if len(along) == 2 else "oblique"
+    return f"{family} mode " + " ".join(f"{axis}{order}" for axis, order in along)
+
+
+def _of(quantities: Mapping[str, Any], f_max_hz: float) -> list[tuple[float, str]]:
+    return mode_names(quantities["room_dimensions"], float(quantities["sound_speed"]), f_max_hz)
+
+
+NAMED = NamedModes(reads=("room_dimensions", "sound_speed"), names=_of)

@@ -1,0 +1,126 @@
+"""The temperature of the air while a recording was made, from the log of a thermometer."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import InputError
+from specan.schema import regular
+
+COLUMN = "temperature_C"
+TIME = "time_utc"
+STEPS = 101  # of a recording, at which its temperature is looked up
+LONGEST_GAP_S = 3600.0  # between a recording and the nearest reading
+
+
+@dataclass(frozen=True)
+class TemperatureLog:
+    """Readings of a thermometer.
+
+    Attributes
+    ----------
+    celsius : array (n,)
+    time_utc : array (n,) of datetime64, optional
+        Increasing; None where the log has no such column.
+    """
+
+    celsius: NDArray[np.float64]
+    time_utc: NDArray[np.datetime64] | None = None
+
+    @property
+    def timed(self) -> bool:
+        """Whether it tells when its readings were taken."""
+        return self.time_utc is not None
+
+    @property
+    def mean_C(self) -> float:
+        """Mean of all readings."""
+        return float(self.celsius.mean())
+
+    @property
+    def span_K(self) -> float:
+        """From the lowest to the highest reading."""
+        return float(np.ptp(self.celsius))
+
+    def during(self, start: np.datetime64, duration_s: float) -> NDArray[np.float64]:
+        """Temperatures at even steps of a recording, straight between the readings, degrees Celsius.
+
+        Raises
+        ------
+        InputError
+            No reading lies within an hour of it.
+        """
+        assert self.time_utc is not None
+        at = (self.time_utc - start) / np.timedelta64(1, "s")
+        if max(at[0] - duration_s, -at[-1]) > LONGEST_GAP_S:
+            raise InputError(
+                f"the temperature log goes from {self.time_utc[0]} to {self.time_utc[-1]}, the recording begins at "
+                f"{start} (UTC)",
+                expected=f"a log of the time of the recording, {TIME} in UTC",
+                remedy=f"give the right log, or remove its column {TIME}",
+            )
+        return np.interp(np.linspace(0.0, duration_s, STEPS), at, self.celsius)
+
+    def uncertainty_K(self, thermometer_K: float) -> float:
+        """Standard uncertainty of a temperature that drifts over the span, read by a thermometer.
+
+        The air passed through every value of the span: a rectangular law, span / sqrt(12) (JCGM 100:2008, 4.3.7).
+        """
+        return float(np.hypot(thermometer_K, self.span_K / np.sqrt(12)))
+
+
+def read_temperature_log(path: Path) -> TemperatureLog:
+    """Read a table whose column ``temperature_C`` holds the readings.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, has no such column or no reading, or one that no room has.
+    """
+    try:
+        with regular(path).open(encoding="utf-8-sig", newline="") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError) as fault:
+        raise InputError(
+            f"the temperature log {path.name} cannot be read ({fault})",
+            remedy="correct [air] temperature_log in the rig file",
+        ) from None
+    columns = list(rows[0]) if rows else []
+    if COLUMN not in columns:
+        raise InputError(
+            f"the temperature log {path.name} has the columns {', '.join(map(str, columns)) or 'none'}",
+            expected=f"a column {COLUMN}, beside one of the time",
+        )
+    try:
+        readings = np.array([float(row[COLUMN]) for row in rows])
+    except (TypeError, ValueError):
+        raise InputError(
+            f"the temperature log {path.name} has a {COLUMN} that is no number",
+            remedy="use a decimal point, and commas between columns",
+        ) from None
+    if not np.all((readings > -50) & (readings < 80)):  # as [air] nominal_temperature_C allows
+        raise InputError(
+            f"the temperature log {path.name} goes from {readings.min():g} to {readings.max():g} degrees",
+            expected="degrees Celsius between -50 and 80",
+        )
+    return TemperatureLog(readings, _times(path, rows) if TIME in columns else None)
+
+
+def _times(path: Path, rows: list[dict[str, str]]) -> NDArray[np.datetime64]:
+    try:
+        found = np.array([np.datetime64(row[TIME].strip().removesuffix("Z"), "us") for row in rows])
+    except ValueError:
+        raise InputError(
+            f"the temperature log {path.name} has a {TIME} that is none",
+            expected="times such as 2026-05-12T14:03:20",
+        ) from None
+    if np.any(np.diff(found) <= np.timedelta64(0)):
+        raise InputError(
+            f"the times of the temperature log {path.name} do not increase", remedy="sort its lines"
+        )
+    return found

@@ -1,0 +1,4 @@
+"""From measured files to observations with their covariance.
+
+Decisions: docs/decisions/study_data.md.
+"""

@@ -1,0 +1,289 @@
+"""From a recording of receivers and a reference channel to transfer functions that a model is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.channel import Channel
+from specan.data.recording import Recording
+from specan.errors import InputError, RequestError
+from specan.models import Model, Receivers
+from specan.models.measurement_kinds import InRecording
+from specan.room.study.block_length import block_length
+from specan.study.data.background_noise import background_noise
+from specan.study.data.line_noise import LEAST_BLOCKS, noise_of_lines
+from specan.study.observation.correlated_errors import CommonErrors
+from specan.study.observation.frf import Drift, FrfObservation
+from specan.study.observation.window_leakage import fold
+
+SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
+SETTLE_SHARE = 0.2  # of the record, in between
+LISTENING = 4  # receivers that the decay is taken from
+TOGETHER = 1 << 21  # samples of blocks that are analysed together: a second of 40 channels at 51.2 kHz
+
+Complex = Any
+
+Real = NDArray[np.float64]
+
+
+def observe_recording(
+    recording: Recording,
+    model: Model,
+    *,
+    estimator: str = "H1",
+    f_min_hz: float,
+    f_max_hz: float,
+    background: Recording | None = None,
+    u_calibrator_percent: float = 0.0,
+) -> FrfObservation:
+    """Transfer functions of the receivers against the reference channel, ready for a study.
+
+    Parameters
+    ----------
+    recording : Recording
+        Calibrated; its receivers in the order of the rig file.
+    model : Model
+        Its `receivers` name them.
+    estimator : {"H1", "H3c"}
+    f_min_hz, f_max_hz : float
+        Band.
+    background : Recording, optional
+        The receivers while the source is silent.
+    u_calibrator_percent : float
+        Part of the uncertainty of the sensitivities that all receivers have in common.
+
+    Returns
+    -------
+    FrfObservation
+
+    Raises
+    ------
+    InputError
+        No reference channel, fewer receivers than positions or more, a record too short, no coherence.
+    """
+    from specan.analysis.transfer_function import TransferFunction
+
+    receivers = _receivers_of(model)
+    reference, channels_of_all = _channels_of(recording, receivers)
+    rate, block_s = reference.sampling_rate, receivers.block_s
+    if block_s is None:
+        looked_at = channels_of_all[:: max(1, len(channels_of_all) // LISTENING)]
+        heard = (recording.read([channel])[0] for channel in looked_at)
+        block_s = block_length(recording.read([reference])[0], heard, rate, (f_min_hz, f_max_hz))
+    settle = settling_s(reference.duration_s, block_s)
+    own = _own(recording, reference, model, receivers, settle)
+    if len(channels_of_all) != len(own.rows):
+        raise InputError(
+            f"{recording.label} has {len(channels_of_all)} {receivers.plural}, the rig file {len(own.rows)} positions",
+            expected=f"one position a {receivers.noun} channel, in order",
+        )
+    settings = TransferFunction(
+        reference=reference.label,
+        estimator=estimator,  # type: ignore[arg-type]
+        lines=round(rate * block_s / 2.56),
+        window="hann",
+        overlap=0.5,
+        align=False,
+        start_s=settle,
+    )
+    block, hop, start = settings.block, settings.block // 2, round(settle * rate)
+    if reference.n_samples < start + LEAST_BLOCKS * block:
+        least = settle + LEAST_BLOCKS * block / rate
+        raise InputError(
+            f"{recording.label} lasts {reference.duration_s:.1f} s",
+            expected=f"at least {least:.1f} s for lines {rate / block:.2g} Hz apart",
+        )
+    parts = [
+        settings.model_copy(update={"channels": few})(recording).between(f_min_hz, f_max_hz)
+        for few in _few_at_once([channel.label for channel in channels_of_all], block)
+    ]
+    frequency_hz = parts[0].frequency_hz
+    _check_coherence(
+        recording, receivers, np.concatenate([part.coherence for part in parts]), f_min_hz, f_max_hz
+    )
+    lines = np.round(frequency_hz * block / rate).astype(int)
+    helper = recording.by_role(receivers.helper_role)[0] if estimator == "H3c" else None
+    signals = recording.read([reference, *([helper] if helper else [])])
+    folding = fold(signals[0], rate, block, hop, start, lines, signals[1] if helper else None)
+    conditions = {
+        "frequency": folding.nodes,
+        "velocity_psd": _density_at(signals[0], rate, block, reference, folding.nodes),
+        **own.conditions,
+    }
+    quiet = (
+        background_noise(background, recording, channels_of_all, block / rate, frequency_hz)
+        if background
+        else None
+    )
+    noise = noise_of_lines(recording, reference, channels_of_all, signals, frequency_hz, block, start, quiet)
+    names = model.axes[receivers.axis]
+    response, noise = (
+        _in_rows(own, len(names), part, fill)
+        for part, fill in ((np.concatenate([part.response for part in parts]), 0), (noise, 1))
+    )
+    kept = np.zeros(response.shape, dtype=bool)
+    kept[own.rows] = _looked_at(receivers, frequency_hz)
+    plain = FrfObservation(
+        name=recording.label,
+        recording=recording.label,
+        quantity=model.observables["frf"].quantity,
+        frequency_hz=frequency_hz,
+        line_hz=rate / block,
+        channels=names,
+        response=response,
+        noise=noise,
+        random=noise,
+        folding=folding,
+        conditions_at_nodes=conditions,
+        shared=np.empty((*response.shape, 0), dtype=complex),
+        kept=kept,
+        notes=tuple(
+            filter(None, (f"{recording.label}: {own.text}" if own.text else "", quiet.text if quiet else ""))
+        ),
+        drift=Drift.of(*own.drift, _block_power(signals[0][start:], block, lines)) if own.drift else None,
+    )
+    here = replace(receivers, positions_m=_own_places(receivers, own))
+    calibrated = _as_calibrated(here, own, channels_of_all, u_calibrator_percent)
+    return replace(plain, **_before_a_fit(calibrated, plain))
+
+
+def _few_at_once(names: Sequence[str], block: int) -> list[tuple[str, ...]]:
+    """Channels in parts of about one size, whose blocks hold few samples: each has many lines beyond the band."""
+    count = min(-(-len(names) * block // TOGETHER), len(names))
+    return [tuple(part.tolist()) for part in np.array_split(np.array(names), count)]
+
+
+def _block_power(reference: Real, block: int, lines: Any) -> Real:
+    """Power of the reference at some lines in every half-overlapping block, array (blocks, lines)."""
+    window = np.hanning(block + 1)[:-1]
+    starts = range(0, reference.size - block + 1, block // 2)
+    return np.array([np.abs(np.fft.rfft(window * reference[s : s + block])[lines]) ** 2 for s in starts])
+
+
+def _in_rows(own: InRecording, count: int, part: Any, fill: float) -> Any:
+    """What a recording tells of its own receivers, among all of the model's."""
+    whole = np.full((count, part.shape[1]), fill, dtype=part.dtype)
+    whole[own.rows] = part
+    return whole
+
+
+def _own_places(receivers: Receivers, own: InRecording) -> Real:
+    """Places of the receivers; those of other recordings in the middle, which a tilt of the frame turns about."""
+    places = np.tile(receivers.positions_m[own.rows].mean(axis=0), (len(receivers.positions_m), 1))
+    places[own.rows] = receivers.positions_m[own.rows]
+    return places
+
+
+def settling_s(duration_s: float, block_s: float = 1.0) -> float:
+    """Time at the beginning of a record that is not analysed, s.
+
+    Examples
+    --------
+    >>> [settling_s(t) for t in (4.0, 5.0, 30.0)]
+    [0.5, 1.0, 2.0]
+    """
+    left = duration_s - LEAST_BLOCKS * block_s
+    least, most = (n * block_s for n in SETTLE_BLOCKS)
+    return max(least, min(SETTLE_SHARE * duration_s, left, most))
+
+
+def _looked_at(receivers: Receivers, frequency_hz: Any) -> Any:
+    """Lines outside of the bands that are left out."""
+    found = np.ones(len(frequency_hz), dtype=bool)
+    for low, high in receivers.left_out_hz:
+        found &= (frequency_hz < low) | (frequency_hz > high)
+    if not found.any():
+        raise RequestError("all lines of the band are left out", remedy="leave out less, or widen the band")
+    return found
+
+
+def _as_calibrated(
+    receivers: Receivers, own: InRecording, channels: Sequence[Channel], common_percent: float
+) -> Receivers:
+    """Receivers with the uncertainties that their calibration states, where it states any.
+
+    The level of the calibrator is common to them and is taken off what each has for itself. A phase that is known at
+    the calibrator's tone only counts with the mean square of its uncertainty over the band, or as the rig file has it
+    where that is more: phases are relative to one receiver, not to the reference channel.
+    """
+    given, band, count = receivers.errors, np.linspace(*receivers.band_hz), len(receivers.positions_m)
+    stated = _in_rows(own, count, np.array([[c.u_gain_percent] for c in channels]), 0.0)
+    known = np.array([[np.sqrt(np.mean(c.u_phase_deg(band) ** 2))] for c in channels])
+    phase = _in_rows(own, count, known, 0.0)
+    if not stated.any():
+        return receivers
+    single = np.sqrt(np.clip(stated**2 - common_percent**2, 0.0, None))
+    changed = replace(
+        given,
+        calibration_dB=np.where(stated > 0, _in_dB(single), given.calibration_dB),
+        calibration_phase_deg=np.maximum(given.calibration_phase_deg, phase),
+        common_dB=_in_dB(common_percent) if common_percent else given.common_dB,
+    )
+    return replace(receivers, errors=changed)
+
+
+def _in_dB(percent: Any) -> Any:
+    return percent / 100 * 20 / np.log(10)
+
+
+def _before_a_fit(receivers: Receivers, plain: FrfObservation) -> dict[str, Any]:
+    """The declared errors, and a stand-in for them until a fit tells where they act: one error a line."""
+    given = receivers.errors
+    level = float(np.max(given.calibration_dB))
+    percent = max(100 * given.discrepancy, 100 * (10 ** (level / 20) - 1), 1.0)
+    typical = np.median(np.abs(plain.response), axis=1, keepdims=True)
+    return {"noise": np.hypot(plain.noise, percent / 100 * typical), "declared": CommonErrors(receivers)}
+
+
+def _receivers_of(model: Model) -> Receivers:
+    if model.receivers is None:
+        raise RequestError(
+            f"the model {model.name} has no receivers in a field", remedy="give another kind of measurement"
+        )
+    return model.receivers
+
+
+def _channels_of(recording: Recording, receivers: Receivers) -> tuple[Channel, tuple[Channel, ...]]:
+    references = recording.by_role(receivers.reference_role)
+    if not references:
+        raise InputError(
+            f"{recording.label} has no {receivers.reference_role} channel",
+            remedy=f"name one in the channel table (role = {receivers.reference_role!r})",
+        )
+    return references[0], recording.by_role(receivers.role)
+
+
+def _own(
+    recording: Recording, reference: Channel, model: Model, receivers: Receivers, settle: float
+) -> InRecording:
+    """What holds in a recording, from where it is analysed."""
+    if receivers.in_recording is None:
+        return InRecording(np.arange(len(model.axes[receivers.axis])))
+    began = reference.properties.get("wf_start_time")
+    start = None if began is None else np.datetime64(began, "us") + np.timedelta64(round(1e6 * settle), "us")
+    return receivers.in_recording(recording.label, start, reference.duration_s - settle)
+
+
+def _check_coherence(
+    recording: Recording, receivers: Receivers, coherence: Any, low: float, high: float
+) -> None:
+    if not np.any(np.nanmedian(coherence, axis=1) > 0.2):
+        raise InputError(
+            f"{recording.label}: {receivers.plural} and {receivers.reference_role} have no coherence "
+            f"between {low:g} and {high:g} Hz",
+            expected="noise from the source in that band",
+            remedy="check the channels or change [band]",
+        )
+
+
+def _density_at(signal: Any, rate: float, block: int, reference: Channel, nodes: Any) -> Any:
+    from specan.dsp.welch import power_density
+
+    f, density = power_density(signal, rate, block)
+    per_velocity = np.abs(reference.correction(np.maximum(f, f[1]))) ** 2
+    return np.interp(nodes, f, density * per_velocity)

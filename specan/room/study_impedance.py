@@ -1,0 +1,112 @@
+"""``specan study impedance``: what the walls of a room are made of, as sound sees them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from specan_cli.output import Verb, draw, plot_option
+from specan_cli.study import study_options, told
+
+if TYPE_CHECKING:
+    from specan.room.wall_impedance.advice import Advice
+    from specan.room.wall_impedance.surface_impedance import Impedance, Interval
+
+
+@click.command("impedance", cls=Verb)
+@study_options
+@click.option("--wall", metavar="NAME", help="Show this wall only: x0, x1, y0 ...")
+@click.option("--accuracy", default=0.1, show_default=True, metavar="ALPHA",
+              help="Half-width of the 95 % interval up to which absorption counts as determined.")  # fmt: skip
+@plot_option("impedance and absorption")
+def command(
+    directory: Path,
+    effects: tuple[Path, ...],
+    as_json: bool,
+    wall: str | None,
+    accuracy: float,
+    plot: Path | None,
+) -> None:
+    """Surface impedance and absorption of every wall of a room, per third octave, with 95 % intervals.
+
+    All walls are estimated at once, free in every third octave, beside the errors of the instruments; what
+    the study's model says of the walls plays no part. Where the microphones do not tell, that is said,
+    with the positions or the covered wall that would.
+
+    \b
+    specan study impedance my_room --plot walls.png
+    """
+    from specan.room.wall_impedance.advice import advise
+    from specan.room.wall_impedance.surface_impedance import study_impedance
+    from specan_cli.output import emit_json
+    from specan_cli.study import open_study
+
+    progress = told()
+    study = open_study(directory, effects)
+    whole = study_impedance(study, accuracy, progress)
+    shown = whole if wall is None else whole.only(wall)
+    if progress:
+        progress("what would determine the rest")
+    advice = advise(shown)
+    if as_json:
+        emit_json({**shown.to_json(), "advice": [one.as_dict() for one in advice]})
+    else:
+        _print(shown, advice)
+    draw(shown, plot)
+
+
+def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:
+    from specan_cli.output import table
+
+    for wall in dict.fromkeys(row.wall for row in found.rows):
+        title = "Mean over all walls, by area" if wall == "all" else f"Wall {wall}"
+        table(
+            title,
+            ["Hz", "Re Z/(rho c)", "Im Z/(rho c)", "alpha, normal", "alpha, diffuse"],
+            _rows(found, wall),
+        )
+        click.echo("")
+    for text in found.sentences():
+        click.echo(text[0].upper() + text[1:] + ".")
+    click.echo(
+        "Z/(rho c): a mass is a positive imaginary part. alpha: absorption coefficient that follows from Z. "
+        f"a..b: 95 % interval. {found.criterion[0].upper()}{found.criterion[1:]}. "
+        f"Reduced chi-square {found.fit.reduced_chi2:.2f}."
+    )
+    if advice:
+        click.echo("\nWhat would tell more:")
+        for one in advice:
+            click.echo(f"  {one.text}")
+
+
+def _rows(found: Impedance, wall: str) -> list[list[str]]:
+    rows: list[list[str]] = []
+    for row in found.of(wall):
+        band = f"{row.third_octave_hz:g}"
+        if row.determined:
+            z, alpha = (row.resistance, row.reactance), row.absorption_normal
+            rows.append(
+                [
+                    band,
+                    *(_span(i, ".3g") for i in z),
+                    _span(alpha, ".3f"),
+                    _span(row.absorption_diffuse, ".2f"),
+                ]
+            )
+        else:
+            rows.append(
+                [
+                    band,
+                    "not determined",
+                    "by these positions",
+                    f"at most {row.absorption_normal.high:.2f}",
+                    "",
+                ]
+            )
+    return rows
+
+
+def _span(found: Interval, digits: str) -> str:
+    return f"{found.value:{digits}} {found.low:{digits}}..{found.high:{digits}}"

@@ -1,0 +1,352 @@
+"""Surface impedance and absorption of every wall in every third octave, and where the data do not tell.
+
+From a fit of free admittances (`specan.room.wall_impedance.wall_admittance`) each wall has in each band an
+admittance beta with a covariance. What is reported are functions of it - Z/(rho c) = 1/beta, absorption coefficients -
+that bend too much for a linear rule where beta is small against its uncertainty. The interval of such a function g
+is therefore the range of g over the profile-likelihood region
+
+    {beta : Re(beta) >= 0,  d^2(beta) - min d^2 <= chi^2_1(0.95)},   d^2 = (beta - b)' C^-1 (beta - b),
+
+with C the covariance after all other parameters have been refitted. It does not depend on which of Z, beta or
+a coefficient one writes, becomes the delta rule where g is straight, and is open where Z has no upper end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError, nearest
+from specan.models.effect import ParameterName
+from specan.result import Result, counted
+from specan.room.model.absorption import diffuse_absorption, normal_absorption
+from specan.room.wall_impedance.wall_admittance import WallFit, wall_fit
+from specan.study.build_problem import assemble
+from specan.study.observation import Array
+from specan.study.observation.frf import nominal_third
+
+if TYPE_CHECKING:
+    from specan.study.study import Study
+
+Complex = NDArray[np.complex128]
+
+QUANTILE = 3.841458820694124  # chi-square, one degree of freedom, 95 %
+ACCURACY = 0.1  # of an absorption coefficient: what counts as determined
+ALL = "all"  # the name of the mean over the walls
+_DIRECTIONS, _RADII = 720, 12
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with the ends of its 95 % interval; an end that is open is infinite."""
+
+    value: float
+    low: float
+    high: float
+
+    def holds(self, truth: float) -> bool:
+        """Whether the interval covers a value."""
+        return self.low <= truth <= self.high
+
+
+# what is reported of an admittance
+FUNCTIONS: dict[str, Callable[[Complex], Array]] = {
+    "resistance": lambda beta: np.real(1 / beta) + 0.0,  # no -0
+    "reactance": lambda beta: np.imag(1 / beta),
+    "magnitude": lambda beta: np.abs(1 / beta),
+    "absorption_normal": normal_absorption,
+    "absorption_diffuse": diffuse_absorption,
+}
+
+
+@dataclass(frozen=True)
+class WallBand:
+    """One wall in one third octave.
+
+    Attributes
+    ----------
+    wall : str
+        Name, or ``all`` for the mean over the walls, weighted by their areas.
+    third_octave_hz, mid_hz : float
+        Nominal and exact mid-band frequency; everything is meant at the latter.
+    determined : bool
+        See `Impedance.criterion`.
+    admittance : complex
+        rho c / Z, the best one that a passive wall may have.
+    resistance, reactance, magnitude : Interval
+        Real part, imaginary part and modulus of Z/(rho c), exp(+j w t): a mass is positive.
+    absorption_normal, absorption_diffuse : Interval
+    """
+
+    wall: str
+    third_octave_hz: float
+    mid_hz: float
+    determined: bool
+    admittance: complex
+    standard_error: float
+    resistance: Interval
+    reactance: Interval
+    magnitude: Interval
+    absorption_normal: Interval
+    absorption_diffuse: Interval
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: numbers, lists [low, high]."""
+        found: dict[str, Any] = {
+            "wall": self.wall,
+            "third_octave_hz": self.third_octave_hz,
+            "determined": self.determined,
+            "text": "" if self.determined else "not determined by these positions",
+        }
+        for name in FUNCTIONS:
+            interval: Interval = getattr(self, name)
+            found[name] = {"value": interval.value, "low": interval.low, "high": interval.high}
+        return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Impedance(Result):
+    """All walls and bands of a room.
+
+    Attributes
+    ----------
+    rows : tuple of WallBand
+        Wall by wall, the mean over all walls last.
+    accuracy : float
+        Of the criterion.
+    fit : WallFit
+    """
+
+    rows: tuple[WallBand, ...]
+    accuracy: float
+    fit: WallFit
+
+    dimensions = ("wall", "third_octave_hz")
+
+    def summary(self) -> str:
+        """How many walls and bands, and how many of them the data determine."""
+        known = sum(row.determined for row in self.rows)
+        return f"{counted(len(self.walls), 'wall')}, {known} of {len(self.rows)} bands determined"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each wall and third octave, with the ends of the 95 % intervals."""
+        found: dict[str, Any] = {
+            name: [getattr(row, name) for row in self.rows]
+            for name in ("wall", "third_octave_hz", "determined")
+        }
+        for name in FUNCTIONS:
+            spans: list[Interval] = [getattr(row, name) for row in self.rows]
+            found[name] = [span.value for span in spans]
+            found[f"{name}_low"] = [span.low for span in spans]
+            found[f"{name}_high"] = [span.high for span in spans]
+        return found
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        return {
+            "rows": [row.as_dict() for row in self.rows],
+            "criterion": self.criterion,
+            "reduced_chi2": self.fit.reduced_chi2,
+            "sentences": self.sentences(),
+        }
+
+    @property
+    def walls(self) -> tuple[str, ...]:
+        """Names of the walls in `rows`, without their mean."""
+        return tuple(dict.fromkeys(r.wall for r in self.rows if r.wall != ALL))
+
+    @property
+    def criterion(self) -> str:
+        """What counts as determined, in words."""
+        return (
+            f"determined: the data hold alpha at normal incidence to +-{self.accuracy:g} at 95 % "
+            "(1.96 x 4 x standard error of Re(rho c/Z))"
+        )
+
+    def of(self, wall: str) -> list[WallBand]:
+        """Bands of one wall."""
+        return [row for row in self.rows if row.wall == wall]
+
+    def only(self, wall: str) -> Impedance:
+        """One wall.
+
+        Raises
+        ------
+        RequestError
+            There is none of that name.
+        """
+        if wall not in self.walls:
+            raise RequestError(f"the room has no wall {wall!r}", remedy=nearest(wall, self.walls))
+        return Impedance(tuple(self.of(wall)), self.accuracy, self.fit)
+
+    def sentences(self) -> list[str]:
+        """What stands out, in words: the softest wall, and where the data do not tell."""
+        return [*_softest(self), *_not_told(self)]
+
+
+def study_impedance(
+    study: Study, accuracy: float = ACCURACY, progress: Callable[[str], None] | None = None
+) -> Impedance:
+    """Impedance and absorption of the walls of a room under study.
+
+    What the study's model says of its walls plays no part; its other effects are fitted beside the walls.
+
+    Raises
+    ------
+    RequestError
+        The study is of no room, or rests on no recordings.
+    ComputationError
+        The fit does not converge.
+    """
+    _check_room(study)
+    # not the study's own problem: its covariances are taken about a fit of the walls that the model has
+    problem = assemble(study.model, study.content, study.data.fitted)
+    walls = [u for u in problem.assembly.uses if "wall_admittance" in study.model.effects[u.name].changes]
+    own = ("wall_admittance", *map(str, walls))
+    others = [n for n in problem.free if n not in problem.priors and ParameterName(n).owner not in own]
+    fit = wall_fit(problem, study.best.values if others else None, progress)
+    lines = np.concatenate([o.conditions["frequency"] for o in problem.observations])
+    wall_of_face = study.model.quantities["wall_of_face"]()
+    summed = np.bincount(wall_of_face, study.model.settings["face_areas_m2"])
+    areas = dict(zip(fit.walls, summed.tolist(), strict=True))
+    return impedance(fit, areas, (float(lines.min()), float(lines.max())), accuracy)
+
+
+def _check_room(study: Study) -> None:
+    if "wall_admittance" not in study.model.quantities:
+        raise RequestError(
+            f"the model of this study is {study.model.name}, which has no walls",
+            expected="a study of a room",
+            remedy="begin one with specan study new DIR --model room --rig RIG.toml --measurement RECORDING",
+        )
+
+
+def impedance(
+    fit: WallFit, areas: Mapping[str, float], band: tuple[float, float], accuracy: float = ACCURACY
+) -> Impedance:
+    """Impedance and absorption from fitted admittances.
+
+    Parameters
+    ----------
+    fit : WallFit
+    areas : mapping
+        Area of each wall, for their mean.
+    band : tuple of float
+        Lowest and highest line, Hz: third octaves whose middle lies outside are left out.
+    accuracy : float
+        Half-width of an absorption coefficient's interval that counts as determined.
+
+    Raises
+    ------
+    RequestError
+        An accuracy that cannot be.
+    """
+    if not 0 < accuracy <= 1:
+        raise RequestError(f"an accuracy of {accuracy:g} is asked for", expected="more than 0, at most 1")
+    inside = [k for k, f in enumerate(fit.mid_hz) if band[0] <= f <= band[1]]
+    rows = [
+        _row(wall, fit.mid_hz[k], *fit.of(w, k), accuracy) for w, wall in enumerate(fit.walls) for k in inside
+    ]
+    share = np.array([areas[wall] for wall in fit.walls])
+    share = share / share.sum()
+    rows += [_row(ALL, fit.mid_hz[k], *_mean(fit, share, k), accuracy) for k in inside]
+    return Impedance(tuple(rows), accuracy, fit)
+
+
+def _mean(fit: WallFit, share: Array, band: int) -> tuple[complex, Array]:
+    """Weighted mean of the walls' admittances in one band, and its covariance."""
+    places = np.arange(len(fit.walls)) * len(fit.mid_hz) + band
+    weights = np.zeros((2, fit.covariance.shape[0]))
+    weights[0, places] = share
+    weights[1, places + fit.beta.size] = share
+    return complex(share @ fit.beta[:, band]), weights @ fit.covariance @ weights.T
+
+
+def _row(wall: str, mid_hz: float, beta: complex, covariance: Array, accuracy: float) -> WallBand:
+    best, region, open_ended = _region(beta, covariance)
+    error = float(np.sqrt(covariance[0, 0]))
+    found = {}
+    for name, function in FUNCTIONS.items():
+        values = function(region)
+        low, high = float(values.min()), float(values.max())
+        if open_ended and name in ("resistance", "reactance", "magnitude"):
+            high = np.inf
+            low = -np.inf if name == "reactance" else low
+            low = 0.0 if name == "resistance" else low
+        found[name] = Interval(float(function(np.array([best]))[0]), low, high)
+    nominal = nominal_third(round(10 * np.log10(mid_hz / 1000)))
+    return WallBand(wall, nominal, float(mid_hz), bool(1.96 * 4 * error <= accuracy), best, error, **found)
+
+
+def _region(beta: complex, covariance: Array) -> tuple[complex, Complex, bool]:
+    """Best passive admittance, points that fill the 95 % region about it, and whether 0 is one of them.
+
+    Passive admittances near the edge are reached as points of the ellipse that are moved onto it.
+    """
+    root = np.linalg.cholesky(covariance)
+    inverse = np.linalg.inv(covariance)
+
+    def distance(points: Complex) -> Array:
+        gap = np.stack([points.real - beta.real, points.imag - beta.imag])
+        found: Array = np.einsum("in,ij,jn->n", gap, inverse, gap)
+        return found
+
+    best = beta
+    if beta.real < 0:  # the nearest point of the edge Re = 0 in the metric of the covariance
+        best = complex(0.0, beta.imag - covariance[0, 1] / covariance[0, 0] * beta.real)
+    limit = float(distance(np.array([best]))[0]) + QUANTILE
+    angle = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+    radius = np.sqrt(limit) * np.linspace(0, 1, _RADII + 1)[1:]
+    plane = root @ np.stack(
+        [np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()]
+    )
+    points = beta + plane[0] + 1j * plane[1]
+    edge = 1j * np.linspace(points.imag.min(), points.imag.max(), _DIRECTIONS)
+    points = np.concatenate([points[points.real >= 0], edge[distance(edge) <= limit], [best]])
+    holds_zero = bool(distance(np.array([0j]))[0] <= limit)
+    tiny = 1e-9  # a hard wall itself has no finite impedance
+    return best, np.where(np.abs(points) < tiny, tiny, points), holds_zero
+
+
+def _softest(found: Impedance) -> list[str]:
+    """Where the surest absorption is."""
+    sure = [row for row in found.rows if row.determined and row.wall != ALL]
+    if not sure:
+        return []
+    peak = max(sure, key=lambda row: row.absorption_normal.low)
+    a, z = peak.absorption_normal, peak.magnitude
+    others = [r.absorption_normal.high for r in sure if r.wall != peak.wall and r.mid_hz == peak.mid_hz]
+    rest = f"; every other wall at most {max(others):.3f} there" if others else ""
+    return [
+        f"softest: wall {peak.wall} at {peak.third_octave_hz:g} Hz, absorbs {a.value:.3f} ({a.low:.3f} to "
+        f"{a.high:.3f}) at normal incidence, |Z|/(rho c) = {z.value:.3g} ({z.low:.3g} to {z.high:.3g}){rest}"
+    ]
+
+
+def _not_told(found: Impedance) -> list[str]:
+    """Runs of bands that are not determined, walls with the same runs together."""
+    runs: dict[tuple[float, ...], list[str]] = {}
+    for wall in found.walls:
+        bands = tuple(row.third_octave_hz for row in found.of(wall) if not row.determined)
+        if bands:
+            runs.setdefault(bands, []).append(wall)
+    return [
+        f"not determined by these positions: wall{'s' * (len(walls) > 1)} {', '.join(walls)} at {_ranges(bands, found)}"
+        for bands, walls in runs.items()
+    ]
+
+
+def _ranges(bands: tuple[float, ...], found: Impedance) -> str:
+    """``25-80 Hz, 125 Hz`` for bands that follow each other."""
+    order = list(dict.fromkeys(row.third_octave_hz for row in found.rows))
+    runs: list[list[float]] = []
+    for band in bands:
+        if runs and order.index(band) == order.index(runs[-1][-1]) + 1:
+            runs[-1].append(band)
+        else:
+            runs.append([band])
+    return ", ".join(f"{r[0]:g}-{r[-1]:g} Hz" if len(r) > 1 else f"{r[0]:g} Hz" for r in runs)

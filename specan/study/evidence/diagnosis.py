@@ -1,0 +1,293 @@
+"""A diagnosis from the probabilities of all explanations: what is named, how sure that is, and what goes with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from specan.errors import SpecanError, unforeseen
+from specan.study.design.operating_points import Proposal, explore, propose
+from specan.study.estimation.fit import Fit, describe
+from specan.study.estimation.problem import Problem
+from specan.study.evidence.explanations import NOTHING, OF_SIZE, Explanation, Explanations
+from specan.study.evidence.judgement import NOTHING_ABOVE, OF_THE_BEST, Judgement, Stated, judge
+from specan.study.evidence.marginal import Marginal
+from specan.study.localisation.localise import localise
+from specan.study.selection.doubtful_data import copied_rows, odd_repeat, rows_of_two_kinds, suspect_rows
+from specan.study.selection.pulls import pulls, shown, what_would_tell
+from specan.study.selection.refits import Refit
+from specan.study.selection.residual_law import residual_law
+from specan.study.verdict import (
+    Diagnosis,
+    ErrorFall,
+    LackOfFit,
+    Probability,
+    Ranked,
+    error_fall,
+    errors,
+    parameters_of,
+    percent,
+    places_of,
+)
+
+MOST_RANKED = 12  # sets of effects in the table
+MOST_STATED = 20  # explanations that are listed with their probability
+MOST_PLACES = 12  # where the model fails, that are told
+LISTED = 1e-4  # probability below which an explanation is not listed
+TOO_FAR = 3.0  # standard deviations outside of what is known, from which a fit is said to need that value
+TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
+ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
+OPEN = 0.95  # probability of the best explanation above which nothing is left to decide
+DOUBT = 0.05  # probability of something else from which it is said
+
+
+def diagnosis(problem: Problem, base: Fit, progress: Any) -> Diagnosis:
+    """Diagnose a table.
+
+    Parameters
+    ----------
+    problem : Problem
+        The model as it is.
+    base : Fit
+        A fit of it.
+    progress : callable
+        Told what is being done.
+    """
+    progress("explanations of the data", 0.0)
+    explanations = Explanations(problem, base)
+    judged = judge(explanations)
+    progress("where the model fails, and what to measure next", 0.9)
+    return _Telling(problem, base, explanations, judged).diagnosis()
+
+
+class _Telling:
+    """What is told of a judgement; a part that fails is told in a sentence, and costs nothing else."""
+
+    def __init__(self, problem: Problem, base: Fit, explanations: Explanations, judged: Judgement) -> None:
+        self.problem, self.explanations, self.judged = problem, explanations, judged
+        self.base = Refit(frozenset(), problem, base)
+        self.failures: list[str] = []
+        self._refits: dict[int, Refit] = {}
+
+    def try_to(self, what: str, find: Any, otherwise: Any) -> Any:
+        """What `find` gives; `otherwise` where it fails."""
+        try:
+            return find()
+        except Exception as fault:
+            reason = fault.found if isinstance(fault, SpecanError) else unforeseen(fault)
+            self.failures.append(f"{what} could not be worked out ({reason})")
+            return otherwise
+
+    def refit(self, one: Explanation) -> Refit:
+        """The fit of an explanation."""
+        if id(one) not in self._refits:
+            problem = one.tangent.problem
+            names = {str(use) for use in one.uses}
+            count = sum(name.owner in names for name in problem.names)
+            fitted = describe(problem, one.tangent.theta)
+            self._refits[id(one)] = Refit(one.uses, problem, fitted, count=count, amplitudes=count)
+        return self._refits[id(one)]
+
+    def diagnosis(self) -> Diagnosis:
+        """All of it."""
+        judged, base = self.judged, self.base
+        kind, reason, sets = judged.kind, "", judged.sets
+        best = self.refit(self._best.best)
+        pulled = self.try_to("what is off its known value", lambda: pulls(best), ())
+        far = [p for p in pulled if abs(p.pull) > TOO_FAR or (p.at_bound and p.parameter.owner)]
+        if kind in ("effect", "group", "nothing-missing") and far and abs(far[0].pull) > TOO_FAR:
+            kind = "fits-only-if"
+            values = " and ".join(p.text for p in far[:3])
+            with_what = f"with {_names(sets)} it" if sets else "the model"
+            telling = what_would_tell(best)
+            reason = f"{with_what} fits only with {values}" + (f"; {telling} would tell" if telling else "")
+        reason = reason or self._reason(kind)
+        fails_at = self.try_to("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
+        error = self.try_to("the error", lambda: self._error(best), None)
+        law = None
+        if kind == "unknown-effect":
+            law = self.try_to("a law of what is left", lambda: residual_law(base), None)
+        proposals = self.try_to("what to measure next", lambda: self._next(kind, fails_at), ())
+        rows = self.try_to("the table of what was tried", self._ranking, ())
+        visible = self.try_to("the smallest visible sizes", self._visible, {})
+        remarks = self._remarks()
+        return Diagnosis(
+            verdict=kind,
+            reason=reason,
+            alternatives=tuple(tuple(sorted({u.name for u in one.uses})) for one in sets),
+            at=places_of(u for one in sets for u in one.uses),
+            unknown_possible=judged.probability("unknown") > DOUBT and kind != "unknown-effect",
+            probabilities=tuple(self._probabilities()),
+            ranking=rows,
+            lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
+            model_discrepancy_percent=float(self.problem.assembly.model.rig.discrepancy_percent),
+            fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
+            residual_law=law,
+            smallest_visible=visible,
+            not_testable=self.explanations.forms[0].catalogue.not_testable,
+            other_form=_form(self._best.best) if kind == "nothing-missing" else "",
+            next_measurement=tuple(asdict(p) for p in proposals),
+            pulls=shown(pulled),
+            error=error,
+            remarks=(*remarks, *self.failures),
+        )
+
+    @property
+    def _best(self) -> Stated:
+        """The explanation that the verdict rests on."""
+        if self.judged.sets:
+            return self.judged.sets[0]
+        kind = "nothing" if self.judged.kind == "nothing-missing" else "unknown"
+        return next(one for one in self.judged.stated if one.kind == kind)
+
+    def _probabilities(self) -> list[Probability]:
+        return [
+            Probability(
+                one.text,
+                one.kind,
+                tuple(sorted({u.name for u in one.uses})) if one.kind != "unknown" else (),
+                places_of(one.uses),
+                one.probability,
+            )
+            for one in self.judged.stated[:MOST_STATED]
+            if one.probability > LISTED
+        ]
+
+    def _reason(self, kind: str) -> str:
+        judged, parts = self.judged, []
+        if kind == "faulty-data":
+            return f"{judged.sets[0].best.fault_text}: correct that, and diagnose again"
+        if kind == "nothing-missing":
+            likelier = [o for o in judged.stated if o.kind == "effects"]
+            least = judged.probability("nothing")
+            likelier = [o for o in likelier if o.probability > max(least, DOUBT)]
+            if likelier:
+                parts.append(
+                    f"{likelier[0].text} would be likelier ({percent(likelier[0].probability)}), but is not sure "
+                    "enough to be named"
+                )
+            else:
+                parts.append("the model fits, and no effect of the catalogue improves it")
+        if kind == "unknown-effect":
+            parts.append("the model does not fit, and no effect of the catalogue explains it")
+            partly = self._partly()
+            if partly:
+                parts.append(partly)
+        forms = {_form(one.best) for one in judged.sets} - {""}
+        if forms and kind in ("effect", "group"):
+            parts.append(f"with {' or '.join(sorted(forms))}")
+        return "; ".join(parts)
+
+    def _partly(self) -> str:
+        """The set that takes most away where none is named, with both errors."""
+        found = [one for one in self.judged.stated if one.kind == "effects" and one.best.fitted]
+        if not found:
+            return ""
+        best = max(found, key=lambda one: one.best.ln_evidence)
+        before, after = errors(self.base)[0], errors(self.refit(best.best))[0]
+        if after.rms > 0.8 * before.rms:
+            return ""
+        unit = "" if before.unit == "1" else f" {before.unit}"
+        return (
+            f"{best.text} would take the error from {before.rms:.3g} to {after.rms:.3g}{unit} and leave that"
+        )
+
+    def _error(self, best: Refit) -> ErrorFall:
+        return error_fall(self.base, best)
+
+    def _ranking(self) -> tuple[Ranked, ...]:
+        rows = []
+        for one in [one for one in self.judged.stated if one.kind == "effects" and one.best.fitted][
+            :MOST_RANKED
+        ]:
+            refit = self.refit(one.best)
+            error, *more = errors(refit)
+            own = pulls(refit)
+            rows.append(
+                Ranked(
+                    effects=tuple(sorted(u.name for u in one.uses)),
+                    at=places_of(one.uses),
+                    probability=one.probability,
+                    ln_evidence=one.best.ln_evidence - self._nothing,
+                    error_after=error.rms,
+                    level_after_dB=error.level_dB,
+                    others_after={e.observable: e.rms for e in more},
+                    parameters=parameters_of(refit, one in self.judged.sets),
+                    plausible=not any(abs(p.pull) > TOO_FAR for p in own),
+                    at_bound=any(n.owner in {str(u) for u in one.uses} for n in refit.fit.at_bound),
+                    pulls=shown(own),
+                )
+            )
+        return tuple(rows)
+
+    @property
+    def _nothing(self) -> float:
+        """ln of the evidence of the model as it is, in its likeliest form."""
+        return max(
+            e.ln_evidence for e in self.explanations.found if e.kind == "nothing" and not e.follows_itself
+        )
+
+    def _next(self, kind: str, fails_at: Sequence[Any]) -> Sequence[Proposal]:
+        if kind == "faulty-data":
+            return ()
+        if kind == "unknown-effect":
+            return explore(self.base, fails_at)
+        told = [one for one in self.judged.stated if one.kind in ("effects", "nothing") and one.best.fitted]
+        if told[0].probability > OPEN:
+            return ()
+        near = [one for one in told if one.probability > told[0].probability * OF_THE_BEST]
+        plain = [self.refit(one.best) for one in near if not one.best.form.parts][:4]
+        return propose(plain, other_kinds=kind == "group")
+
+    def _visible(self) -> Mapping[str, Any]:
+        """Sizes at which the probability of what lacks the effect falls below its level in four cases of five."""
+        one, form = self._best.best, self._best.best.form
+        beside = Marginal(one.tangent, self.explanations.errors_of_form(form, one.tangent))
+        count = len({c.use.name for c in form.catalogue.candidates})
+        needed = float(np.log(NOTHING / (OF_SIZE[0] / max(count, 1))) - np.log(NOTHING_ABOVE))
+        return form.catalogue.visible(beside, form.marginal, needed)
+
+    def _remarks(self) -> list[str]:
+        base, best = self.base, self._best.best
+        remarks = [
+            ("copied rows", lambda: copied_rows(base)),
+            ("suspect rows", lambda: suspect_rows(base)),
+            ("rows without load", lambda: rows_of_two_kinds(base)),
+            ("odd repeats", lambda: odd_repeat(base)),
+            ("the scatter beside its uncertainty", lambda: _too_good(base)),
+            ("faults of the data", self._fault),
+        ]
+        if best.follows_itself:
+            remarks.append(("noise", lambda: "the noise follows itself in time: rows are not independent"))
+        return [text for what, find in remarks if (text := self.try_to(what, find, ""))]
+
+    def _fault(self) -> str:
+        """The likeliest fault where it is not the verdict."""
+        faults = [one for one in self.judged.stated if one.kind == "fault"]
+        whole = self.judged.probability("fault")
+        if self.judged.kind == "faulty-data" or whole < DOUBT or not faults:
+            return ""
+        return f"{faults[0].best.fault_text} ({percent(whole)} that the data have a fault)"
+
+
+def _form(one: Explanation) -> str:
+    """``palmgren-bearings in place of bearing-friction``; empty for the declared form."""
+    return " and ".join(f"{form} in place of {part}" for part, form in one.form.parts.items())
+
+
+def _names(sets: Sequence[Stated]) -> str:
+    return " or ".join(" with ".join(sorted(map(str, one.uses))) for one in sets)
+
+
+def _too_good(base: Refit) -> str:
+    """A remark where the data scatter less than their uncertainty says: then nothing small is seen."""
+    if not base.reduced < TOO_GOOD or base.dof < ENOUGH:
+        return ""
+    return (
+        f"reduced chi-square {base.reduced:.2f}: the measurement is stated {1 / np.sqrt(max(base.reduced, 1e-4)):.1f} "
+        "times as uncertain as it scatters, so that small effects stay hidden. Different conditions may have been "
+        "taken for repeats, or the declared model discrepancy or uncertainty is too large"
+    )

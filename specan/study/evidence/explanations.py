@@ -1,0 +1,415 @@
+"""Every explanation of the data, and how probable each is.
+
+An explanation is a form of the base with a set of effects, or with something that no effect of the catalogue describes,
+or with a fault of the data. What a set of effects changes against the base may be wrong by a tenth, smoothly over the
+operating variables: no equation is exact.
+
+Sets are looked at best first: what every further effect promises beside a fitted set is linear algebra, and only what
+comes near the best is fitted.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations, count, product
+from math import comb
+from typing import Any
+
+import numpy as np
+from scipy.special import logsumexp
+
+from specan.errors import ComputationError
+from specan.models import Use
+from specan.study.estimation.fit import Fit, fit
+from specan.study.estimation.levenberg_marquardt import NotSettledError, descend, descend_steps
+from specan.study.estimation.problem import Problem
+from specan.study.evidence.faults import SIZES, Fault, faults, observable_rows, sizes_of
+from specan.study.evidence.marginal import Marginal, Tangent
+from specan.study.evidence.noise import autoregressions, chains_of
+from specan.study.evidence.promises import Catalogue, Promise
+from specan.study.evidence.smooth import kernel_root, operating_points
+from specan.study.observation import Array
+from specan.study.selection.candidates import without
+
+EffectSet = frozenset[Use]
+
+# Beforehand: half that nothing is missing, the rest by how often each is met; sets of one and of two effects.
+NOTHING, OF_SIZE, UNKNOWN, FAULT = 0.5, (0.3, 0.1), 0.05, 0.05
+FOLLOWS_ITSELF = 0.05  # of each autoregressive form of the noise
+FORM = 0.1  # share of what an effect changes, to which its equation is trusted
+FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of form changes
+UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
+WITHIN = 3.0  # ln of the best probability over a promised one that is still fitted
+SLACK = 1.5  # ln by which a linear promise may fall short of a fit
+AS_GOOD = 1.0  # ln of the best probability over that of something else, from where every effect is fitted
+FITTED = 5  # single effects that are fitted whatever they promise
+LISTED = 9.0  # ln of the best probability over that of what counts at all
+NEAR = 2  # Jacobians that lead near enough to a minimum: the evidence takes one more linear step
+POLISHED = 4.0  # ln of the best probability over one that is led to its minimum
+STARTS = 2  # of another form of the base
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One way in which the data may have come about.
+
+    Attributes
+    ----------
+    kind : str
+        ``nothing``, ``effects``, ``unknown`` or ``fault``.
+    form : Form
+        Of the base.
+    uses : frozenset of Use
+        Effects beside the base.
+    tangent : Tangent
+        Of the base with the effects, at the minimum.
+    ln_prior, ln_evidence : float
+    fault : Fault or None
+    follows_itself : bool
+        Under an autoregressive form of the noise.
+    fitted : bool
+        False where its evidence is what was promised, too small to be worth a fit; the tangent is that of the base.
+    """
+
+    kind: str
+    form: Form
+    uses: EffectSet
+    tangent: Tangent
+    ln_prior: float
+    ln_evidence: float
+    fault: Fault | None = None
+    follows_itself: bool = False
+    fitted: bool = True
+
+    @property
+    def fault_text(self) -> str:
+        """What is wrong with the data."""
+        return "" if self.fault is None else self.fault.text
+
+    @property
+    def ln_joint(self) -> float:
+        """ln of prior times evidence."""
+        return self.ln_evidence + self.ln_prior
+
+
+@dataclass(eq=False)
+class Form:
+    """The base with parts of it in a published form: ``{"bearing-friction": "palmgren-bearings"}``, or as declared."""
+
+    parts: Mapping[str, str]
+    problem: Problem
+    fit: Fit
+    ln_prior: float
+
+    @cached_property
+    def tangent(self) -> Tangent:
+        """Of the base."""
+        return Tangent.at(self.problem, self.fit.theta, self.fit.residual, self.fit.jacobian)
+
+    @cached_property
+    def marginal(self) -> Marginal:
+        """Of the base."""
+        return Marginal(self.tangent)
+
+    @cached_property
+    def catalogue(self) -> Catalogue:
+        """What may be added."""
+        return Catalogue(self.problem, self.fit)
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Of the base, one value a measured row."""
+        return np.concatenate(self.problem.predictions(self.fit.theta))
+
+
+class Explanations:
+    """Explanations of a problem's data.
+
+    Parameters
+    ----------
+    problem : Problem
+        The model as it is.
+    base : Fit
+        A fit of it.
+
+    Attributes
+    ----------
+    found : list of Explanation
+    """
+
+    def __init__(self, problem: Problem, base: Fit) -> None:
+        self.problem, self.base = problem, base
+        self.points = operating_points(problem)
+        self.root = kernel_root(self.points, FORM_LENGTH)
+        self.found: list[Explanation] = []
+        self.forms = list(self._forms())
+        self._search()
+        self._noise()
+        self._faults()
+
+    # --- the model as it is, and with effects ---------------------------------------------------
+
+    def _forms(self) -> Iterator[Form]:
+        model, uses = self.problem.assembly.model, self.problem.assembly.uses
+        there = {part: forms for part, forms in model.other_forms.items() if Use(part) in uses}
+        chosen = list(product(*((part, *others) for part, others in there.items())))
+        ln_prior = -float(np.log(len(chosen)))
+        for names in chosen:
+            parts = {part: name for part, name in zip(there, names, strict=True) if name != part}
+            problem = self.problem
+            for part, name in parts.items():
+                problem = without(problem, part).with_uses([name])
+            try:
+                yield Form(parts, problem, fit(problem, starts=STARTS) if parts else self.base, ln_prior)
+            except ComputationError:
+                continue
+
+    def _search(self) -> None:
+        """Sets of effects, the most promising first."""
+        for form in self.forms:
+            ln_prior = form.ln_prior + np.log(NOTHING)
+            self.found.append(
+                Explanation("nothing", form, frozenset(), form.tangent, ln_prior, form.marginal.ln_evidence)
+            )
+        self._unknown()
+        order = count()
+        self._waiting: list[tuple[float, int, Form, EffectSet, Promise]] = []
+
+        def expect(form: Form, uses: EffectSet, beside: Marginal) -> None:
+            for promise in form.catalogue.promises(beside):
+                more = uses | {promise.use}
+                promised = beside.ln_evidence + promise.ln_gain + self._ln_prior(form, more)
+                heapq.heappush(self._waiting, (-promised, next(order), form, more, promise))
+
+        for form in self._forms_in_reach():
+            expect(form, frozenset(), form.marginal)
+        fitted: set[tuple[int, EffectSet]] = set()
+        left: dict[tuple[int, EffectSet], tuple[float, Form, Promise]] = {}
+        while self._waiting:
+            promised, _, form, uses, promise = heapq.heappop(self._waiting)
+            key = id(form), uses
+            if key in fitted:
+                continue
+            single = len(uses) == 1
+            first = single and not form.parts and len(fitted) < FITTED
+            if not (first or -promised + SLACK > self.best - WITHIN or (single and self._something_is_left)):
+                left.setdefault(key, (-promised, form, promise))
+                continue
+            fitted.add(key)
+            one = self._add(form, uses, promise.starts)
+            if one is not None and len(uses) < len(OF_SIZE):
+                expect(form, uses, Marginal(one.tangent, self.errors_of_form(form, one.tangent)))
+        self._polish()
+        for (_, uses), (promised, form, _) in left.items():
+            if (id(form), uses) not in fitted and promised > self.best - LISTED:
+                ln_prior = self._ln_prior(form, uses)
+                self.found.append(
+                    Explanation(
+                        "effects", form, uses, form.tangent, ln_prior, promised - ln_prior, fitted=False
+                    )
+                )
+
+    @property
+    def _something_is_left(self) -> bool:
+        """Whether something that no effect describes is not much less probable than the best so far.
+
+        A promise is a straight line: then every effect is fitted.
+        """
+        return max(e.ln_joint for e in self.found if e.kind == "unknown") > self.best - AS_GOOD
+
+    def _forms_in_reach(self) -> list[Form]:
+        """Forms of the base, the likeliest first, that something smooth could make as probable as the likeliest."""
+        order = sorted(self.forms, key=lambda form: -form.marginal.ln_evidence)
+        found = []
+        for form in order:
+            most = Marginal(form.tangent, self.problem.whiten(FORM * form.predicted[:, None] * self.root))
+            if float(form.tangent.ln_likelihood(most.chi2)) > self.best - WITHIN or not form.parts:
+                found.append(form)
+        return found
+
+    def _add(self, form: Form, uses: EffectSet, starts: Sequence[Mapping[str, Any]]) -> Explanation | None:
+        """Fit a set from the lowest of some starts, and keep it; None where none is finite."""
+        problem = replace(form.problem.with_uses(sorted(uses)), one_sided=True)
+        lowest = self._lowest([problem.start(values) for values in starts], problem)
+        own = [] if lowest is None else [lowest]
+        if len(uses) == 1:  # an effect whose slope is nothing where it vanishes promises nothing there
+            own.append(problem.start(form.fit.values))
+        reached = []
+        for start in own:
+            with suppress(ComputationError):
+                reached.append(descend_steps(problem, start, NEAR))
+        theta = self._lowest(reached, problem)
+        return None if theta is None else self._keep(form, uses, problem, theta, exact=len(uses) == 1)
+
+    def _lowest(self, places: Sequence[Array], problem: Problem) -> Array | None:
+        """The place with the least sum of squares."""
+        found = []
+        for number, theta in enumerate(places):
+            with suppress(ComputationError):
+                found.append((float(np.sum(problem.residual(theta) ** 2)), number))
+        found = [one for one in found if np.isfinite(one[0])]
+        return places[min(found)[1]] if found else None
+
+    def _keep(
+        self, form: Form, uses: EffectSet, problem: Problem, theta: Array, exact: bool
+    ) -> Explanation | None:
+        """An explanation of a set near a minimum, or led to it, in place of one that lies higher."""
+        try:
+            if exact:
+                there = descend(problem, theta)
+                tangent = Tangent.at(problem, there.theta, there.residual, there.jacobian)
+            else:
+                tangent = Tangent.at(problem, theta, problem.residual(theta), problem.jacobian(theta))
+        except NotSettledError as fault:
+            there = fault.reached
+            tangent = Tangent.at(problem, there.theta, there.residual, there.jacobian)
+        except ComputationError:
+            return None
+        if not np.all(np.isfinite(tangent.jacobian)):
+            return None
+        marginal = Marginal(tangent, self.errors_of_form(form, tangent))
+        one = Explanation("effects", form, uses, tangent, self._ln_prior(form, uses), marginal.ln_evidence)
+        for k, other in enumerate(self.found):
+            if other.form is form and other.uses == uses:
+                if one.tangent.chi2 < other.tangent.chi2:
+                    self.found[k] = one
+                return self.found[k]
+        self.found.append(one)
+        return one
+
+    def _polish(self) -> None:
+        """Lead the likeliest sets to their minimum, and what each of them contains from there."""
+        done: set[tuple[int, EffectSet]] = set()
+        while True:
+            least = self.best - POLISHED
+            rest = [e for e in self.found if len(e.uses) > 1 and e.ln_joint > least]
+            rest = [e for e in rest if (id(e.form), e.uses) not in done]
+            if not rest:
+                return
+            for one in rest:
+                done.add((id(one.form), one.uses))
+                better = self._keep(one.form, one.uses, one.tangent.problem, one.tangent.theta, exact=True)
+                values = one.tangent.problem.values_at((better or one).tangent.theta)
+                for use in one.uses:
+                    less = one.uses - {use}
+                    problem = replace(one.form.problem.with_uses(sorted(less)), one_sided=True)
+                    theta = problem.start(values)
+                    with suppress(ComputationError):
+                        if self._lower(one.form, less, float(np.sum(problem.residual(theta) ** 2))):
+                            self._keep(one.form, less, problem, theta, exact=True)
+
+    def _lower(self, form: Form, uses: EffectSet, chi2: float) -> bool:
+        """Whether a sum of squares is lower than that of a set that was fitted."""
+        return all(chi2 < e.tangent.chi2 for e in self.found if e.form is form and e.uses == uses)
+
+    @property
+    def best(self) -> float:
+        """ln of the largest prior times evidence."""
+        return max(e.ln_joint for e in self.found)
+
+    def _ln_prior(self, form: Form, uses: EffectSet) -> float:
+        """Of a set: shared by all of its size, and by the places where an effect may act."""
+        places: dict[str, int] = {}
+        for candidate in form.catalogue.candidates:
+            places[candidate.use.name] = places.get(candidate.use.name, 0) + 1
+        shared = comb(max(len(places), len(uses)), len(uses)) * np.prod([places[use.name] for use in uses])
+        return form.ln_prior + float(np.log(OF_SIZE[len(uses) - 1] / shared))
+
+    def errors_of_form(self, form: Form, tangent: Tangent) -> Array:
+        """Columns of what the equations of a set may be wrong by: a share of what they change against the base."""
+        if tangent.problem is form.problem:
+            return np.zeros((self.problem.n_data, 0))
+        change = np.concatenate(tangent.problem.predictions(tangent.theta)) - form.predicted
+        return self.problem.whiten(FORM * change[:, None] * self.root)
+
+    # --- something else ---------------------------------------------------------------------------
+
+    def _unknown(self) -> None:
+        """The base with a smooth function of the operating variables that no effect describes."""
+        for form in self._forms_in_reach():
+            gains = [
+                form.marginal.beside(white, np.array(SIZES))[0] for white in self.unknown_functions(form)
+            ]
+            ln_evidence = form.marginal.ln_evidence + float(logsumexp(gains) - np.log(np.size(gains)))
+            ln_prior = form.ln_prior + np.log(UNKNOWN)
+            self.found.append(Explanation("unknown", form, frozenset(), form.tangent, ln_prior, ln_evidence))
+
+    def unknown_functions(self, form: Form) -> Iterator[Array]:
+        """Columns of smooth functions of the size of the prediction, whitened: of every choice of variables and length.
+
+        Several observables may fail alike, or each in a way of its own.
+        """
+        relative, level = sizes_of(form.problem, form.predicted)
+        own = observable_rows(self.problem)
+        for variables in _choices(self.points.shape[1]):
+            for length in UNKNOWN_LENGTHS:
+                root = kernel_root(self.points[:, variables], length)
+                roots = [root] if len(own) == 1 else [root, np.hstack([root * rows[:, None] for rows in own])]
+                for one in roots:
+                    for size in (relative, level):
+                        yield self.problem.whiten(size[:, None] * one)
+
+    # --- noise and data -----------------------------------------------------------------------------
+
+    def _noise(self) -> None:
+        """The same explanations under noise that follows itself in time."""
+        top = self._top(20)
+        largest = max(top, key=lambda e: e.tangent.theta.size)
+        for noise in autoregressions(chains_of(self.problem), largest.tangent.residual):
+            for one in top:
+                tangent = one.tangent.with_noise(noise)
+                ln_evidence = Marginal(tangent, self.errors_of_form(one.form, one.tangent)).ln_evidence
+                self.found.append(
+                    replace(
+                        one,
+                        tangent=tangent,
+                        ln_evidence=ln_evidence,
+                        follows_itself=True,
+                        ln_prior=one.ln_prior + np.log(FOLLOWS_ITSELF),
+                    )
+                )
+
+    def _faults(self) -> None:
+        """A fault of the data beside the likeliest of the others."""
+        for one in self._top(8):
+            marginal = Marginal(one.tangent, self.errors_of_form(one.form, one.tangent))
+            by_name: dict[str, list[tuple[float, Fault]]] = {}
+            for fault in faults(self.problem, one.form.predicted):
+                gains, _ = marginal.beside(self.problem.whiten(fault.columns), np.array(SIZES))
+                by_name.setdefault(fault.name, []).append(
+                    (float(logsumexp(gains) - np.log(len(gains))), fault)
+                )
+            for items in by_name.values():
+                gain = float(logsumexp([g for g, _ in items]) - np.log(len(items)))
+                self.found.append(
+                    replace(
+                        one,
+                        kind="fault",
+                        fault=max(items, key=lambda i: i[0])[1],
+                        ln_evidence=marginal.ln_evidence + gain,
+                        ln_prior=one.ln_prior + np.log(FAULT / len(by_name)),
+                    )
+                )
+
+    def _top(self, most: int) -> list[Explanation]:
+        found = [e for e in self.found if e.kind in ("nothing", "effects") and e.fitted]
+        found.sort(key=lambda e: -e.ln_joint)
+        return [e for k, e in enumerate(found) if k < most or not (e.uses or e.form.parts)]
+
+    @cached_property
+    def probabilities(self) -> list[tuple[float, Explanation]]:
+        """Of every explanation, the likeliest first."""
+        joint = np.array([e.ln_joint for e in self.found])
+        found = np.exp(joint - logsumexp(joint))
+        return sorted(zip(found.tolist(), self.found, strict=True), key=lambda one: -one[0])
+
+
+def _choices(count: int) -> list[list[int]]:
+    """Which operating variables an unknown effect may depend on: any one, any two, all."""
+    alone = [[k] for k in range(count)]
+    pairs = [list(pair) for pair in combinations(range(count), 2)] if count > 2 else []
+    return [*alone, *pairs, *([list(range(count))] if count > 1 else [])] or [[]]

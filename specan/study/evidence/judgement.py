@@ -1,0 +1,98 @@
+"""From the probabilities of all explanations to what is said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from specan.study.evidence.explanations import EffectSet, Explanation, Explanations
+
+NOTHING_ABOVE = 0.005  # probability of "nothing is missing" below which something is: one false name in 200
+OF_THE_BEST = 1 / 30  # probability over that of the best set, from which a set is named beside it
+
+
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """An explanation whatever the form of the base and of the noise.
+
+    Attributes
+    ----------
+    kind : str
+        ``nothing``, ``effects``, ``unknown`` or ``fault``.
+    uses : frozenset of Use
+    probability : float
+    best : Explanation
+        The likeliest among its forms.
+    """
+
+    kind: str
+    uses: EffectSet
+    fault: str
+    probability: float
+    best: Explanation
+
+    @property
+    def text(self) -> str:
+        """``nothing``, ``windage with seal-drag``, ``something else``, or the fault."""
+        names = " with ".join(sorted(map(str, self.uses)))
+        if self.kind == "effects":
+            return names
+        if self.kind == "fault":
+            return self.fault + (f" beside {names}" if names else "")
+        return {"nothing": "nothing is missing", "unknown": "something else"}[self.kind]
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What the probabilities amount to.
+
+    Attributes
+    ----------
+    kind : str
+        ``nothing-missing``, ``effect``, ``group``, ``unknown-effect`` or ``faulty-data``.
+    sets : tuple of Stated
+        What is named, the likeliest first.
+    stated : tuple of Stated
+        Every explanation, the likeliest first.
+    """
+
+    kind: str
+    sets: tuple[Stated, ...]
+    stated: tuple[Stated, ...]
+
+    def probability(self, kind: str) -> float:
+        """Of all explanations of a kind together."""
+        return sum(one.probability for one in self.stated if one.kind == kind)
+
+
+def stated(explanations: Explanations) -> tuple[Stated, ...]:
+    """Explanations summed over forms of the base and of the noise, the likeliest first."""
+    kinds: dict[tuple[str, EffectSet, str], list[tuple[float, Explanation]]] = {}
+    for probability, one in explanations.probabilities:
+        key = one.kind, one.uses, one.fault.name if one.fault else ""
+        kinds.setdefault(key, []).append((probability, one))
+    found = [Stated(*key, sum(p for p, _ in own), own[0][1]) for key, own in kinds.items()]
+    return tuple(sorted(found, key=lambda one: -one.probability))
+
+
+def judge(explanations: Explanations) -> Judgement:
+    """What is said."""
+    all_of_them = stated(explanations)
+    whole = Judgement("", (), all_of_them)
+    named = whole.probability("effects")
+    if whole.probability("nothing") > NOTHING_ABOVE:
+        return Judgement("nothing-missing", (), all_of_them)
+    if whole.probability("fault") > max(named, whole.probability("unknown")):
+        faults = tuple(one for one in all_of_them if one.kind == "fault")
+        return Judgement("faulty-data", faults[:1], all_of_them)
+    if whole.probability("unknown") > named:
+        return Judgement("unknown-effect", (), all_of_them)
+    effects = [one for one in all_of_them if one.kind == "effects"]
+    sets: list[Stated] = []
+    for one in effects:
+        if one.probability < effects[0].probability * OF_THE_BEST:
+            break
+        if not any(
+            other.uses < one.uses for other in sets
+        ):  # a likelier one with fewer effects says it already
+            sets.append(one)
+    return Judgement("effect" if len(sets) == 1 else "group", tuple(sets), all_of_them)

@@ -1,0 +1,110 @@
+"""Noise that follows itself in time: autoregressive forms of what the covariance says, in the order of the rows.
+
+The whitened residuals of one recording and observable, in the order in which they were read, follow
+r_t = a_1 r_(t-1) + ... + a_p r_(t-p) + e_t with unit variance of r: the size of the noise stays as declared, so that no
+missing effect hides in it. The coefficients are those of Burg's recursion (1975) on the residual of a fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.study.data.setpoints import TIME
+from specan.study.estimation.problem import Problem
+from specan.study.observation import Array
+
+ORDER = 2  # most coefficients: an oscillation of what is not measured has two
+LEAST_ROWS = 30  # of a chain, from which it is looked at
+
+
+@dataclass(frozen=True, eq=False)
+class Autoregression:
+    """An autoregressive form of the noise.
+
+    Attributes
+    ----------
+    chains : tuple of int arrays
+        Rows in the order of time, one array for each recording and observable.
+    reflections : tuple of float
+        Reflection coefficients, each between -1 and 1.
+    """
+
+    chains: tuple[NDArray[np.intp], ...]
+    reflections: tuple[float, ...]
+
+    def innovations(self, columns: Array) -> Array:
+        """Rows of whitened columns as independent innovations of unit variance (lattice filter)."""
+        out = columns.copy()
+        for rows in self.chains:
+            forward = backward = columns[rows]
+            power = 1.0
+            for k, reflection in enumerate(self.reflections, 1):
+                ahead, behind = forward[1:], backward[:-1]
+                forward, backward = ahead - reflection * behind, behind - reflection * ahead
+                power *= 1 - reflection**2
+                out[rows[k:]] = forward / np.sqrt(power)
+        return out
+
+    @property
+    def ln_volume(self) -> float:
+        """-1/2 ln det of the correlation."""
+        total = 0.0
+        for rows in self.chains:
+            for k, reflection in enumerate(self.reflections):
+                total -= 0.5 * (rows.size - k - 1) * np.log1p(-(reflection**2))
+        return float(total)
+
+    @property
+    def ln_price(self) -> float:
+        """Half the logarithm of the rows for each coefficient that was estimated (Schwarz 1978)."""
+        return -0.5 * len(self.reflections) * float(np.log(sum(rows.size for rows in self.chains)))
+
+
+def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:
+    """Rows of each recording and observable in the order of time, or of the table where it has none."""
+    found, first = [], 0
+    for o in problem.observations:
+        recording = getattr(o, "recording", None)
+        observable = getattr(o, "observable", None)
+        lines = o.conditions.get(TIME, getattr(o, "lines", None))
+        if recording is None or observable is None or lines is None:
+            first += o.n
+            continue
+        for number in np.unique(recording):
+            for name in np.unique(observable):
+                rows = np.flatnonzero((recording == number) & (observable == name))
+                if rows.size >= LEAST_ROWS:
+                    found.append(first + rows[np.argsort(np.asarray(lines)[rows], kind="stable")])
+        first += o.n
+    return tuple(found)
+
+
+def autoregressions(chains: tuple[NDArray[np.intp], ...], residual: Array) -> list[Autoregression]:
+    """Forms of one to two coefficients, by Burg's recursion over all chains together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(1)
+    >>> e, r = rng.standard_normal(4000), np.zeros(4000)
+    >>> for t in range(1, 4000):
+    ...     r[t] = 0.9 * r[t - 1] + e[t] * np.sqrt(1 - 0.9**2)
+    >>> found = autoregressions((np.arange(4000),), r)
+    >>> round(found[0].reflections[0], 1), round(float(np.var(found[0].innovations(r))), 1)
+    (0.9, 1.0)
+    """
+    if not chains:
+        return []
+    forward, backward = [residual[rows] for rows in chains], [residual[rows] for rows in chains]
+    found: list[float] = []
+    for _ in range(ORDER):
+        pairs = [(f[1:], b[:-1]) for f, b in zip(forward, backward, strict=True)]
+        above = 2 * sum(float(f @ b) for f, b in pairs)
+        below = sum(float(f @ f + b @ b) for f, b in pairs)
+        found.append(float(np.clip(above / max(below, 1e-300), -0.999, 0.999)))
+        forward = [f - found[-1] * b for f, b in pairs]
+        backward = [b - found[-1] * f for f, b in pairs]
+    return [Autoregression(chains, tuple(found[:k])) for k in range(1, ORDER + 1)]

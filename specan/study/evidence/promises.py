@@ -1,0 +1,186 @@
+"""What each effect of the catalogue promises beside a fit, by linear algebra, and from where it would be fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from specan.models import Use
+from specan.models.effect import ParameterName
+from specan.study.estimation.fit import Fit
+from specan.study.estimation.problem import Problem
+from specan.study.evidence.marginal import Marginal
+from specan.study.observation import Array
+from specan.study.selection.candidates import Candidate, candidates
+from specan.study.selection.signatures import Known, Signature, shape_grid, signatures
+
+ONE_SIDED_80 = 0.84  # standard deviations below which four of five values of a normal law lie
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """One effect beside a fit.
+
+    Attributes
+    ----------
+    ln_gain : float
+        ln of the evidence with the effect over that without, made linear.
+    starts : tuple of mapping
+        SI values from which to fit, the most promising first.
+    """
+
+    use: Use
+    ln_gain: float
+    starts: tuple[dict[str, Any], ...]
+
+
+class Catalogue:
+    """What may be added to a base, and how each changes what it predicts.
+
+    Attributes
+    ----------
+    candidates : list of Candidate
+    not_testable : dict
+        Effects that the data say nothing about, with the reason.
+    """
+
+    def __init__(self, problem: Problem, base: Fit) -> None:
+        self.problem = problem
+        self.candidates, self.not_testable = candidates(problem)
+        known: Known = {}
+        points = shape_grid(problem, base, self.candidates, known)
+        self.signatures: dict[Use, list[Signature]] = {}
+        for one in signatures(problem, base, self.candidates, points, known):
+            self.signatures.setdefault(one.use, []).append(one)
+
+    def promises(self, beside: Marginal) -> Iterator[Promise]:
+        """The best of each effect that the fit does not have."""
+        have = set(beside.tangent.problem.assembly.uses) - set(beside.tangent.problem.nuisances)
+        for candidate in self.candidates:
+            if candidate.use in have:
+                continue
+            found = (
+                self._certificate(beside, candidate)
+                if candidate.without_prior
+                else self._best(beside, candidate)
+            )
+            if found is not None:
+                yield found
+
+    def visible(self, beside: Marginal, base: Marginal, needed: float) -> dict[str, dict[str, Any] | None]:
+        """Sizes of all effects that would be seen in four cases of five: beside a fit; of what it has, beside the base.
+
+        Parameters
+        ----------
+        beside, base : Marginal
+        needed : float
+            ln of the evidence that an effect has to gain.
+
+        Returns
+        -------
+        dict
+            ``{"windage": {"value": 0.4, "unit": "W"}}``, None where no size in its range is seen; of an effect that may
+            act at several places the largest, with ``places``.
+        """
+        have = set(beside.tangent.problem.assembly.uses) - set(beside.tangent.problem.nuisances)
+        found: dict[str, dict[str, float | None]] = {}
+        units: dict[str, str] = {}
+        for candidate in self.candidates:
+            where = base if candidate.use in have else beside
+            name = candidate.amplitudes[0]
+            units[candidate.use.name] = candidate.parameter(name).unit
+            size = self._visible(where, candidate, needed)
+            value = None if size is None else float(candidate.parameter(name).from_si(size))
+            found.setdefault(candidate.use.name, {})[candidate.use.at] = value
+        return {name: _together(places, units[name]) for name, places in sorted(found.items())}
+
+    def _visible(self, where: Marginal, candidate: Candidate, needed: float) -> float | None:
+        """Size of the first amplitude that gains `needed` in four cases of five, its shapes at their defaults."""
+        tangent, n = where.tangent, self.problem.n_data
+        if candidate.without_prior:
+            name = candidate.without_prior[0]
+            if name not in tangent.problem.names:
+                return None
+            column, one_step = tangent.jacobian[:, tangent.problem.names.index(name)], 1.0
+            low, high = candidate.extended.domain(name.whole)
+            most = max(high, -low)
+        else:
+            own = self.signatures.get(candidate.use, [])
+            if not own:
+                return None
+            column, one_step = own[0].columns[:n, 0], float(abs(own[0].size[0]))
+            most = max(abs(end) for end in own[0].multiplier_bounds) * one_step
+        width = float(np.ptp(candidate.plausible(candidate.amplitudes[0]))) / np.sqrt(12) / one_step
+        curvature = where.curvature(column)
+        if not curvature > 0:
+            return None
+        unit = -2 * float(tangent.ln_likelihood(where.chi2 + 1.0) - tangent.ln_likelihood(where.chi2))
+        fall = (2 * needed + np.log1p(width**2 * curvature)) / unit
+        size = float((np.sqrt(fall) + ONE_SIDED_80) / np.sqrt(curvature)) * one_step
+        return size if size <= most else None
+
+    def _certificate(self, beside: Marginal, candidate: Candidate) -> Promise | None:
+        """An instrument error whose prior is removed: its columns are those of the fit itself."""
+        tangent = beside.tangent
+        where = [
+            tangent.problem.names.index(n) for n in candidate.without_prior if n in tangent.problem.names
+        ]
+        if not where:
+            return None
+        width = np.array([np.ptp(candidate.plausible(n)) / np.sqrt(12) for n in candidate.without_prior])
+        columns = tangent.jacobian[:, where] * width
+        (gain,), (found,) = beside.beside(columns, np.ones(1))
+        start = tangent.problem.values_at(beside.shifted(columns, found))
+        found = found * width
+        for name, more in zip(candidate.without_prior, found, strict=True):
+            if name == name.whole:
+                start[name] = start[name] + more
+        return Promise(candidate.use, gain, (start,))
+
+    def _best(self, beside: Marginal, candidate: Candidate) -> Promise | None:
+        own = self.signatures.get(candidate.use, [])
+        if not own:
+            return None
+        n, tried = self.problem.n_data, []
+        for one in own:
+            width = np.array([np.ptp(candidate.plausible(name)) for name in one.names]) / np.sqrt(12)
+            # An amplitude that the signature leaves at nothing has no column of its own.
+            width = np.divide(width, np.abs(one.size), out=np.zeros(width.size), where=one.size != 0)
+            (gain,), (found,) = beside.beside(one.columns[:n] * width, np.ones(1))
+            found = found * width
+            inside = np.clip(found, *one.multiplier_bounds)
+            # The other sign is not allowed: as good as nothing.
+            tried.append((float(gain if np.all(inside == found) else min(gain, 0.0)), one, inside))
+        tried.sort(key=lambda item: -item[0])
+        starts = [self._start(beside, candidate, *tried[0][1:])]
+        for _, one, found in tried[1:]:
+            if one.shapes != tried[0][1].shapes or np.any(one.size != tried[0][1].size):
+                starts.append(self._start(beside, candidate, one, found))
+                break
+        return Promise(candidate.use, tried[0][0], tuple(starts))
+
+    def _start(self, beside: Marginal, candidate: Candidate, one: Signature, found: Array) -> dict[str, Any]:
+        """Values after a linear step of everything along a signature."""
+        moved = beside.shifted(one.columns[: self.problem.n_data], found)
+        start: dict[str, Any] = dict(beside.tangent.problem.values_at(moved))
+        values = dict(one.shapes) | {
+            str(name): neutral + m * size
+            for name, neutral, m, size in zip(one.names, one.neutral, found, one.size, strict=True)
+        }
+        for name, value in values.items():
+            whole = ParameterName(name).whole
+            elements = candidate.extended.elements.get(whole)
+            start[whole] = np.array([values[whole.at(e)] for e in elements]) if elements else value
+        return start
+
+
+def _together(places: dict[str, float | None], unit: str) -> dict[str, Any] | None:
+    """The largest of some sizes."""
+    seen = [value for value in places.values() if value is not None]
+    if not seen:
+        return None
+    found: dict[str, Any] = {"value": max(seen, key=abs), "unit": unit}
+    return found | ({"places": places} if len(places) > 1 else {})

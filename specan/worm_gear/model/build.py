@@ -1,0 +1,384 @@
+"""From a rig file to the worm-gear model; and the rules that the columns of its tables follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models.catalogue import effects_in
+from specan.models.measurement_kinds import Completed, TableFault, TableRules
+from specan.models.model import LawSpace, Model, Nuisance, Words
+from specan.models.quantity import Condition, Observable, RigStatement, SettingError
+from specan.units import convert
+from specan.worm_gear.model.bearings import bearing_quantities, force_quantities
+from specan.worm_gear.model.power import (
+    IDLE,
+    MESH_QUANTITIES,
+    POWER_QUANTITIES,
+    article_quantities,
+    brake_quantity,
+    geometry,
+    viscosity_quantities,
+)
+from specan.worm_gear.model.rig import (
+    Operation,
+    PlacedBearing,
+    Rig,
+    defaults_used,
+    placed_bearings,
+    read_rig,
+    scaled_to_torque,
+)
+
+RPM = math.pi / 30
+BASE_EFFECTS = ("bearing-friction", "churning", "tooth-friction")
+OTHER_FORMS = {
+    "bearing-friction": ("palmgren-bearings", "iso-bearings"),
+    "churning": ("exponential-churning",),
+}
+
+# key of [uncertainty]: effect and parameter that it holds, factor from the key's unit to the parameter's
+CERTIFICATES = {
+    "input_torque_zero_Nm": ("torque-zero-error", "input", 1.0),
+    "output_torque_zero_Nm": ("torque-zero-error", "output", 1.0),
+    "input_torque_gain_percent": ("torque-gain-error", "input", 1.0),
+    "output_torque_gain_percent": ("torque-gain-error", "output", 1.0),
+    "oil_temperature_K": ("temperature-bias", "bias", 1.0),
+}
+
+
+def build(rig: Mapping[str, Any]) -> Model:
+    """Build the model of a worm gear.
+
+    Parameters
+    ----------
+    rig : mapping
+        The parsed rig file.
+
+    Raises
+    ------
+    RequestError
+        The rig file has an unknown key, lacks one, or says something impossible.
+    """
+    settings = read_rig(rig)
+    bearings = placed_bearings(settings)
+    quantities = [
+        *geometry(settings.gear),
+        *viscosity_quantities(settings.oil, settings.model),
+        *MESH_QUANTITIES,
+        *force_quantities(settings, bearings),
+        *bearing_quantities(bearings, settings.gear.z_wheel / settings.gear.z_worm),
+        *POWER_QUANTITIES,
+        brake_quantity(
+            bool(settings.operation.idle_uncoupled), max(map(abs, settings.limits.output_torque_Nm))
+        ),
+    ]
+    if settings.model.mesh == "article":
+        quantities += article_quantities(settings)  # of the same names, and later ones win
+    conditions = _conditions(settings.operation)
+    effects = effects_in("specan.worm_gear.model.effects")
+    torques = settings.limits.output_torque_Nm
+    effects = scaled_to_torque(effects, max(map(abs, torques)) if torques else None)
+    return Model(
+        name="worm-gear",
+        title="Worm gear: losses in steady operation",
+        conditions=conditions,
+        quantities={quantity.name: quantity for quantity in quantities},
+        effects=effects,
+        observables={o.name: o for o in OBSERVABLES},
+        base_effects=BASE_EFFECTS,
+        other_forms=OTHER_FORMS,
+        nuisances=_nuisances(settings),
+        axes={"bearing": _bearing_names(bearings)},
+        rig=_rig_statement(settings, conditions),
+        words=WORDS,
+        table_rules=table_rules(settings.gear.z_wheel / settings.gear.z_worm),
+        settings={"rig": settings.model_dump()},
+        law=LawSpace("power_loss", {"T": "output_torque", "n": "worm_speed", "nu": "kinematic_viscosity"}),
+    )
+
+
+def _conditions(operation: Operation) -> dict[str, Condition]:
+    listed = [
+        Condition(
+            "worm_speed", "rad/s", "Speed of the worm shaft.", "speed_rpm", "rpm",
+            usual_setting=SettingError(relative=0.01),
+        ),
+        Condition(
+            "indicated_output_torque", "N*m", "Torque that the output sensor indicates.",
+            "output_torque_Nm", "N*m", usual_setting=SettingError(relative=0.05), idles=True,
+        ),
+        Condition(
+            "indicated_oil_temperature", "K", "Temperature that the sensor in the oil sump indicates.",
+            "oil_temperature_C", "degC", operation.oil_temperature_C,
+            usual_setting=SettingError(absolute=1.5),
+        ),
+        Condition(
+            "oil_level", "1", "Oil level over the standard one.", "oil_level_percent", "percent",
+            operation.oil_level_percent,
+        ),
+        Condition(
+            "ambient_temperature", "K", "Temperature of the room.", "ambient_temperature_C", "degC",
+            operation.ambient_temperature_C, varies=False,
+            usual_setting=SettingError(absolute=1.5),
+        ),
+        Condition(
+            "coupled", "1", "Whether the brake was coupled to the output: 1, or 0 in runs without it.", "coupled", "1",
+            1.0, varies=False, usual_setting=SettingError(absolute=0.1),
+        ),
+        Condition(
+            "elapsed_time", "s", "Time since the first reading.", "elapsed_time_s", "s", float("nan"),
+        ),
+    ]  # fmt: skip
+    return {condition.name: condition for condition in listed}
+
+
+WORDS = Words(
+    ideal="the ideal machine",
+    discrepancy_of="losses",
+    remedy_uncertainty="input_torque_Nm = 0.005",
+    vary="speeds, torques or temperatures",
+)
+OBSERVABLES = (
+    Observable("input_torque", "indicated_input_torque", "N*m", "Torque at the input shaft; what is fitted."),
+    Observable(
+        "efficiency", "indicated_efficiency", "1", "Power out over power in.", reading_of="input_torque"
+    ),
+    Observable("power_loss", "indicated_power_loss", "W", "Power in less power out."),
+)
+
+
+def _nuisances(rig: Rig) -> tuple[Nuisance, ...]:
+    """Instrument errors that the rig file gives a certificate of."""
+    found = []
+    for key, (effect, parameter, factor) in CERTIFICATES.items():
+        sd = getattr(rig.uncertainty, key)
+        if sd:
+            found.append(Nuisance(effect, parameter, factor * sd, f"[uncertainty] {key}"))
+    return tuple(found)
+
+
+def _bearing_names(bearings: tuple[PlacedBearing, ...]) -> tuple[str, ...]:
+    return tuple(f"{b.shaft} {i % 2 + 1}: {b.bearing.designation}" for i, b in enumerate(bearings))
+
+
+# key of [uncertainty]: condition, whether relative to its value
+SETTING_ERRORS = {
+    "torque_setting_percent": ("indicated_output_torque", True),
+    "speed_setting_percent": ("worm_speed", True),
+    "oil_temperature_setting_K": ("indicated_oil_temperature", False),
+}
+# key of [uncertainty]: what is read with that scatter
+READING_ERRORS = {
+    "input_torque_Nm": "input_torque",
+    "output_torque_Nm": "indicated_output_torque",
+    "oil_temperature_reading_K": "indicated_oil_temperature",
+    "speed_reading_rpm": "worm_speed",
+}
+READING_PERCENT = {"input_torque_percent": "input_torque", "output_torque_percent": "indicated_output_torque"}
+
+
+def _rig_statement(rig: Rig, conditions: Mapping[str, Condition]) -> RigStatement:
+    """Limits and uncertainties of the bench, SI."""
+    columns = {c.column: c for c in conditions.values()}
+    given = rig.uncertainty.model_dump(exclude_none=True)
+    limits = {}
+    for key, (low, high) in rig.limits.model_dump(exclude_none=True).items():
+        known = columns[key]
+        ends = [float(convert(end, known.column_unit, known.unit)) for end in (low, high)]
+        limits[known.name] = (ends[0], ends[1])
+    return RigStatement(
+        limits=limits,
+        setting={
+            condition: SettingError(given[key] / 100) if relative else SettingError(absolute=given[key])
+            for key, (condition, relative) in SETTING_ERRORS.items()
+            if key in given
+        },
+        reading={
+            name: given[key] * (RPM if key.endswith("_rpm") else 1.0)
+            for key, name in READING_ERRORS.items()
+            if key in given
+        },
+        reading_percent={name: given[key] for key, name in READING_PERCENT.items() if key in given},
+        discrepancy_percent=rig.uncertainty.model_discrepancy_percent,
+        defaults_used=defaults_used(rig),
+    )
+
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+
+IN, OUT, ETA, LOSS = "input_torque_Nm", "output_torque_Nm", "efficiency", "power_loss_W"
+SPEED, TEMPERATURE = "speed_rpm", "oil_temperature_C"
+
+
+def table_rules(ratio: float) -> TableRules:
+    """Rules for the tables of a gear.
+
+    Parameters
+    ----------
+    ratio : float
+        Speed of the input shaft over that of the output shaft.
+    """
+    return TableRules(partial(complete, ratio=ratio), {OUT: frozenset({IN, ETA})})
+
+
+def complete(columns: Columns, steps: Mapping[str, float], ratio: float) -> Completed:
+    """Input torque, output torque and efficiency of every row, as far as two of them give the third.
+
+    Columns that follow from the others are checked against them and used once: where the input torque
+    is given, the efficiency says nothing more.
+
+    Parameters
+    ----------
+    columns : mapping
+        ``{header: array (rows,)}`` of the table.
+    steps : mapping
+        ``{header: step in which it is printed}``.
+    ratio : float
+        Speed of the input shaft over that of the output shaft.
+
+    Raises
+    ------
+    TableFault
+        Fewer than two of the three, efficiency in percent or above one, columns that contradict each
+        other, speeds or temperatures that cannot be.
+    """
+    size = next(iter(columns.values())).size
+    empty = np.full(size, np.nan)
+    torque_in, torque_out, eta = (columns.get(name, empty).copy() for name in (IN, OUT, ETA))
+    printed = {name: np.full(size, steps.get(name, 0.0)) for name in (IN, OUT, ETA)}
+    _check_efficiency(eta)
+    _check_operation(columns)
+    notes = []
+    known = np.isfinite(np.stack([torque_in, torque_out, eta])).sum(axis=0)
+    if np.any(known < 2):
+        raise TableFault(
+            f"fewer than two of {IN}, {OUT} and {ETA}",
+            rows=known < 2,
+            expected="any two of them in every row",
+        )
+    derived = np.isnan(torque_out)
+    if np.any(derived):
+        torque_out[derived] = ratio * (eta * torque_in)[derived]
+        printed[OUT][derived] = (ratio * torque_in * printed[ETA])[derived]
+        notes.append(f"{OUT} is worked out from {ETA} and {IN} in {derived.sum()} rows")
+    idle = np.isnan(torque_in) & ~(torque_out > 0)
+    if np.any(idle):
+        raise TableFault(
+            "without load there is no efficiency to speak of",
+            rows=idle,
+            expected=f"{IN} where the output torque is zero",
+        )
+    _check_torques(torque_in, torque_out, ratio)
+    both = np.isfinite(torque_in) & np.isfinite(eta) & ~derived
+    _check_agreement(torque_in, torque_out, eta, ratio, printed, both)
+    if np.any(both):
+        notes.append(f"{ETA} follows from the torques in {both.sum()} rows (checked) and is used once")
+    with np.errstate(invalid="ignore"):
+        eta = np.where((eta > 0) & np.isnan(torque_in), eta, np.nan)  # an efficiency of zero measures nothing
+    found = {IN: torque_in, OUT: torque_out, ETA: eta}
+    return Completed(found | ({LOSS: empty} if LOSS in columns else {}), printed, tuple(notes))
+
+
+def _check_efficiency(eta: Array) -> None:
+    given = eta[np.isfinite(eta)]
+    if given.size and np.median(given) > 1.5 and np.all(given <= 100):
+        raise TableFault(
+            f"the column {ETA!r} goes up to {given.max():g}, it seems to be in percent",
+            expected="a fraction between 0 and 1",
+            remedy="divide it by 100",
+        )
+    with np.errstate(invalid="ignore"):
+        bad = (eta > 1) | (eta < 0)
+    if np.any(bad):
+        raise TableFault(
+            f"efficiency {eta[bad][0]:g}",
+            rows=bad,
+            expected="a value between 0 and 1",
+        )
+
+
+def _check_operation(columns: Columns) -> None:
+    speed = columns.get(SPEED)
+    if speed is not None:
+        bad = ~(speed > 0)
+        if np.any(bad):
+            raise TableFault(
+                f"the speed is {speed[bad][0]:g} rpm",
+                rows=bad,
+                expected="a speed above zero; a standing gear has no efficiency",
+                remedy="leave such rows out",
+            )
+    temperature = columns.get(TEMPERATURE)
+    if temperature is not None and np.nanmedian(temperature) > 220:
+        raise TableFault(
+            f"the column {TEMPERATURE!r} goes up to {np.nanmax(temperature):g}, it seems to be in kelvin",
+            expected="degrees Celsius",
+        )
+
+
+def _check_torques(torque_in: Array, torque_out: Array, ratio: float) -> None:
+    with np.errstate(invalid="ignore"):
+        bad = torque_in <= 0
+        negative = torque_out < -_idle_reading(torque_out)
+        impossible = torque_out > 1.02 * ratio * torque_in
+    if np.any(bad):
+        raise TableFault(
+            f"the input torque is {torque_in[bad][0]:g} Nm",
+            rows=bad,
+            expected="a driving torque above zero",
+        )
+    if np.any(negative):
+        raise TableFault(
+            f"the output torque is {torque_out[negative][0]:g} Nm",
+            rows=negative,
+            expected="the torque of the brake counted positive",
+        )
+    if np.any(impossible):
+        exchanged = np.mean(impossible) > 0.5
+        hint = "are the two torque columns exchanged, or in other units?" if exchanged else "correct the row"
+        k = int(np.argmax(impossible))
+        raise TableFault(
+            f"{torque_out[k]:g} Nm come out for {torque_in[k]:g} Nm at "
+            f"a ratio of {ratio:g}, an efficiency of {torque_out[k] / ratio / torque_in[k]:.2f}",
+            rows=impossible,
+            expected="an efficiency of at most 1",
+            remedy=hint,
+        )
+
+
+def _idle_reading(torque_out: Array) -> float:
+    """Largest output torque, of either sign, that may be read without load."""
+    return IDLE * float(np.nanmax(np.abs(torque_out))) + 1e-12
+
+
+def _check_agreement(
+    torque_in: Array,
+    torque_out: Array,
+    eta: Array,
+    ratio: float,
+    steps: Columns,
+    rows: NDArray[np.bool_],
+) -> None:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        expected = torque_out / (ratio * torque_in)
+        rounding = steps[OUT] / (ratio * torque_in) + np.abs(expected) * steps[IN] / torque_in + steps[ETA]
+        # The torque of an idle brake reads a little off zero, to either side; the efficiency is written as zero then.
+        idle = (eta == 0) & (np.abs(torque_out) <= _idle_reading(torque_out))
+        bad = rows & ~idle & (np.abs(eta - expected) > 0.01 * np.abs(expected) + rounding)
+    if np.any(bad):
+        k = int(np.argmax(bad))
+        raise TableFault(
+            f"the columns contradict each other (efficiency {eta[k]:g}, but the "
+            f"torques give {expected[k]:.3f} at a ratio of {ratio:g})",
+            rows=bad,
+            expected="columns that agree",
+            remedy="correct the rows, or the teeth in the rig file, or leave one of the columns out",
+        )

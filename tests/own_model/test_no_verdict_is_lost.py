@@ -1,0 +1,139 @@
+"""A verdict comes for models and tables of every kind, and nothing beside it costs it."""
+
+import numpy as np
+import pytest
+
+from specan.errors import ComputationError
+from specan.models import Condition, Model, Parameter, effect
+from specan.study import diagnose as method
+from specan.study.data.open_tables import read_tables
+from specan.study.diagnose import diagnose
+from specan.study.estimation.fit import fit
+from specan.study.selection.candidates import base_problem
+
+NOISE = 0.1
+
+
+def force(x, a):
+    return a * x
+
+
+@effect("knee", adds_to="force", neutral={"height": 0.0, "rate": 0.0})
+def knee(x, *, height=Parameter(4.0, "N", min=0.5, max=20, lower=0),
+         rate=Parameter(0.1, "1/mm^2", min=0.01, max=1, lower=0)):  # fmt: skip
+    """Either of its sizes alone changes nothing: its slopes are zero where it vanishes."""
+    return height * (1 - np.exp(-rate * x**2))
+
+
+@effect("offset", adds_to="force", neutral={"size": 0.0})
+def offset(x, *, size=Parameter(1.0, "N", min=-5, max=5)):
+    """Forces read with an offset."""
+    return size + 0 * x
+
+
+def model(*effects, limits=(0, 10), unit="mm"):
+    return Model.from_function(
+        force, conditions={"x": (unit, *limits)}, observables={"force": ("N", NOISE)},
+        parameters={"a": (2.0, 0.5, 5, f"N/{unit}")}, effects=effects,
+    )  # fmt: skip
+
+
+def problem(place, model, x, y, seed=1):
+    rows = [f"{a:.6f},{b:.4f}" for a, b in zip(x, y + np.random.default_rng(seed).normal(0, NOISE, x.size))]
+    (place / "t.csv").write_text("\n".join(["x,force", *rows]) + "\n", encoding="utf-8")
+    return base_problem(model, read_tables(model, [place / "t.csv"]).fitted)
+
+
+def test_an_effect_without_a_slope_where_it_vanishes_is_found(tmp_path) -> None:
+    x = np.repeat(np.linspace(1, 10, 10), 3)
+    found = diagnose(problem(tmp_path, model(offset, knee), x, 2 * x + 6 * (1 - np.exp(-0.05 * x**2))))
+    assert found.effects == ("knee",)
+    assert found.ranking[0].parameters["knee.height"]["value"] == pytest.approx(6, abs=0.5)
+
+
+@pytest.mark.parametrize("rows", [900, 1200])
+def test_a_dense_table_of_one_condition_has_a_verdict(tmp_path, rows) -> None:
+    x = np.linspace(50, 100, rows)
+    y = 2 * x + np.where((x > 80) & (x < 90), 3, 0)
+    found = diagnose(problem(tmp_path, model(offset, limits=(0, 100)), x, y))
+    assert found.verdict == "unknown-effect"
+    assert found.next_measurement
+
+
+def test_a_time_that_goes_on_by_itself_is_nothing_to_set(tmp_path) -> None:
+    x = np.linspace(1, 10, 60)
+    found = diagnose(problem(tmp_path, model(offset, unit="s"), x, 2 * x + np.where(x > 7, x - 7, 0)))
+    assert found.verdict == "unknown-effect"
+    assert found.next_measurement == ()
+
+
+def test_six_conditions_with_limits_have_proposals_in_little_time_and_memory(tmp_path) -> None:
+    names = "uvwxyz"
+
+    @effect("square", adds_to="load", neutral={"size": 0.0})
+    def square(u, *, size=Parameter(0.1, "N/mm^2", min=0, max=1)):
+        """A square."""
+        return size * u**2
+
+    @effect("product", adds_to="load", neutral={"size": 0.0})
+    def product(u, v, *, size=Parameter(0.1, "N/mm^2", min=0, max=1)):
+        """A product, the same along the diagonal."""
+        return size * u * v
+
+    def load(u, v, w, x, y, z, a):
+        return a * (u + v + w + x + y + z)
+
+    made = Model.from_function(
+        load, conditions={n: Condition(n, "mm", n, n, "mm") for n in names}, observables={"load": ("N", NOISE)},
+        parameters={"a": (2.0, 0.5, 5, "N/mm")}, effects=[square, product],
+    )  # fmt: skip
+    made = made.with_rig({"limits": {n: [0, 10] for n in names}})
+    random = np.random.default_rng(1)
+    points = np.column_stack([np.linspace(1, 5, 40)] * 2 + list(random.uniform(1, 10, (4, 40))))
+    read = 2 * points.sum(axis=1) + 0.1 * points[:, 0] ** 2 + random.normal(0, NOISE, 40)
+    rows = [",".join(f"{v:.5f}" for v in (*row, y)) for row, y in zip(points, read, strict=True)]
+    (tmp_path / "t.csv").write_text("\n".join(["u,v,w,x,y,z,load", *rows]) + "\n", encoding="utf-8")
+    found = diagnose(base_problem(made, read_tables(made, [tmp_path / "t.csv"]).fitted))
+    assert found.verdict == "group"
+    best = found.next_measurement[0]["conditions"]
+    assert abs(best["u"] - best["v"]) > 5  # u^2 and u v differ most where u and v do
+
+
+def test_what_fails_beside_a_verdict_is_a_remark(tmp_path, monkeypatch) -> None:
+    def fails(*given, **more):
+        raise ValueError("need at least one array to concatenate")
+
+    for name in ("_next", "localise", "error_fall", "drift_over_rows"):
+        monkeypatch.setattr(method, name, fails)
+    x = np.repeat(np.linspace(1, 10, 10), 3)
+    found = diagnose(problem(tmp_path, model(offset), x, 2 * x + 1.5))
+    assert found.effects == ("offset",)
+    assert sum("could not be worked out" in remark for remark in found.remarks) == 4
+
+
+def test_a_model_without_candidates_has_a_verdict(tmp_path) -> None:
+    x = np.repeat(np.linspace(1, 10, 10), 3)
+    assert diagnose(problem(tmp_path, model(), x, 2 * x)).verdict == "nothing-missing"
+    assert diagnose(problem(tmp_path, model(), x, 2 * x + 0.05 * x**2)).verdict == "unknown-effect"
+
+
+def test_a_fit_that_does_not_settle_is_a_remark(tmp_path, monkeypatch) -> None:
+    from specan.study.estimation import fit as fitting
+    from specan.study.estimation.levenberg_marquardt import descend, not_settled
+
+    def given_up(problem, start):
+        raise not_settled(descend(problem, start), 25)
+
+    x = np.repeat(np.linspace(1, 10, 10), 3)
+    asked = problem(tmp_path, model(offset), x, 2 * x + 1.5)
+    monkeypatch.setattr(fitting, "descend", given_up)
+    monkeypatch.setattr(fitting, "_trust_region", given_up)
+    base = fit(asked)
+    assert not base.converged
+    found = diagnose(asked, base=base)
+    assert found.effects == ("offset",)
+    assert any("did not settle" in remark for remark in found.remarks)
+    monkeypatch.setattr(fitting, "descend", lambda *given: (_ for _ in ()).throw(ComputationError("nowhere")))
+    monkeypatch.setattr(fitting, "_trust_region", fitting.descend)
+    with pytest.raises(ComputationError, match="nowhere"):
+        fit(asked)

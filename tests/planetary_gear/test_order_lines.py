@@ -1,0 +1,355 @@
+"""Order lines as observations: chi-square in closed form, gains that do not matter, turns that nobody counts."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from specan.errors import RequestError
+from specan.models import Condition, Model, Observable, Parameter, Use, effect
+from specan.models.quantity import constant, quantity
+from specan.planetary_gear.model.lines import OrderLines, Tacho
+from specan.planetary_gear.study import figures as figures_study_orders
+from specan.planetary_gear.study.open_orders import like
+from specan.planetary_gear.study.order_lines import OrderLinesObservation, declared_errors, response_errors
+from specan.study.estimation.fit import fit
+from specan.study.estimation.levenberg_marquardt import descend
+from specan.study.estimation.prediction_error import held_out_error, observable_errors
+from specan.study.localisation.localise import localise
+from specan.study.observation import Observation
+from specan.study.selection.candidates import base_problem
+from specan.study.selection.either_sign import of_either_sign
+
+ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
+HARMONIC = np.array([1, 1, 1, 1, 2, 2, 2, 2])
+OFFSET = ORDER - 10.0 * HARMONIC
+BEYOND = np.zeros((2, 8), dtype=bool)  # lines that the ideal machine does not have
+BEYOND[:, [1, 3, 5]] = True
+TRUTH = np.random.default_rng(5).normal(size=(2, 8, 2)) @ np.array([1, 1j]) + 3.0
+
+
+def observed(
+    amplitude: np.ndarray, sigma: float = 0.1, near: float = 0.1, path: float = 0.3, response: float = 0.2
+) -> OrderLinesObservation:
+    return OrderLinesObservation(
+        name="run.tdms",
+        recording="run.tdms",
+        quantity="lines",
+        channels=("A", "B"),
+        order=ORDER,
+        harmonic=HARMONIC,
+        family=np.array([f"10h+-{abs(o):g}" for o in OFFSET]),
+        amplitude=amplitude,
+        noise=np.full((2, 8), sigma),
+        relative=declared_errors(ORDER, OFFSET, near, path),
+        common=response_errors(BEYOND, HARMONIC, response),
+        kept=np.ones((2, 8), dtype=bool),
+        order_condition="order",
+        point={"load": 2.0},
+    )
+
+
+def test_it_is_an_observation() -> None:
+    assert isinstance(observed(TRUTH), Observation)
+
+
+def declared_covariance(lines: np.ndarray) -> np.ndarray:
+    """Complex V of the lines of both sensors, entry by entry as it is declared."""
+    centres = np.arange(1, 7) * 4.0
+    basis = np.clip(1 - np.abs(ORDER - centres[:, None]) / 4.0, 0, None)
+    v = np.zeros((2, 8, 2, 8), dtype=complex)
+    for s, i, t, j in np.ndindex(2, 8, 2, 8):
+        shared = 0.0
+        if s == t:
+            shared += 0.1**2 * np.sum(np.sqrt(basis[:, i] * basis[:, j]))
+            shared += 0.3**2 * (OFFSET[i] == OFFSET[j] != 0)
+        shared += 0.2**2 * (BEYOND[s, i] and BEYOND[t, j] and HARMONIC[i] == HARMONIC[j])
+        v[s, i, t, j] = shared * lines[s, i] * np.conj(lines[t, j]) + 0.1**2 * ((s, i) == (t, j))
+    return v.reshape(16, 16)
+
+
+def test_chi_square_in_closed_form() -> None:
+    """(y - p)' V^-1 (y - p), where V is that of the prediction p with the gains found."""
+    rng = np.random.default_rng(2)
+    found = observed(TRUTH * (1 + 0.2 * (rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]))))
+    predicted = np.zeros((2, 8), dtype=complex)
+    predicted[found.kept] = found._with_gains(TRUTH[found.kept])[0]
+    gap = (found.amplitude - predicted).ravel()
+    apart = np.log(found.amplitude / predicted)
+    middle = np.minimum(np.abs((found.amplitude - predicted) / apart), 2 * np.abs(predicted))
+    middle = middle * predicted / np.abs(predicted)
+    expected = np.real(gap.conj() @ np.linalg.solve(declared_covariance(middle), gap))
+    moved = found.whiten(found.as_known(TRUTH) - found.measured)
+    assert np.sum(moved**2) == pytest.approx(expected, rel=1e-9)
+
+
+def test_gains_are_those_of_generalised_least_squares() -> None:
+    """At their own covariance, and where the declared errors are small beside the noise."""
+    rng = np.random.default_rng(4)
+    noisy = TRUTH * 2j + rng.normal(size=(2, 8, 2)) @ np.array([1, 1j])
+    found = observed(noisy, 1.0, near=1e-6, path=1e-6, response=1e-6)
+    predicted = np.zeros((2, 8), dtype=complex)
+    predicted[found.kept] = found._with_gains(TRUTH[found.kept])[0]
+    for sensor in range(2):
+        for h in (1, 2):
+            mine = h == HARMONIC
+            gain = np.vdot(TRUTH[sensor, mine], noisy[sensor, mine]) / np.vdot(
+                TRUTH[sensor, mine], TRUTH[sensor, mine]
+            )
+            assert predicted[sensor, mine] == pytest.approx(gain * TRUTH[sensor, mine], rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.2, 5.0])
+def test_lines_too_high_cost_as_much_as_lines_too_low(factor: float) -> None:
+    """A part of the lines predicted five times too high or too low is refused, far beyond the declared errors."""
+    found = observed(TRUTH, 0.001)
+    wrong = TRUTH * np.where(BEYOND, factor, 1.0)
+    chi2 = np.sum(found.whiten(found.as_known(wrong) - found.measured) ** 2)
+    assert chi2 > 60  # of 24 degrees of freedom
+
+
+def test_lines_that_are_not_predicted_are_evidence_in_full() -> None:
+    """A model without a line is given nothing for it, however large the declared errors."""
+    found = observed(TRUTH)
+    without = np.where(BEYOND, 0.0, TRUTH)
+    moved = found.as_known(without)
+    rows = found.stack(BEYOND.astype(complex) * (1 + 1j)) > 0
+    assert moved[rows] == pytest.approx(np.zeros(rows.sum()), abs=1e-12)
+
+
+def test_chi_square_of_drawn_errors_has_the_stated_degrees_of_freedom() -> None:
+    """Monte Carlo: errors drawn as declared, not from the covariance; then gains of their own."""
+    rng = np.random.default_rng(1)
+    centres = np.arange(1, 7) * 4.0
+    basis = np.sqrt(np.clip(1 - np.abs(ORDER - centres[:, None]) / 4.0, 0, None))
+
+    def drawn() -> float:
+        def complex_normal(*shape: int) -> np.ndarray:
+            return rng.normal(size=(*shape, 2)) @ np.array([1, 1j])
+
+        smooth = 0.1 * complex_normal(2, centres.size) @ basis
+        own = {o: 0.3 * complex_normal(2) for o in np.unique(OFFSET) if o}
+        beside = np.stack([own.get(o, np.zeros(2)) for o in OFFSET], axis=1)
+        answer = 0.2 * complex_normal(2)[HARMONIC - 1] * BEYOND
+        seen = observed(TRUTH * np.exp(smooth + beside + answer) + 0.1 * complex_normal(2, 8))
+        return float(np.sum(seen.whiten(seen.as_known(TRUTH) - seen.measured) ** 2))
+
+    values = [drawn() for _ in range(400)]
+    dof = observed(TRUTH).n_effective
+    assert dof == 32 - 2 * 4
+    # gains are found by V about the prediction: products of errors make a tenth
+    assert np.mean(values) == pytest.approx(dof, rel=0.1)
+    assert np.var(values) == pytest.approx(2 * dof, rel=0.4)
+
+
+def test_gains_of_a_sensor_and_harmonic_do_not_matter() -> None:
+    found = observed(TRUTH)
+    gain = np.where(HARMONIC == 1, 3.0 - 2.0j, 0.01j) * np.array([[1.0], [-5.0]])
+    other = TRUTH * np.linspace(0.8, 1.1, 8)
+    assert found.as_known(gain * other) == pytest.approx(found.as_known(other), rel=1e-9)
+    assert found.as_known(gain * TRUTH) == pytest.approx(found.measured, rel=1e-9)
+    assert found.as_known(0 * TRUTH) == pytest.approx(0 * found.measured)
+
+
+def test_part_of_the_lines() -> None:
+    found = observed(TRUTH)
+    part = found.take(found.labels["channel"] == "B")
+    assert part.n == 16
+    assert part.n_effective == 12
+    rows = np.flatnonzero(found.labels["channel"] == "B")
+    assert part.covariance == pytest.approx(found.covariance[np.ix_(rows, rows)])
+    assert part.as_known(TRUTH) == pytest.approx(part.measured)
+
+
+def test_a_model_is_asked_for_complex_lines() -> None:
+    lines = np.stack([np.arange(1.0, 9.0) * (1 + 1j), np.arange(8.0, 0.0, -1.0)])
+    model = Model(
+        name="comb",
+        title="A comb",
+        conditions={"order": Condition("order", "1", "Order.", "order", "1")},
+        quantities={"lines": constant("lines", lines, "m/s^2", "Lines.")},
+        effects={},
+        observables={"lines": Observable("lines", "lines", "m/s^2", "Lines.", kind="orders")},
+    )
+    found = replace(observed(lines), point={})
+    assert found.predict(model.assemble(), {}) == pytest.approx(found.measured)
+    assert found.plain(model.assemble(), {}) == pytest.approx(found.measured)
+
+
+STATEMENT = OrderLines(
+    axis="sensor", order=ORDER, harmonic=HARMONIC, offset=OFFSET, family=("",) * 8, order_condition="order",
+    rate_condition="speed", rate_ratio=1.0, tachos=(Tacho("Tacho", 1.0),), index="Tacho", period=4,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("begun", [0, 1, 3])
+def test_whole_turns_that_nobody_counted(begun: int) -> None:
+    """A recording that begins some turns later comes back, its gain and a weak noise notwithstanding."""
+    rng = np.random.default_rng(begun)
+    later = TRUTH * np.exp(-2j * np.pi * ORDER * begun) * np.where(HARMONIC == 1, 2j, -0.3)
+    noisy = later + 0.01 * rng.normal(size=(2, 8))
+    turned, said = like(observed(TRUTH, 0.01), observed(noisy, 0.01), STATEMENT)
+    back = turned.amplitude * np.exp(-2j * np.pi * ORDER * begun)
+    assert back == pytest.approx(noisy)
+    assert bool(said) == bool(begun)
+
+
+def test_noise_is_not_turned() -> None:
+    rng = np.random.default_rng(3)
+    whole = np.rint(ORDER) == ORDER
+    for _ in range(50):
+        one, two = (
+            np.where(whole, TRUTH, 0) + rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]) for _ in range(2)
+        )
+        turned, _ = like(observed(one, 1.0), observed(two, 1.0), STATEMENT)
+        assert np.array_equal(turned.amplitude, two)
+
+
+def test_a_problem_is_made_of_order_lines() -> None:
+    """Gains are no groups of a model, such as lots of oil, of which observations may hold the names."""
+    model = Model(
+        name="comb",
+        title="A comb",
+        conditions={
+            "order": Condition("order", "1", "Order.", "order", "1"),
+            "load": Condition("load", "1", "Load.", "load", "1"),
+        },
+        quantities={"lines": constant("lines", TRUTH, "m/s^2", "Lines.")},
+        effects={},
+        observables={"lines": Observable("lines", "lines", "m/s^2", "Lines.", kind="orders")},
+    )
+    problem = base_problem(model, [observed(TRUTH)])
+    assert problem.n_effective == 32 - 2 * 4
+    assert problem.residual(problem.start()) == pytest.approx(np.zeros(32), abs=1e-9)
+
+
+def comb(lines: np.ndarray) -> Model:
+    return Model(
+        "comb", "", {"order": Condition("order", "1", ""), "load": Condition("load", "1", "")},
+        {"lines": replace(constant("lines", lines, "1", ""), axes=())}, {},
+        {"lines": Observable("lines", "lines", "1", "", kind="orders")},
+    )  # fmt: skip
+
+
+def test_errors_are_the_measurement_less_the_model_with_its_gains() -> None:
+    """A path that differs from line to line, as declared, is left in the error, of fitted and of unseen recordings."""
+    rng = np.random.default_rng(7)
+    apart = np.exp(0.2 * rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]))
+    made = [
+        replace(observed(gain * TRUTH * apart, 0.01), name=name, recording=name)
+        for gain, name in ((1, "a"), (2j, "b"))
+    ]
+    problem = base_problem(comb(TRUTH), made[:1])
+    (shown,) = problem.plain(problem.start())
+    (error,) = observable_errors(problem, made[:1], [shown])
+    groups = [(s, h == HARMONIC) for s in range(2) for h in (1, 2)]
+    ratio = (np.split(shown, 2)[0] + 1j * np.split(shown, 2)[1]).reshape(2, 8) / TRUTH
+    assert all(np.ptp(ratio[s, mine]) == pytest.approx(0, abs=1e-12) for s, mine in groups)
+    # the least that any gains leave: y less its projection on the model's lines
+    least = sum(
+        np.vdot(y, y).real - abs(np.vdot(t, y)) ** 2 / np.vdot(t, t).real
+        for y, t in ((made[0].amplitude[s, mine], TRUTH[s, mine]) for s, mine in groups)
+    )
+    assert error.rms == pytest.approx(np.sqrt(least / 32))
+    # They are told, with the error that is there without them.
+    told = made[1].path_gains(problem.assembly, {})
+    assert told["harmonic"] == [1, 2, 1, 2]
+    assert told["rms_without"] == pytest.approx(np.sqrt(np.mean(np.abs(made[1].amplitude - TRUTH) ** 2) / 2))
+    gains = [
+        np.vdot(TRUTH[s, m], made[1].amplitude[s, m]) / np.vdot(TRUTH[s, m], TRUTH[s, m]) for s, m in groups
+    ]
+    assert told["gain_dB"] == pytest.approx(20 * np.log10(np.abs(gains)))
+    assert told["phase_deg"] == pytest.approx(np.degrees(np.angle(gains)))
+    best = fit(problem, starts=1)
+    assert held_out_error(problem, best, made[1:]).errors[0].rms == pytest.approx(2 * error.rms, rel=0.01)
+
+
+@pytest.fixture
+def sidebands_low():
+    """A problem whose model has sidebands of a harmonic 20 times too low: 26 dB; and its fit."""
+    beside = np.abs(OFFSET) == 1
+    lines = np.where(beside, 0.05, np.where(OFFSET == 0, 1.0, 0.3)) * np.ones((2, 1), dtype=complex)
+    family = np.where(OFFSET == 0, "10h", np.where(beside, "10h+-1", "10h+-n"))
+    data = replace(observed(lines, 1e-5), family=family)
+    problem = base_problem(comb(lines * np.where(beside, 0.05, 1.0)), [data])
+    return problem, fit(problem, starts=1)
+
+
+def test_a_failure_names_its_family_and_line(sidebands_low) -> None:
+    """The level is that of the sidebands, not of the strong lines beside them."""
+    said = localise(*sidebands_low).sentences()[0]
+    assert said.startswith("fails at orders 10h+-1: model 26 dB low (z = -")
+    assert said.endswith("; most at order 9 of A, off by 95 %")
+
+
+def test_the_figure_shows_the_lines_and_what_is_between_their_levels(sidebands_low, monkeypatch) -> None:
+    problem, found = sidebands_low
+    monkeypatch.setattr(figures_study_orders, "state_of", lambda study: [])
+    study = SimpleNamespace(
+        problem=problem, shown=found, model=problem.assembly.model, directory=Path("gear")
+    )
+    figure = figures_study_orders.figure_compare_orders(study, "B")
+    tops, bottoms = figure.axes[:2], figure.axes[2:]
+    assert [axes.get_title(loc="left") for axes in tops] == ["h = 1", "h = 2"]
+    shown = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert shown == {"10h", "10h+-1", "10h+-n", "no line above the noise"}
+    below = {x: y for axes in bottoms for line in axes.lines for x, y in zip(*line.get_data(), strict=True)}
+    assert below[9.0] == pytest.approx(20 * np.log10(0.05), abs=0.01)
+    assert [below[order] for order in (7.0, 10.0, 20.0)] == pytest.approx([0, 0, 0], abs=0.05)
+    with pytest.raises(RequestError, match="'C' is not a channel"):
+        figures_study_orders.figure_compare_orders(study, "C")
+
+
+@effect("pin", adds_to="place", neutral={"error": 0.0})
+def pin(*, error=Parameter(2.0, "1", min=-50.0, max=50.0, lower=-500.0, upper=500.0, doc="place")) -> float:
+    """A pin out of place."""
+    return error
+
+
+@quantity(unit="m/s^2")
+def bent_lines(place):
+    """Lines that the ideal machine does not have are as strong for a place on either side, in another phase."""
+    return np.where(BEYOND, place**2 * np.exp(0.15j * place), 1.0)
+
+
+def test_a_size_of_the_other_sign_is_found() -> None:
+    """The minimum that a descent from the usual size reaches is far above that of the true size, -1."""
+    model = Model(
+        name="comb",
+        title="A comb",
+        conditions={
+            "order": Condition("order", "1", "Order.", "order", "1"),
+            "load": Condition("load", "1", "Load.", "load", "1"),
+        },
+        quantities={
+            "place": constant("place", 0.0, "1", "Place."),
+            "lines": replace(bent_lines, name="lines"),
+        },
+        effects={"pin": pin},
+        observables={"lines": Observable("lines", "lines", "m/s^2", "Lines.", kind="orders")},
+    )
+    amplitude = np.where(BEYOND, np.exp(-0.15j), 1.0)
+    base = base_problem(model, [observed(amplitude, 0.003, near=0.01, path=0.01, response=0.01)])
+    use = Use("pin")
+    problem = base.with_uses([use])
+    (start,) = of_either_sign(problem, {}, [use])
+    found = descend(problem, problem.start(start))
+    from_usual = descend(problem, problem.start({"pin.error": 2.0}))
+    assert problem.values_at(found.theta)["pin.error"] == pytest.approx(-1.0, abs=0.05)
+    assert found.chi2 < 1e-3 < 100 < from_usual.chi2
+
+
+def test_a_contact_that_stiffens_mixes_the_lines_of_a_fault():
+    """F = K x^1.3 at a swing of three tenths: the line at twice the frequency over that of the swing."""
+    from specan.planetary_gear.study.open_orders import PRODUCTS, _products
+
+    turn = np.arange(4096) / 4096
+    place = 1.0 + 0.3 / 1.3 * np.cos(2 * np.pi * turn)
+    line = np.abs(np.fft.rfft(place**1.3))
+    assert line[2] / line[1] == pytest.approx(PRODUCTS * line[1] / line[0] * 2, rel=0.1)
+    amplitude = np.array([[10.0, 3.0, 0.1, 4.0, 0.2]], dtype=complex)
+    beyond = np.array([[False, True, True, False, True]])
+    found = _products(amplitude, beyond, np.array([1, 1, 1, 2, 2]))
+    assert found == pytest.approx(PRODUCTS * np.array([[0.9, 0.9, 0.9, 0.01, 0.01]]))

@@ -1,0 +1,126 @@
+"""The evidence against laws written out whole, and what is said of planted effects, unknowns, faults and nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.stats import multivariate_normal
+
+from specan.study.diagnose import diagnose
+from specan.study.estimation.fit import fit
+from specan.study.evidence.marginal import Marginal, Tangent
+from specan.study.evidence.noise import Autoregression, autoregressions
+from specan.study.evidence.smooth import kernel_root, operating_points
+from specan.study.verdict import headline
+
+
+def tangent_of(problem):
+    best = fit(problem)
+    return Tangent.at(problem, best.theta, best.residual, best.jacobian)
+
+
+def ln_density(tangent, columns):
+    """ln of the normal law of the residuals, coefficients and parameters integrated out, without its constant."""
+    n = tangent.residual.size
+    known = tangent.jacobian * tangent.widths
+    law = multivariate_normal(cov=np.eye(n) + columns @ columns.T + known @ known.T)
+    return law.logpdf(tangent.residual) + 0.5 * n * np.log(2 * np.pi)
+
+
+def test_evidence_is_the_normal_law_with_everything_integrated_out(toy):
+    tangent = tangent_of(toy.problem(lambda x, z: 0.3 * np.sin(3 * x), [], seed=3))
+    columns = 0.5 * kernel_root(operating_points(tangent.problem), 0.5)
+    none = np.zeros((columns.shape[0], 0))
+    # The law is centred on the fit; what the width of a range adds to chi-square there is far below this tolerance.
+    for own in (none, columns):
+        assert Marginal(tangent, own).ln_evidence == pytest.approx(ln_density(tangent, own), abs=0.02)
+
+
+def test_columns_beside_a_fit_gain_what_they_gain_in_a_law_with_them(toy):
+    tangent = tangent_of(toy.problem(lambda x, z: 0.8 * z, [], seed=4))
+    column = toy.z[:, None] * np.array([[1.0, 0.0]]) + toy.x[:, None] ** 2 * np.array([[0.0, 1.0]])
+    gains, _ = Marginal(tangent).beside(column, np.array([0.1, 1.0]))
+    alone = ln_density(tangent, np.zeros((48, 0)))
+    for gain, size in zip(gains, (0.1, 1.0), strict=True):
+        assert gain == pytest.approx(ln_density(tangent, size * column) - alone, abs=0.02)
+
+
+def test_a_lattice_makes_the_innovations_of_the_correlation():
+    rng = np.random.default_rng(5)
+    first, second = 0.8, -0.5  # reflections: lag-1 correlation, and what lag 2 adds
+    phi = np.array([first * (1 - second), second])
+    lags = [1.0, first]
+    while len(lags) < 60:
+        lags.append(phi @ [lags[-1], lags[-2]])
+    root = np.linalg.cholesky(toeplitz(lags))
+    form = Autoregression((np.arange(60),), (first, second))
+    r = rng.standard_normal((60, 2))
+    np.testing.assert_allclose(form.innovations(r), np.linalg.solve(root, r), atol=1e-10)
+    assert form.ln_volume == pytest.approx(-np.sum(np.log(np.diag(root))))
+    drawn = np.linalg.cholesky(toeplitz(lags)) @ rng.standard_normal((60, 200))
+    chains = tuple(np.arange(60) + 60 * k for k in range(200))
+    found = autoregressions(chains, drawn.T.ravel())[-1].reflections
+    np.testing.assert_allclose(found, (first, second), atol=0.03)
+
+
+def test_smooth_functions_have_the_covariance_that_is_asked_for():
+    points = np.random.default_rng(1).uniform(size=(70, 2))
+    root = kernel_root(points, 0.5)
+    apart = np.sum((points[:, None] - points) ** 2, axis=2)
+    np.testing.assert_allclose(root @ root.T, np.exp(-apart / 2 / 0.5**2), atol=2e-3)
+
+
+CANDIDATES = ["tilt", "cross", "wave"]
+
+
+def told(problem):
+    found = diagnose(problem, probabilities=True)
+    assert 0.98 < sum(one.probability for one in found.probabilities) < 1 + 1e-9
+    return found
+
+
+def test_a_planted_effect_is_named_with_its_probability(toy):
+    found = told(toy.problem(lambda x, z: 2.0 * x * z, CANDIDATES))
+    assert (found.verdict, found.alternatives) == ("effect", (("cross",),))
+    assert headline(found) in ("Missing: cross (99 %).", "Missing: cross (above 99 %).")
+    assert found.probabilities[0].effects == ("cross",)
+    assert (
+        found.ranking[0].parameters["cross.c"]["low"] < 2.0 < found.ranking[0].parameters["cross.c"]["high"]
+    )
+
+
+def test_nothing_is_missing_in_twenty_complete_models(toy):
+    for seed in range(20):
+        found = told(toy.problem(lambda x, z: 0.0 * x, CANDIDATES, seed=seed))
+        assert found.verdict == "nothing-missing"
+        assert found.alternatives == ()
+
+
+def test_what_no_effect_describes_is_something_else(toy):
+    found = told(toy.problem(lambda x, z: 4.0 * np.tanh(6 * z) ** 2, ["tilt", "cross"]))
+    assert found.verdict == "unknown-effect"
+    assert found.probabilities[0].kind == "unknown"
+    assert "something else" in found.probabilities[0].explanation
+
+
+def test_readings_that_drift_with_their_order_are_a_fault_of_the_data(toy):
+    order = np.random.default_rng(8).permutation(48)  # the plan was run in another order than it is sorted
+    problem = toy.problem(lambda x, z: 6.0 * (order / 47 - 0.5), ["tilt", "cross"])
+    (rows,) = problem.observations
+    problem = problem.over([replace(rows, lines=order + 2, recording=np.zeros(48, int))])
+    found = told(problem)
+    assert found.verdict == "faulty-data"
+    assert "drift" in headline(found)
+
+
+def test_noise_that_follows_itself_names_nothing(toy):
+    rng, wrong = np.random.default_rng(9), 0
+    for _ in range(10):
+        noise = np.empty(48)
+        noise[0] = rng.standard_normal()
+        for k in range(1, 48):
+            noise[k] = 0.95 * noise[k - 1] + np.sqrt(1 - 0.95**2) * rng.standard_normal()
+        found = told(toy.problem(lambda x, z, own=noise: own, ["tilt", "cross"], noise=0.0))
+        wrong += found.verdict != "nothing-missing"
+    assert wrong <= 1
