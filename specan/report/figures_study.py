@@ -191,8 +191,9 @@ def _lines(observation: TableObservation, panel: _Panel) -> list[tuple[str, str,
     ]
 
 
-def _condition_of(study: Study, column: str) -> str:
-    return next(n for n, c in study.model.conditions.items() if c.column == column)
+def _condition_of(study: Study, column: str) -> str | None:
+    """The model's condition that a column holds; None for a label that is none of them."""
+    return next((n for n, c in study.model.conditions.items() if c.column == column), None)
 
 
 def readings(study: Study, observation: TableObservation, column: str) -> NDArray[Any]:
@@ -210,9 +211,9 @@ def _at_levels(study: Study, observation: TableObservation, but: str) -> dict[st
     for column, level in observation.labels.items():
         if column not in (but, "measurement", "elapsed_time_s"):
             name = _condition_of(study, column)
-            condition = study.model.conditions[name]
-            if condition.group:
+            if name is None or study.model.conditions[name].group:
                 continue
+            condition = study.model.conditions[name]
             moved[name] = np.asarray(convert(level, condition.column_unit, condition.unit))
     return moved
 
@@ -229,8 +230,12 @@ def _curve(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The model along x, everything else as in the first of the rows."""
     x = readings(study, observation, panel.x)[mine]
-    along = np.linspace(x.min(), x.max(), POINTS)
     name = _condition_of(study, panel.x)
+    if name is None:  # no curve between labels that the model does not know: its values at the rows
+        moved = _predict(study, observation, _at_levels(study, observation, panel.x))[mine]
+        order = np.argsort(x, kind="stable")
+        return x[order], moved[order]
+    along = np.linspace(x.min(), x.max(), POINTS)
     condition = study.model.conditions[name]
     first = int(np.flatnonzero(mine)[0])
     at = {n: np.full(POINTS, v[first]) for n, v in _at_levels(study, observation, panel.x).items()}

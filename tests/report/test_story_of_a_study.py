@@ -2,13 +2,16 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from specan.report.figures_change import figure_change, figure_history
 from specan.report.figures_diagnosis import figure_diagnosis
+from specan.report.figures_study import _curve, _panels
 from specan.report.study_report import study_report
 from specan.study.create import begin
 from specan.study.edit import add_effect
@@ -95,3 +98,19 @@ def test_the_report_begins_with_the_story_and_ends_with_what_was_rejected(story)
         )
     ]  # fmt: skip
     assert places == sorted(places)
+
+
+def test_a_label_that_is_no_condition_of_the_model_is_drawn_at_the_rows(tmp_path):
+    # Rows of a measurement kind of one's own may carry other labels than the model's conditions.
+    place = BENCH / "rig.toml", [BENCH / "measurement.csv"]
+    study = begin(tmp_path / "gear", "worm-gear", *place).study
+    observation = study.problem.observations[0]
+    sensor = np.linspace(1.0, 2.0, observation.n)
+    marked = replace(observation, labels={"sensor": sensor})
+    seen = SimpleNamespace(
+        problem=replace(study.problem, observations=(marked,)), shown=study.shown, model=study.model
+    )
+    panel = _panels(marked)[0]
+    x, model = _curve(seen, marked, panel, panel.rows)
+    np.testing.assert_array_equal(x, sensor)
+    np.testing.assert_allclose(model, study.problem.plain(study.shown.theta)[0])
