@@ -178,14 +178,15 @@ def show(found: Spectrum | Spectrogram, peaks: int) -> None:
 
 def _title(found: Spectrum | Spectrogram) -> str:
     from specan.data.spectrum import Spectrogram
+    from specan.result import counted
 
     scale = found.scale
     title = f"{found.label}: {scale.scaling}, {scale.window}, lines {scale.line_spacing_hz:.6g} Hz apart, "
     title += f"noise bandwidth {scale.enbw_hz:.6g} Hz, "
     title += "" if scale.weighting == "Z" else f"{scale.weighting} weighting, "
     if isinstance(found, Spectrogram):
-        return title + f"{len(found.time_s)} columns of {found.blocks_per_column} blocks"
-    return title + f"{found.n_blocks} blocks, averaging {found.averaging}"
+        return title + f"{len(found.time_s)} columns of {counted(found.blocks_per_column, 'block')}"
+    return title + f"{counted(found.n_blocks, 'block')}, averaging {found.averaging}"
 
 
 def _sheet_header(found: Spectrum | Spectrogram) -> list[str]:

@@ -80,13 +80,15 @@ def show(found: FrequencyResponse, at_hz: tuple[float, ...]) -> None:
     """One row a channel, and one a channel and line that was asked for."""
     import numpy as np
 
+    from specan.result import counted
+
     u_percent = np.hypot(found.u_magnitude_percent, found.u_common_percent)
     u_phase = np.hypot(found.u_phase_deg, found.u_common_phase_deg)
     spacing = found.frequency_hz[1] - found.frequency_hz[0] if len(found.frequency_hz) > 1 else 0.0
     title = (
         f"{found.label}: {found.estimator} over {found.reference} "
         f"({found.reference_rms:.4g} {found.reference_unit} RMS), {len(found.frequency_hz)} lines "
-        f"{spacing:.4g} Hz apart, {found.n_blocks} blocks ({found.n_effective:.0f} independent)"
+        f"{spacing:.4g} Hz apart, {counted(found.n_blocks, 'block')} ({found.n_effective:.0f} independent)"
     )
     units = set(found.units)
     header = ["channel", "peak Hz", "magnitude", "phase deg", "coherence", "u %", "u deg"]

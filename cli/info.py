@@ -110,11 +110,13 @@ def _descriptions(recording: Recording) -> list[str]:
 
 
 def _headline(recording: Recording, path: Path) -> str:
+    from specan.result import counted
+
     rates = sorted({c.sampling_rate for c in recording.channels})
     longest = max(c.duration_s for c in recording.channels)
     rate = " and ".join(f"{r:g}" for r in rates)
     size = path.stat().st_size / 1e6
-    return f"{len(recording.channels)} channels, {longest:g} s at {rate} Hz, {size:.1f} MB"
+    return f"{counted(len(recording.channels), 'channel')}, {longest:g} s at {rate} Hz, {size:.1f} MB"
 
 
 def _content(

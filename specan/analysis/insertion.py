@@ -148,7 +148,7 @@ def _cut(label: str, found: Candidates, frequency: float, settings: CalibrationS
         raise InputError(
             f"{label}: {duration:.3g} s hold fewer than {10 * count} cycles of {frequency:.6g} Hz",
             expected=f"{count} windows of at least ten cycles",
-            remedy="record the calibrator for 5 s, or ask for fewer windows",
+            remedy="record the calibrator for 5 s, or use fewer windows",
         )
     return count, size
 

@@ -150,7 +150,7 @@ class OrderAccumulator:
         self.turns, self.period = turns, self.settings.average_turns
         if self.period > turns:
             raise InputError(
-                f"{self.recording.label}: an average over {self.period} turns is asked for, and there are {turns}",
+                f"{self.recording.label}: an average over {self.period} turns is requested, but there are only {turns}",
                 remedy="analyse a longer section, or fewer turns",
             )
         self.block_turns = min(self.settings.turns, turns)

@@ -296,7 +296,7 @@ def block_of(recording: Recording, settings: BlockSettings, n: int) -> int:
         raise InputError(
             f"{recording.label}: {n} samples are less than one block",
             expected=f"at least {block if settings.lines else MIN_BLOCK} samples",
-            remedy="ask for fewer lines or a longer section",
+            remedy="use fewer lines or a longer section",
         )
     return block
 

@@ -134,7 +134,7 @@ class TransferFunctionAccumulator:
             raise InputError(
                 f"{recording.label}: {n} samples are less than one block",
                 expected=f"at least {block_of(least)} samples for {least} lines",
-                remedy="ask for fewer lines" if settings.lines else "analyse a longer section",
+                remedy="use fewer lines" if settings.lines else "analyse a longer section",
             )
         first = block_of(settings.lines or self._most_lines(DEFAULT_LINES))
         self._passes_once = passes_once(recording, self.reference, first, self.start, self.stop)
@@ -355,10 +355,10 @@ class TransferFunctionAccumulator:
     def _advice(self) -> str:
         settings, n = self.settings, self.stop - self.start
         if self.sufficient is None or self.sufficient <= settings.block:
-            return "ask for more lines"
+            return "use more lines"
         wanted = settings.n_lines * (self.sufficient // settings.block)
         if averages_in(n, block_of(wanted), settings.window, settings.overlap) >= LEAST_AVERAGES:
-            return f"ask for --lines {wanted}"
+            return f"use --lines {wanted}"
         return f"--lines {wanted} would do, with a longer recording"
 
     def _on_the_instrument(self) -> list[str]:

@@ -33,13 +33,9 @@ def plot(result: Any, path: str | Path | None = None, *, view: str = "", **optio
     RequestError
         There is no figure of it.
     """
-    from specan.report.figure_style import footnote
     from specan.report.figures import figure_of
 
-    figure = figure_of(result, view, **options)
-    if said := getattr(result, "settings", {}).get("calibration"):
-        footnote(figure, f"Calibration: {said}")
-    return saved(figure, path)
+    return saved(figure_of(result, view, **options), path)
 
 
 def saved(figure: Figure, path: str | Path | None) -> Figure:

@@ -289,7 +289,7 @@ class Recording(Result):
             return found[0]
         if found:
             places = ", ".join(c.path for c in found)
-            raise RequestError(f"{self.label}: {name!r} is in several groups", remedy=f"say one of {places}")
+            raise RequestError(f"{self.label}: {name!r} is in several groups", remedy=f"use one of {places}")
         for path, reason in self.set_aside.items():
             if name == path or path.endswith(f"/{name}"):
                 raise InputError(f"{self.label}: {path!r} cannot be used: {reason}")
@@ -417,13 +417,13 @@ class Recording(Result):
         stop = length if stop is None else stop
         if not 0 <= start <= stop <= length:
             raise RequestError(
-                f"{self.label}: samples {start} to {stop} are asked for",
+                f"{self.label}: samples {start} to {stop} are requested",
                 expected=f"a range inside 0 to {length}",
             )
         rates = sorted({c.sampling_rate for c in channels})
         if len(rates) > 1:
             raise RequestError(
-                f"{self.label}: channels with {rates[0]:g} and {rates[-1]:g} Hz are asked for together",
+                f"{self.label}: channels with {rates[0]:g} and {rates[-1]:g} Hz are requested together",
                 expected="channels of one sampling rate",
                 remedy="choose channels of one group",
             )

@@ -99,7 +99,7 @@ class View(_InAddress):
     instrument: str = ""
     of: str = ""
     unwrapped: bool = False
-    level_weighting: Weighting = "Z"
+    level_weighting: Weighting = "A"
     level_averaging: Literal["fast", "slow"] = "fast"
     tacho: str = ""
     pulses: float | None = Field(default=None, gt=0.0)

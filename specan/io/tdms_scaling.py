@@ -116,14 +116,14 @@ def _follow(scales: list[Any], number: int, way: tuple[int, ...], scalers: tuple
     """Walk from a scale to what feeds it, down to the samples."""
     if number == npt.RAW_DATA_INPUT_SOURCE:
         if scalers:
-            raise InputError("its scaling asks for plain samples, and the channel has DAQmx counts")
+            raise InputError("its scaling needs plain samples, but the channel has DAQmx counts")
         return
     if number in way:
         raise InputError(
             f"its scale {number} leads back to itself", expected="a chain that begins at the samples"
         )
     if not 0 <= number < len(scales):
-        raise InputError(f"its scaling asks for scale {number}", expected=f"a number below {len(scales)}")
+        raise InputError(f"its scaling refers to scale {number}", expected=f"a number below {len(scales)}")
     scale = scales[number]
     if isinstance(scale, npt.DaqMxScalerScaling):
         if scale.scale_id not in scalers:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
+from specan.result import counted
 
 # Properties that the table of channels already shows, or that only say how the file was written.
 _SHOWN = {"unit_string", "Unit_String", "QuantityUnit", "Sensitivity", "SensitivityUnit", "name"}
@@ -45,7 +46,7 @@ def sheets(
         for name, reason in recording.set_aside.items():
             reasons.setdefault(reason, []).append(name)
         rows = [[", ".join(n) if show_all else _names(n), reason] for reason, n in reasons.items()]
-        yield Sheet("", "Set aside", ["channels", "reason"], rows)
+        yield Sheet("", "Ignored", ["channels", "reason"], rows)
     properties = _properties(recording, show_all)
     if properties:
         few = properties if show_all else properties[:_LINES]
@@ -71,7 +72,7 @@ def _channels(
     rows = [list(row) for row in zip(*columns.values(), strict=True)]
     if len(rows) > _MANY and not show_all:
         rows = _joined(rows)
-    above = (f"{group}: " if group else "") + ", ".join([f"{len(places)} channels", *shared])
+    above = (f"{group}: " if group else "") + ", ".join([counted(len(places), "channel"), *shared])
     return Sheet(above, "", list(columns), rows)
 
 

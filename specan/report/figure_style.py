@@ -101,9 +101,9 @@ def heading(figure: Any, title: str, *facts: str) -> None:
         )  # fmt: skip
 
 
-def footnote(figure: Figure, text: str) -> None:
-    """A line in grey at the bottom right."""
-    figure.supxlabel(text, x=0.99, ha="right", fontsize=7, color=GREY)
+def remark(figure: Figure, text: str) -> None:
+    """A line in grey at the top right, where no legend is."""
+    figure.text(0.99, 0.992, text, ha="right", va="top", fontsize=7, color=GREY)
 
 
 _BELOW, _ABOVE = 6, 7  # columns of a legend at most

@@ -52,7 +52,12 @@ def figure_of(result: Any, view: str = "", **options: Any) -> Figure:
             expected="one of " + ", ".join(FIGURES),
             remedy="use its data frame",
         )
-    return draw(result, **options)
+    figure = draw(result, **options)
+    if said := getattr(result, "settings", {}).get("calibration"):
+        from specan.report.figure_style import remark
+
+        remark(figure, f"Calibration: {said}")
+    return figure
 
 
 def figure_named(kind: str) -> Callable[..., Figure] | None:

@@ -184,7 +184,7 @@ def _loudest(found: BandLevels) -> str:
 
 @styled
 def figure_levels(found: SignalLevels) -> Figure:
-    """Level of every channel with what its time-weighted level did; one pair of axes a level reference.
+    """Equivalent level of every channel with what its time-weighted level did; one pair of axes a level reference.
 
     A thin bar runs from the lowest to the highest time-weighted level, a thick one over the outer percentiles.
     """
@@ -198,18 +198,25 @@ def figure_levels(found: SignalLevels) -> Figure:
         axes.set_xlabel(level_label(text))
     legend_below(figure, sheet[0, 0])
     stop = found.start_s + found.duration_s
+    level = equivalent(found)
     loudest = [
-        f"{found.channels[mine[k]]} {found.level_dB[mine[k]]:.1f} dB"
+        f"{found.channels[mine[k]]} {level[mine[k]]:.1f} dB"
         for mine in rows.values()
-        if np.isfinite(found.level_dB[mine]).any() and len(mine) > 1
-        for k in [int(np.nanargmax(found.level_dB[mine]))]
+        if np.isfinite(level[mine]).any() and len(mine) > 1
+        for k in [int(np.nanargmax(level[mine]))]
     ]
     heading(
         figure, found.label or "Levels",
         f"{found.start_s:g} s to {stop:g} s, time weighting {found.averaging}, {found.weighting} weighting for Pa",
-        f"Highest level: {', '.join(loudest)}" if loudest else "",
+        f"Highest equivalent level: {', '.join(loudest)}" if loudest else "",
     )  # fmt: skip
     return figure
+
+
+def equivalent(found: SignalLevels) -> NDArray[np.float64]:
+    """Equivalent levels with the weighting of the time-weighted ones, between whose ends they lie."""
+    weighted = found.equivalent_dB[found.weighting]
+    return np.where(np.isfinite(weighted), weighted, found.level_dB)
 
 
 def _draw(axes: Axes, found: SignalLevels, rows: list[int]) -> None:
@@ -229,9 +236,7 @@ def _draw(axes: Axes, found: SignalLevels, rows: list[int]) -> None:
             places, finite(found.percentile_dB[least]), finite(found.percentile_dB[most]), color=COLOURS[4],
             lw=6, alpha=0.6, label=f"L{least:g} to L{most:g}",
         )  # fmt: skip
-    axes.plot(finite(found.level_dB), places, "o", color=COLOURS[0], ms=5, label="level")
-    if np.isfinite(found.equivalent_dB["A"][rows]).any():
-        axes.plot(finite(found.equivalent_dB["A"]), places, "^", color=COLOURS[1], ms=5, label="Leq A")
+    axes.plot(finite(equivalent(found)), places, "o", color=COLOURS[0], ms=5, label="equivalent level")
     axes.set_yticks(places, [found.channels[r] for r in rows])
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.grid(False, axis="y")

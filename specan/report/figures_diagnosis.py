@@ -96,9 +96,8 @@ def figure_next(found: NextMeasurements) -> Figure:
         axes.set_yticks(range(len(values)), list(row["predictions"]))
         axes.set_ylim(len(values) - 0.4, -0.6)
         axes.grid(False, axis="y")
-        where = ", ".join(f"{name} = {value:.4g}" for name, value in row["conditions"].items())
         apart = "" if row["separation_sigma"] is None else f": {row['separation_sigma']:.1f} sigma apart"
-        axes.set_title(f"{where}{apart}")
+        axes.set_title(row["text"].partition(":")[0] + apart)
     axes.set_xlabel(axis_label("Expected reading", shown[-1]["unit"]))
     bars = "bars: two standard uncertainties of it"
     heading(figure, "The next measurement", f"What each candidate expects of a reading; {bars}")

@@ -208,7 +208,7 @@ class NextMeasurements(Result):
         if self.rows:
             return counted(len(self.rows), "proposal")
         if self.verdict in ("effect", "nothing-missing"):
-            return "nothing is left to decide: no two explanations compete for these data"
+            return "no further measurement is needed: no two explanations compete for these data"
         return "no measurement within the rig's limits is known that would decide"
 
     def columns(self) -> dict[str, Any]:

@@ -43,7 +43,7 @@ class LevelsTab(Tab):
 
     def __init__(self, opened: Opened, view: View, change: Change) -> None:
         super().__init__(opened, view, change)
-        self.choice(view, "level_weighting", "Weighting", ["Z", "A", "B", "C"], 80)
+        self.choice(view, "level_weighting", "Weighting", ["A", "B", "C", "Z"], 80)
         self.choice(view, "level_averaging", "Time weighting", ["fast", "slow"])
         self.history = GroupedLines("Time / s", tip=("s", "dB"), dynamics=90.0)
         self.numbers = Div(sizing_mode="stretch_width", name="levels")

@@ -285,4 +285,4 @@ def _motion(rig: Rig, system: _System, kept: Real, begun: float, dt: float, rate
 def check_duration(duration_s: float) -> None:
     """A length that can be simulated."""
     if not 0.01 <= duration_s <= 600.0:
-        raise RequestError(f"{duration_s:g} s are asked for", expected="0.01 to 600 s")
+        raise RequestError(f"{duration_s:g} s are requested", expected="0.01 to 600 s")

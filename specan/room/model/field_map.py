@@ -130,7 +130,7 @@ def field_map(chosen: ChosenModel, plane: tuple[str, float], frequency_hz: float
     highest = rig["band"]["f_max_hz"]
     if not 0.0 < frequency_hz <= highest:
         raise RequestError(
-            f"{frequency_hz:g} Hz is asked for",
+            f"{frequency_hz:g} Hz is requested",
             expected=f"a frequency up to [band] f_max_hz, {highest:g} Hz",
         )
     across = [i for i in range(3) if "xyz"[i] != axis]

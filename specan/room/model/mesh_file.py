@@ -153,7 +153,7 @@ def _walls(raw: Any, name: str) -> dict[str, Numbers]:
     for wall in walls:
         if set(wall) & set(".@,="):
             raise RequestError(
-                f"the surface {wall!r} of the mesh {name} has a name that cannot be asked for",
+                f"the surface {wall!r} of the mesh {name} has a name that cannot be used",
                 expected="names without . @ , =",
                 remedy="rename it",
             )

@@ -95,10 +95,10 @@ def simulated_recording(
 
 def _check(duration_s: float, frequency_hz: float | None, noise: float, highest: float) -> None:
     if not 0.1 <= duration_s <= LONGEST_S:
-        raise RequestError(f"{duration_s:g} s are asked for", expected=f"0.1 to {LONGEST_S:g} s")
+        raise RequestError(f"{duration_s:g} s are requested", expected=f"0.1 to {LONGEST_S:g} s")
     if frequency_hz is not None and not 0.0 < frequency_hz <= highest:
         raise RequestError(
-            f"{frequency_hz:g} Hz is asked for", expected=f"a frequency up to [band] f_max_hz, {highest:g} Hz"
+            f"{frequency_hz:g} Hz is requested", expected=f"a frequency up to [band] f_max_hz, {highest:g} Hz"
         )
     if not 0.0 <= noise < np.inf:
         raise RequestError(f"the noise is {noise:g} Pa", expected="a standard deviation, not below zero")

@@ -246,7 +246,7 @@ def impedance(
         An accuracy that cannot be.
     """
     if not 0 < accuracy <= 1:
-        raise RequestError(f"an accuracy of {accuracy:g} is asked for", expected="more than 0, at most 1")
+        raise RequestError(f"an accuracy of {accuracy:g} is requested", expected="more than 0, at most 1")
     inside = [k for k, f in enumerate(fit.mid_hz) if band[0] <= f <= band[1]]
     rows = [
         _row(wall, fit.mid_hz[k], *fit.of(w, k), accuracy) for w, wall in enumerate(fit.walls) for k in inside
