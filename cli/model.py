@@ -171,9 +171,20 @@ def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None
 def _check_whole(model: Model, file: Path, as_json: bool) -> None:
     from dataclasses import asdict
 
-    from specan.models.check_model import check_model
+    from specan.models.check_model import check_model, without_limits
     from specan.study.user_effects import trust_file
 
+    lacking = without_limits(model)
+    if lacking:  # a study takes such a model
+        trust_file(file)
+        if as_json:
+            emit_json({"passed": [], "without_limits": lacking})
+            return
+        click.echo(
+            f"{model.name} can be used in a study. Nothing else was checked: no limits of {', '.join(lacking)}."
+        )
+        click.echo(f'To check it, give them: conditions={{"{lacking[0]}": (UNIT, LOW, HIGH)}}.')
+        return
     found = check_model(model)
     trust_file(file)
     if as_json:

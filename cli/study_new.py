@@ -26,7 +26,7 @@ FILE = click.Path(path_type=Path)
 @click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
               help="Measured data that are predicted and never fitted; repeatable.")  # fmt: skip
 @click.option("--hold-out", multiple=True, metavar="KEY=V,V...",
-              help="Conditions to hold out of the fit: torque=60, speed_rpm=2400; repeatable.")  # fmt: skip
+              help="Conditions to hold out of the fit: torque=60, speed_rpm=2000..2400; repeatable.")  # fmt: skip
 @click.option("--calibration", type=FILE, help="A calibration.toml for recordings.")
 @click.option("--effects", metavar="NAME,NAME...|none",
               help="Initial effects [default: those of the model's base; none: without effects].")  # fmt: skip

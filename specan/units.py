@@ -231,19 +231,25 @@ def same_dimension(value: Any, unit: str) -> str:
     return f"{given.units:~}" or "1"
 
 
-def often_mistaken_for(unit: str) -> tuple[str, ...]:
-    """Units in which a column that should be in `unit` is often recorded by mistake.
+def often_mistaken_for(unit: str) -> dict[str, str]:
+    """Units in which a column that should be in `unit` is often recorded by mistake, with their names.
 
     Examples
     --------
     >>> often_mistaken_for("rpm"), often_mistaken_for("N*m"), often_mistaken_for("degC")
-    (('Hz', 'rad/s'), ('mN*m', 'kN*m'), ('degF', 'K'))
+    ({'rps': 'rev/s', 'rad/s': 'rad/s'}, {'mN*m': 'mN*m', 'kN*m': 'kN*m'}, {'degF': 'degF', 'K': 'K'})
     """
-    if unit == "rpm":
-        return ("Hz", "rad/s")
-    if unit == "degC":
-        return ("degF", "K")
-    return tuple(prefix + unit for prefix in ("m", "k")) if unit and unit[0] not in "mk1" else ()
+    if is_compatible(unit, "rpm") and convert(1.0, unit, "rpm") == 1:
+        return {"rps": "rev/s", "rad/s": "rad/s"}
+    if unit in ("degC", "K"):
+        return {other: other for other in ("degF", "K", "degC") if other != unit}
+    prefixed = unit[:1] in ("m", "k") and is_compatible(unit[1:], unit)
+    plain = unit[1:] if prefixed else unit
+    return {
+        other: other
+        for other in (plain, "m" + plain, "k" + plain)
+        if other != unit and is_compatible(other, unit)
+    }
 
 
 def quotient(unit: str, over: str) -> str:

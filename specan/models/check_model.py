@@ -80,17 +80,13 @@ def check_model(model: Model, progress: Callable[[str], None] | None = None) -> 
         `specan.models.check.check_effect`.
     """
     say = progress or (lambda text: None)
-    conditions = _plan(model)
-    lacking = [
-        c.name
-        for c in model.conditions.values()
-        if c.default is None and c.name not in conditions and not c.group
-    ]
+    lacking = without_limits(model)
     if lacking:
         raise RequestError(
             f"the condition {lacking[0]!r} has no limits to check over",
             remedy="say from where to where it can be set",
         )
+    conditions = _plan(model)
     say("the base over the limits")
     try_model(model, conditions)
     started = time.perf_counter()
@@ -119,6 +115,16 @@ def check_model(model: Model, progress: Callable[[str], None] | None = None) -> 
     return ModelReport(
         len(next(iter(conditions.values()))), seconds, free, tuple(passed), alike, hidden, notes
     )
+
+
+def without_limits(model: Model) -> list[str]:
+    """Conditions that a table must hold and that have no limits: nothing can be checked over them."""
+    limits = model.rig.limits
+    return [
+        c.name
+        for c in model.conditions.values()
+        if c.default is None and c.name not in limits and not c.group
+    ]
 
 
 def _told_of(effect: Effect, fault: RequestError) -> RequestError:

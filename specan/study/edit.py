@@ -22,6 +22,7 @@ from specan.study.history import History, Step, changing, commit, error_pairs, l
 from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyFile, StudyText, read_study_file
+from specan.study.user_effects import rival_laws
 
 RISES = "the error on {} data rises"
 # What JSON says of the steps before and after a change.
@@ -246,8 +247,8 @@ def _commit(changed: Study, by_hand: Step | None, after: Step) -> None:
 
 
 def _own_file(study: Study, path: Path) -> tuple[Study, str]:
-    """Take an effect file into the study; its one effect is what is added."""
-    study = Study(study.directory, effects=[path])
+    """Take an effect file into the study; its one effect is what is added. Rivals of a proposed law are candidates."""
+    study = Study(study.directory, effects=[path, *rival_laws(path)])
     names = [e.name for e in effects_from_file(path)]
     if len(names) > 1:
         raise RequestError(

@@ -23,9 +23,9 @@ from specan.study.selection.acceptance import left_out_errors
 from specan.study.selection.law_search import LEVEL, Law, search_laws
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
+from specan.study.user_effects import LAWS, trust_file
 from specan.study.verdict import parameters_of
 
-FOLDER = "laws"
 AT_ONCE = 20.0  # an amplitude may grow by this factor in a fit
 
 
@@ -155,7 +155,7 @@ def propose_laws(study: Study) -> ProposedLaws:
     found = search_laws(start)
     before, left_out = _error(start), next(iter(left_out_errors(start)), None)
     sources = {name: source_of(law, name) for name, law in _named(found.laws).items()}
-    files = {name: Path(FOLDER) / f"{name}.py" for name in sources}
+    files = {name: Path(LAWS) / f"{name}.py" for name in sources}
     # One catalogue for all, so that the refits can be compared.
     own = [e for n, s in sources.items() for e in effects_from_file(study.directory / files[n], s.encode())]
     model = start.problem.assembly.model.with_effect(*own)
@@ -170,7 +170,7 @@ def propose_laws(study: Study) -> ProposedLaws:
     refits = [refit for _, refit, _ in fitted]
     with np.errstate(all="ignore"):  # a power of a variable that is zero within the limits
         following = propose_measurements(refits) if len(refits) > 1 else ()
-    folder = study.directory / FOLDER
+    folder = study.directory / LAWS
     for law, _, source in fitted:
         folder.mkdir(exist_ok=True)
         _write(folder / law.file.name, source)
@@ -192,6 +192,7 @@ def _write(path: Path, source: str) -> None:
         old = hashlib.sha256(path.read_bytes()).hexdigest()[:8]
         path.replace(path.with_name(f"{path.name}.{old}"))
     path.write_text(source, encoding="utf-8", newline="\n")
+    trust_file(path)
 
 
 def _error(refit: Refit) -> Any:

@@ -73,7 +73,7 @@ STOPPED = "stopped_diagnosis.json"  # in a study: what a diagnosis had found whe
 FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 SLIGHT = 1.2  # reduced chi-square; errors of 0.2 to 0.6 % of the response, mode by mode, made 1.11 of a null
-PREDICTED = 0.01  # probability of chi-square from which held-out data are predicted as well as they can be
+PREDICTED = 0.01  # probability of chi-square from which data are predicted as well as they can be
 
 
 class Study:
@@ -271,7 +271,7 @@ class Study:
         found = self.kept.find("fit", Fit)
         if found is None:
             found = fit(self.problem, starts=STARTS)
-            if self.problem.strategy.continuation and found.reduced_chi2 > POOR_FIT:  # astray, perhaps
+            if self.problem.strategy.continuation and found.p_value < PREDICTED:  # another minimum, perhaps
                 found = min(found, fit(self.problem, self._near), key=lambda one: one.chi2)
             self.kept.keep("fit", found)
         return found

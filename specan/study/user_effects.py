@@ -24,6 +24,7 @@ from specan.study.study_file import EffectFileEntry
 
 FOLDER = "effects"
 MODEL_FOLDER = "model"
+LAWS = "laws"  # that were proposed
 
 
 def trust_record() -> Path:
@@ -58,6 +59,12 @@ def trust(sha256: str) -> None:
 def trust_file(path: Path) -> None:
     """Remember that a file was named."""
     trust(hashlib.sha256(content_of(path)).hexdigest())
+
+
+def rival_laws(path: Path) -> list[Path]:
+    """Laws that were proposed together with an effect file and have not been changed: its rivals in every verdict."""
+    beside = sorted(path.parent.glob("law-*.py")) if path.parent.name == LAWS else []
+    return [p for p in beside if p != path and is_trusted(hashlib.sha256(p.read_bytes()).hexdigest())]
 
 
 @dataclass(frozen=True, eq=False)

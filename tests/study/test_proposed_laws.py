@@ -122,6 +122,8 @@ def test_files_are_written_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyP
             assert "law-onset-load: torque + size x max(load - load_onset, 0)" in done.stdout
     assert "law-onset-load.load_onset" in done.stdout
     assert "after" in done.stdout
+    known = {path.name for path in Path("s/effects").iterdir()}  # rivals of the law that was added
+    assert known == {path.name for path in Path("s/laws").iterdir()}
 
 
 def test_a_file_that_was_changed_is_kept(tmp_path: Path) -> None:

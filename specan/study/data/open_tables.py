@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
-from specan.models import Model, SettingError
+from specan.models import Condition, Model, SettingError
 from specan.models.groups import grouped
 from specan.models.trial import try_model
 from specan.schema import regular
@@ -18,9 +19,11 @@ from specan.study.data.operating_table import SCATTER, Rows, check_varied, group
 from specan.study.data.table_covariance import uncertainty
 from specan.study.data.table_reader import Measurement, read_measurement
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
-from specan.units import convert, printed_unit
+from specan.units import convert, is_compatible, printed_unit
 
 TITLE = "a table (text with a header line, .xlsx, Parquet)"
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_VALUES = re.compile(rf"(?P<low>{_NUMBER})(?:\s*\.\.\s*(?P<high>{_NUMBER}))?\s*(?P<unit>[^\d\s.].*)?")
 WORKBOOKS = (".xlsx", ".xlsm")  # an archive of another name is not a table
 
 
@@ -103,9 +106,10 @@ def _read(file: DataFile, model: Model) -> Measurement:
 
 
 def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:
-    """Rows that meet a condition such as ``load=60,90`` or ``load_kN=60``.
+    """Rows that meet a condition such as ``load=60,90``, ``load_kN=60..90`` or ``temperature=55 degC``.
 
-    A value stands for the level nearest to it, as far as the scatter of setting allows.
+    A value stands for the level nearest to it, as far as the scatter of setting allows; without a unit it is in that
+    of the tables.
 
     Raises
     ------
@@ -117,24 +121,41 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
     condition = model.conditions[name]
     if condition.group:
         return _named(rows, name, text, where) & _in_file(rows, file)
-    setting = grouping_of(model, condition)
+    unit = rows.units.get(name, condition.column_unit)
     found = np.zeros(rows.n, dtype=bool)
     for word in text.split(","):
-        try:
-            value = float(convert(float(word), condition.column_unit, condition.unit))
-        except ValueError:
+        ends = _values(word, where, condition, unit)
+        if len(ends) == 2:
+            here = (rows.levels[name] >= min(ends)) & (rows.levels[name] <= max(ends))
+        else:
+            here = _at_level(rows, name, ends[0], grouping_of(model, condition))
+        if not np.any(here):
+            levels = convert(np.unique(rows.levels[name]), condition.unit, unit)
+            shown = f" {printed_unit(unit)}".rstrip()
             raise RequestError(
-                f"{word!r} in {where!r} is not a number", expected=f"{condition.column}=value,value,..."
-            ) from None
-        found |= _at_level(rows, name, value, setting)
-        if not np.any(_at_level(rows, name, value, setting)):
-            levels = convert(np.unique(rows.levels[name]), condition.unit, condition.column_unit)
-            unit = f" {printed_unit(condition.column_unit)}".rstrip()
-            raise RequestError(
-                f"no row has {condition.column} = {word.strip()}{unit}",
-                expected=f"one of {', '.join(f'{level:.4g}' for level in levels[:20])}{unit}",
+                f"no row has {condition.column} = {word.strip()}" + shown * word.strip()[-1].isdigit(),
+                expected=f"one of {', '.join(f'{level:.4g}' for level in levels[:20])}{shown}",
             )
+        found |= here
     return found & _in_file(rows, file)
+
+
+def _values(word: str, where: str, condition: Condition, unit: str) -> list[float]:
+    """SI values of ``60``, ``60 kN`` or ``60..90 kN``."""
+    said = _VALUES.fullmatch(word.strip())
+    if said is None:
+        raise RequestError(
+            f"{word!r} in {where!r} is not a number",
+            expected=f"{condition.column}=value,value or {condition.column}=low..high, with a unit if need be",
+        )
+    given = said["unit"] or unit
+    if not is_compatible(given, condition.column_unit):
+        raise RequestError(f"{given!r} in {where!r} is not a unit of {condition.column}", expected=unit)
+    found = [float(said[end]) for end in ("low", "high") if said[end]]
+    return [
+        float(convert(convert(v, given, condition.column_unit), condition.column_unit, condition.unit))
+        for v in found
+    ]
 
 
 def _in_file(rows: Rows, file: str | None) -> NDArray[np.bool_]:
@@ -161,7 +182,7 @@ def _named(rows: Rows, axis: str, text: str, where: str) -> NDArray[np.bool_]:
 def _at_level(rows: Rows, name: str, value: float, setting: SettingError) -> NDArray[np.bool_]:
     distance = np.abs(rows.levels[name] - value)
     read = 0.0 if rows.is_set[name] else SCATTER * float(setting.at(value))
-    reach = max(read, 1e-6 * abs(value), 1e-12)
+    reach = max(read, 5e-4 * abs(value), 1e-12)  # levels are printed to four digits
     return (distance <= reach) & (distance == distance.min())
 
 

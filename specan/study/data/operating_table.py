@@ -49,6 +49,8 @@ class Rows:
         How set-ups were distinguished: ``setup``, ``repeat`` or ``order``.
     groups : mapping
         Names of each group; the rows' conditions hold their numbers.
+    units : mapping
+        Units of the tables' own columns, of those conditions that all tables have in one unit.
     """
 
     recordings: tuple[str, ...]
@@ -65,6 +67,7 @@ class Rows:
     setups_from: str
     notes: tuple[str, ...] = ()
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -191,6 +194,11 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
             *([copied] if copied else []),
         ),
         groups=groups,
+        units={
+            name: next(iter(said))
+            for name in conditions
+            if len(said := {m.units.get(name, model.conditions[name].column_unit) for m in measurements}) == 1
+        },
     )
 
 
@@ -279,18 +287,17 @@ def check_limits(
             continue
         shown = _shown(values[bad], condition)
         ends = _shown(np.array([low, high]), condition)
-        unit = _likely_unit(values, low, high, condition, settings[name])
+        most = bad.sum() >= 0.5 * np.count_nonzero(values)  # a wrong unit is that of the whole column
+        unit = _likely_unit(values, low, high, condition, settings[name]) if most else ""
         span = f"{shown.min():.4g} to {shown.max():.4g}" if np.ptp(shown) > 0 else f"{shown[0]:.4g}"
         said = f"{_named(places, bad)}: {condition.column} is {span} {condition.column_unit}"
         if not unit and values.min() > low - (high - low) and values.max() < high + (high - low):
-            remarks.append(f"{said}, outside the [limits] of the rig file ({ends[0]:.4g} to {ends[1]:.4g})")
+            remarks.append(f"{said}, outside the [limits] ({ends[0]:.4g} to {ends[1]:.4g})")
             continue
         raise InputError(
             said,
-            expected=f"{ends[0]:.4g} to {ends[1]:.4g}, the [limits] of the rig file",
-            remedy=f"{unit}; convert the column"
-            if unit
-            else "correct the rows, or the limits in the rig file",
+            expected=f"{ends[0]:.4g} to {ends[1]:.4g} {condition.column_unit}, the [limits]",
+            remedy=f"{unit}; convert the column" if unit else "correct the rows or the limits",
         )
     return remarks
 
@@ -327,14 +334,12 @@ def _outside(
 def _likely_unit(values: Array, low: float, high: float, condition: Condition, setting: SettingError) -> str:
     """``rev/s?``: a unit in which all values lie within the limits; empty where none does."""
     shown = _shown(values, condition)
-    for unit in often_mistaken_for(condition.column_unit):
-        # Revolutions a second as radians a second, which every unit system knows.
-        turns = unit == "Hz"
+    for unit, name in often_mistaken_for(condition.column_unit).items():
         meant = np.asarray(
-            convert(2 * np.pi * shown if turns else shown, "rad/s" if turns else unit, condition.unit)
+            convert(convert(shown, unit, condition.column_unit), condition.column_unit, condition.unit)
         )
         if not np.any(_outside(meant, low, high, condition, setting)):
-            return f"they are likely in {'rev/s' if turns else unit}"
+            return f"they are likely in {name}"
     meant = np.asarray(convert(THOUSAND * shown, condition.column_unit, condition.unit))
     if not np.any(_outside(meant, low, high, condition, setting)):
         return "a thousands separator was probably read as a decimal point (1.200 for 1200)"

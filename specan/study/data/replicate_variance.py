@@ -266,7 +266,7 @@ def crude(rows: Rows, conditions: Mapping[str, Array] | None = None) -> TableObs
     """Rows as an observation, each weighted by its size: good enough for a first fit."""
     size = np.abs(rows.measured)
     largest = {name: float(size[rows.observable == name].max()) for name in set(rows.observable.tolist())}
-    weight = CRUDE * np.maximum(size, [0.01 * largest[name] for name in rows.observable.tolist()])
+    weight = CRUDE * np.maximum(size, [0.01 * (largest[name] or 1.0) for name in rows.observable.tolist()])
     return TableObservation(
         name=", ".join(rows.recordings),
         observable=rows.observable,

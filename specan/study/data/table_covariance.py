@@ -410,6 +410,4 @@ def _anew(model: Model, rows: Rows) -> str:
                 else f"{setting.absolute:g} {printed_unit(condition.unit)}"
             )
             given.append(f"{condition.column} is set to {size}")
-    return (
-        " and ".join(given) + " (rig file)" if given else "no scatter of setting is declared in the rig file"
-    )
+    return " and ".join(given) + " (declared)" if given else "no scatter of setting is declared"

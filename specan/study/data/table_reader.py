@@ -47,6 +47,8 @@ class Measurement:
         What was assumed or left out.
     groups : dict
         Names in the columns of groups, one a row.
+    units : mapping
+        Unit that the table has of a condition, where it says one.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Measurement:
     marks: dict[str, Array]
     notes: tuple[str, ...]
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -121,6 +124,7 @@ def read_measurement(
         marks={how: _mark(table, how) for how in MARKS if how in table.columns},
         notes=tuple(notes),
         groups=groups,
+        units={condition.name: names.units[c] for c, condition in known.items() if c in names.units},
     )
 
 
