@@ -106,7 +106,7 @@ def _read(file: DataFile, model: Model) -> Measurement:
 
 
 def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:
-    """Rows that meet a condition such as ``load=60,90``, ``load_kN=60..90`` or ``temperature=55 degC``.
+    """Rows that meet a condition such as ``load=60,90``, ``load_kN=60..90`` or ``mass=55 kg``.
 
     A value stands for the level nearest to it, as far as the scatter of setting allows; without a unit it is in that
     of the tables.
