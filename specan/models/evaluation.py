@@ -1,35 +1,20 @@
-"""The values of a graph of quantities with some effects switched on, for conditions and parameter values."""
+"""The values of a model's quantities with some effects switched on, for conditions and parameter values."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 from specan.errors import ComputationError, RequestError, SpecanError, nearest
 from specan.models.effect import Effect, Parameter, ParameterName, Use
 from specan.models.from_function import place_of, users_mistake
-from specan.models.loops import FixedPoint, components, cut
-from specan.models.quantity import Condition, Quantity
+from specan.models.loops import fixed_point, ordered, reached
+from specan.models.quantity import Quantity
 from specan.units import convert
 
 BASE = "base"  # the name of the part of a quantity that is not an effect's
-
-
-class Parts(Protocol):
-    """What of a model takes part in an evaluation; see `specan.models.model.Model`."""
-
-    @property
-    def conditions(self) -> Mapping[str, Condition]: ...  # noqa: D102
-    @property
-    def quantities(self) -> Mapping[str, Quantity]: ...  # noqa: D102
-    @property
-    def effects(self) -> Mapping[str, Effect]: ...  # noqa: D102
-    @property
-    def axes(self) -> Mapping[str, tuple[str, ...]]: ...  # noqa: D102
-    @property
-    def base_order(self) -> Mapping[str, int]: ...  # noqa: D102
 
 
 class _Call:
@@ -39,22 +24,30 @@ class _Call:
         self.of, self.key, self.function, self.reads = of, key, of.function, tuple(of.reads)
         self.parameters = tuple((name, f"{key}.{name}") for name in of.parameters)
 
-    def tell(self, fault: Exception, known: Collection[str]) -> None:
-        """Raise what is a user's mistake as such."""
-        missing = next((name for name in self.reads if name not in known), None)
-        if missing is not None:
-            raise RequestError(
-                f"{self.of.name!r} reads {missing!r}, which the data do not have",
-                remedy=f"add {missing} to the data",
-            ) from None
-        _tell(fault, self.of)
+    def __call__(self, known: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
+        """The function's value; what is a user's mistake is raised as such."""
+        try:
+            own = {name: parameters[full] for name, full in self.parameters}
+            return self.function(*map(known.__getitem__, self.reads), **own)
+        except Exception as fault:
+            missing = next((name for name in self.reads if name not in known), None)
+            if missing is not None:
+                raise RequestError(
+                    f"{self.of.name!r} reads {missing!r}, which the data do not have",
+                    remedy=f"add {missing} to the data",
+                ) from None
+            if not isinstance(fault, SpecanError):
+                mistake = users_mistake(fault, self.function, self.of.name)
+                if mistake is not None:
+                    raise mistake from fault
+            raise
 
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Quantities, conditions and effects with a set of effects switched on."""
+    """What `specan.models.model.Assembly` is, but for the class of its model."""
 
-    model: Parts
+    model: Any
     uses: tuple[Use, ...]
 
     @cached_property
@@ -109,8 +102,6 @@ class Evaluator:
         conditions: Mapping[str, Any],
         values: Mapping[str, Any] | None = None,
         wanted: Sequence[str] | None = None,
-        after: Evaluation | None = None,
-        changed: Iterable[str] = (),
     ) -> Evaluation:
         """Evaluate for SI conditions (arrays) and SI parameter values (defaults where none is given).
 
@@ -122,34 +113,48 @@ class Evaluator:
             ``{"effect.parameter": value}``; a vector for a parameter with an axis.
         wanted : sequence of str, optional
             Quantities to evaluate, with what they read; all by default.
-        after : Evaluation, optional
-            An evaluation at the same conditions from which only the parameters named in `changed`
-            differ: what does not depend on them is taken over. A derivative by a microphone's gain
-            then costs no sound field.
-        changed : iterable of str
-            Full names of those parameters.
 
         Raises
         ------
         ComputationError
             A loop that an effect closes does not settle.
         """
-        parameters = {**self.defaults, **(values or {})}
-        known: dict[str, Any] = dict(self._condition_defaults)
-        known.update(conditions)
-        parts: dict[str, Mapping[str, Any]] = {}
-        taken, steps = self._schedule(
-            self._plan, None if wanted is None else tuple(wanted), None if after is None else tuple(changed)
-        )
-        if after is not None:
-            known.update({name: after.values[name] for name in taken if name in after.values})
-            parts.update({name: after.parts[name] for name in taken if name in after.parts})
-        for loop, order, guessed in steps:
-            if guessed:
-                self._settle(loop, order, guessed, known, parameters, parts)
-            else:
-                self._value(loop[0], known, parameters, parts)
-        return Evaluation(known, parts)
+        return next(self.evaluate_many(conditions, [values or {}], wanted))
+
+    def evaluate_many(
+        self,
+        conditions: Mapping[str, Any],
+        many: Iterable[Mapping[str, Any]],
+        wanted: Sequence[str] | None = None,
+    ) -> Iterator[Evaluation]:
+        """Evaluate for several sets of parameter values at the same conditions, the first of them in full.
+
+        Of the others only what depends on a parameter that differs from the first set: a derivative by a receiver's
+        gain then costs no sound field. Arguments as in `evaluate`.
+        """
+        quantities = None if wanted is None else tuple(wanted)
+        first: Evaluation | None = None
+        start: Mapping[str, Any] = {}
+        for values in many:
+            parameters = {**self.defaults, **values}
+            known: dict[str, Any] = {**self._condition_defaults, **conditions}
+            parts: dict[str, Mapping[str, Any]] = {}
+            changed = (
+                None if first is None else tuple(n for n, v in values.items() if not _same(start.get(n), v))
+            )
+            kept, steps = self._schedule(quantities, changed)
+            if first is not None:
+                known |= {name: first.values[name] for name in kept if name in first.values}
+                parts |= {name: first.parts[name] for name in kept if name in first.parts}
+            for step in steps:
+                if len(step) > 1 or step[0] in self._plan[1]:
+                    self._settle(step, known, parameters, parts)
+                else:
+                    self._value(step[0], known, parameters, parts)
+            found = Evaluation(known, parts)
+            if first is None:
+                first, start = found, parameters
+            yield found
 
     # --- how it is done -----------------------------------------------------------------------
 
@@ -162,101 +167,66 @@ class Evaluator:
         }
 
     @cached_property
-    def _acting(self) -> dict[str, list[Use]]:
-        """Uses that change each quantity, in identifier order."""
-        acting: dict[str, list[Use]] = {name: [] for name in self.model.quantities}
-        for use in self.uses:
-            for name in self.model.effects[use.name].changes:
-                acting[name].append(use)
-        return acting
-
-    @cached_property
-    def _reads(self) -> dict[str, tuple[str, ...]]:
-        """Quantities that each quantity depends on, effects included."""
-        quantities = self.model.quantities
-        return {
-            name: tuple(
-                r
-                for r in dict.fromkeys(
-                    (
-                        *node.reads,
-                        *(r for use in self._acting[name] for r in self.model.effects[use.name].reads),
-                    )
-                )
-                if r in quantities
-            )
-            for name, node in quantities.items()
-        }
-
-    @cached_property
-    def _plan(self) -> list[tuple[list[str], list[str], tuple[str, ...]]]:
-        """Quantities in the order of evaluation; of a loop also the order in which it is walked, and what is guessed.
-
-        Those of one loop are together, in the base's order.
-        """
-        order = self.model.base_order
-        if all(order[read] < order[name] for name, reads in self._reads.items() for read in reads):
-            return [([name], [name], ()) for name in order]  # no effect makes a loop
-        parts = [sorted(part, key=order.__getitem__) for part in components(self._reads)]
-        return [(part, *cut(part, self._reads)) for part in parts]
-
-    @cached_property
-    def _schedules(self) -> dict[Any, tuple[list[str], list[Any]]]:
-        return {}
-
-    def _schedule(
-        self, plan: list[Any], wanted: tuple[str, ...] | None, changed: tuple[str, ...] | None
-    ) -> tuple[list[str], list[Any]]:
-        """Quantities that are taken over from an evaluation before, and parts of the plan that are worked out."""
-        if (wanted, changed) not in self._schedules:
-            needed: set[str] = set(self._reads) if wanted is None else set()
-            stack = list(wanted or ())
-            while stack:  # what is wanted, and what it rests on
-                name = stack.pop()
-                if name not in needed and name in self._reads:
-                    needed.add(name)
-                    stack.extend(self._reads[name])
-            touched = set(self._reads) if changed is None else self.downstream(changed)
-            steps = [step for step in plan if touched.intersection(step[0])]
-            self._schedules[wanted, changed] = (
-                [name for step in plan if not touched.intersection(step[0]) for name in step[0]],
-                [step for step in steps if needed.intersection(step[0])],
-            )
-        return self._schedules[wanted, changed]
-
-    @cached_property
     def _calls(self) -> dict[str, tuple[_Call, list[tuple[Use, Effect, _Call]]]]:
-        """Of each quantity the call of the base, and those of the effects that act on it."""
-        effects = self.model.effects
-        calls = {use: _Call(effects[use.name], str(use)) for use in self.uses}
+        """Of each quantity the call of the base, and those of the effects that act on it, in identifier order."""
+        effects = [(use, self.model.effects[use.name]) for use in self.uses]
+        calls = [(use, effect, _Call(effect, str(use))) for use, effect in effects]
         return {
-            name: (_Call(node, name), [(use, effects[use.name], calls[use]) for use in self._acting[name]])
+            name: (_Call(node, name), [one for one in calls if name in one[1].changes])
             for name, node in self.model.quantities.items()
         }
 
     @cached_property
-    def _downstream_cache(self) -> dict[tuple[str, ...], frozenset[str]]:
+    def _reads(self) -> dict[str, list[str]]:
+        """Quantities that each quantity depends on, effects included."""
+        found = {}
+        for name, (base, acting) in self._calls.items():
+            names = [*base.reads, *(r for _, _, call in acting for r in call.reads)]
+            found[name] = [r for r in dict.fromkeys(names) if r in self.model.quantities]
+        return found
+
+    @cached_property
+    def _plan(self) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
+        """Quantities in the order of evaluation, those of loops together; and those that are guessed to go around."""
+        reads = self._reads
+        order, guessed = ordered(reads)
+        readers: dict[str, list[str]] = {name: [] for name in reads}
+        for name, names in reads.items():
+            for read in names:
+                readers[read].append(name)
+        below, above = reached(guessed, readers), reached(guessed, reads)
+        loop = tuple(name for name in order if name in below & above)
+        steps: list[tuple[str, ...]] = [(name,) for name in order if name not in below]
+        steps += [loop] if loop else []
+        return steps + [(name,) for name in order if name in below - above], guessed
+
+    @cached_property
+    def _schedules(self) -> dict[Any, tuple[list[str], list[tuple[str, ...]]]]:
         return {}
 
-    def downstream(self, changed: tuple[str, ...]) -> frozenset[str]:
-        """Quantities that depend on any of the parameters."""
-        if changed not in self._downstream_cache:
-            touched: set[str] = set()
-            for parameter in changed:
-                owner = ParameterName(parameter).owner
-                if owner in self.model.quantities:
-                    touched.add(owner)
-                else:
-                    touched.update(self.model.effects[Use.parse(owner).name].changes)
-            for part, _, _ in self._plan:  # what is read comes first, so one pass suffices
-                if any(not touched.isdisjoint(self._reads[name]) or name in touched for name in part):
-                    touched.update(part)
-            self._downstream_cache[changed] = frozenset(touched)
-        return self._downstream_cache[changed]
-
-    def read_by(self, touched: frozenset[str]) -> frozenset[str]:
-        """Other quantities that some of them read directly."""
-        return frozenset(r for name in touched for r in self._reads[name]) - touched
+    def _schedule(
+        self, wanted: tuple[str, ...] | None, changed: tuple[str, ...] | None
+    ) -> tuple[list[str], list[tuple[str, ...]]]:
+        """Quantities that do not depend on what has changed, and steps of the plan that are worked out."""
+        if (wanted, changed) not in self._schedules:
+            needed = set(self._reads) if wanted is None else reached(wanted, self._reads)
+            touched = set(self._reads)
+            if changed is not None:
+                owners = {ParameterName(name).owner for name in changed}
+                touched = {
+                    name
+                    for name, (base, acting) in self._calls.items()
+                    if base.key in owners or any(call.key in owners for _, _, call in acting)
+                }
+                for step in self._plan[0]:  # what is read comes first, so one pass suffices
+                    if any(name in touched or not touched.isdisjoint(self._reads[name]) for name in step):
+                        touched.update(step)
+            steps = [step for step in self._plan[0] if touched.intersection(step)]
+            self._schedules[wanted, changed] = (
+                [name for name in self._reads if name not in touched],
+                [step for step in steps if needed.intersection(step)],
+            )
+        return self._schedules[wanted, changed]
 
     def _value(
         self,
@@ -266,62 +236,39 @@ class Evaluator:
         parts: dict[str, Mapping[str, Any]],
     ) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""
-        # Functions are called here and in `_settle`, not through a helper: it would cost at every evaluation of a fit.
         base, acting = self._calls[name]
-        given = map(known.__getitem__, base.reads)
-        try:
-            if base.parameters:
-                found = base.function(*given, **{own: parameters[full] for own, full in base.parameters})
-            else:
-                found = base.function(*given)
-        except Exception as fault:
-            base.tell(fault, known)
-            raise
-        contributions = {BASE: found}
+        total, factor = base(known, parameters), None
+        contributions = {BASE: total}
         for use, effect, call in acting:
-            given = map(known.__getitem__, call.reads)
-            try:
-                found = call.function(*given, **{own: parameters[full] for own, full in call.parameters})
-            except Exception as fault:
-                call.tell(fault, known)
-                raise
+            found = call(known, parameters)
             if len(effect.changes) > 1:
                 found = found[name]
             if effect.at:
                 found = (use.at, found) if name in effect.joins else self._spread(use, effect, name, found)
             contributions[call.key] = found
-        if not acting:
-            known[name], parts[name] = contributions[BASE], contributions
-            return
         try:
-            known[name] = self._combined(name, contributions)
+            for _, effect, call in acting:
+                if name in effect.joins:
+                    total = (*total, contributions[call.key])
+                elif name in effect.adds_to:
+                    total = total + contributions[call.key]
+                else:
+                    factor = contributions[call.key] if factor is None else factor * contributions[call.key]
+            known[name], parts[name] = total if factor is None else total * factor, contributions
         except ValueError:
             raise self._of_another_shape(name, contributions) from None
-        parts[name] = contributions
-
-    def _combined(self, name: str, contributions: Mapping[str, Any]) -> Any:
-        total, factor = contributions[BASE], None
-        for _, effect, call in self._calls[name][1]:
-            given = contributions[call.key]
-            if name in effect.joins:
-                total = (*total, given)
-            elif name in effect.adds_to:
-                total = total + given
-            else:
-                factor = given if factor is None else factor * given
-        return total if factor is None else total * factor
 
     def _of_another_shape(self, name: str, contributions: Mapping[str, Any]) -> RequestError:
         """The error that names the contribution which does not go with the quantity."""
         import numpy as np
 
         size = np.shape(contributions[BASE])
-        for use in self._acting[name]:
-            shape = np.shape(contributions[str(use)])
+        for use, effect, call in self._calls[name][1]:
+            shape = np.shape(contributions[call.key])
             if shape not in ((), size):
-                place = place_of(self.model.effects[use.name].function)
                 return RequestError(
-                    f"{place}: {use} gives the shape {shape} for {name!r}, which has the shape {size}",
+                    f"{place_of(effect.function)}: {use} gives the shape {shape} for {name!r}, "
+                    f"which has the shape {size}",
                     expected="one value a row",
                 )
         return RequestError(f"what acts on {name!r} has other shapes than it", expected="one value a row")
@@ -339,38 +286,37 @@ class Evaluator:
 
     def _settle(
         self,
-        loop: list[str],
-        order: list[str],
-        guessed: tuple[str, ...],
+        loop: tuple[str, ...],
         known: dict[str, Any],
         parameters: Mapping[str, Any],
         parts: dict[str, Mapping[str, Any]],
     ) -> None:
-        """Solve a loop from the values without effects; see `specan.models.loops`."""
-        import numpy as np
+        """Solve a loop from the values without effects."""
+        guessed = self._plan[1]
+        for name in self.model.base_order:
+            if name in loop:
+                known[name] = self._calls[name][0](known, parameters)
 
-        for name in loop:
-            base = self._calls[name][0]
-            try:
-                own = {own: parameters[full] for own, full in base.parameters}
-                known[name] = base.function(*map(known.__getitem__, base.reads), **own)
-            except Exception as fault:
-                base.tell(fault, known)
-                raise
-        point = FixedPoint({name: known[name] for name in guessed})
-        with np.errstate(all="ignore"):  # a loop that runs away is told below, once
-            while point.goes_on:
-                known.update(point.guess)
-                for name in order:
-                    self._value(name, known, parameters, parts)
-                point.take({name: known[name] for name in guessed})
-        if point.settled:
-            return
-        raise ComputationError(
-            f"the loop through {', '.join(loop)} does not settle",
-            expected="a fixed point within 200 iterations",
-            remedy="reduce the effect that closes it (" + ", ".join(map(str, self.uses)) + ")",
-        )
+        def around(guess: Mapping[str, Any]) -> dict[str, Any]:
+            known.update(guess)
+            for name in loop:
+                self._value(name, known, parameters, parts)
+            return {name: known[name] for name in guessed}
+
+        if not fixed_point(around, {name: known[name] for name in guessed}):
+            raise ComputationError(
+                f"the loop through {', '.join(sorted(loop))} does not settle",
+                expected="a fixed point within 200 iterations",
+                remedy="reduce the effect that closes it (" + ", ".join(map(str, self.uses)) + ")",
+            )
+
+
+def _same(old: Any, new: Any) -> bool:
+    if old is new or type(old) is type(new) is float:
+        return bool(old == new)
+    import numpy as np
+
+    return np.array_equal(old, new)
 
 
 def varying(rows: Iterable[Mapping[str, Any]], least: float = 5e-4) -> frozenset[str]:
@@ -413,10 +359,3 @@ class Evaluation:
     def contributions(self, name: str) -> Mapping[str, Any]:
         """Contribution of the base and of every effect to a quantity (terms, and factors as factors)."""
         return self.parts[name]
-
-
-def _tell(fault: Exception, owner: Quantity | Effect) -> None:
-    """Raise what is a user's mistake, in the function of a quantity or an effect, as such; leave other faults."""
-    mistake = None if isinstance(fault, SpecanError) else users_mistake(fault, owner.function, owner.name)
-    if mistake is not None:
-        raise mistake from fault

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from specan.errors import RequestError, nearest
@@ -12,7 +13,6 @@ from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
 from specan.models.from_function import PREFIX, as_declared, fields_from_functions, name_of, title_of
 from specan.models.groups import check_groups, with_groups
-from specan.models.loops import components
 from specan.models.measurement_kinds import Receivers, TableRules
 from specan.models.quantity import Condition, Frf, Observable, Quantity, RigStatement, rig_statement
 
@@ -155,11 +155,7 @@ class Model:
                     remedy=nearest(effect.at, self.axes),
                 )
         self._check_observables()
-        loop = next(
-            (c for c in components({q.name: q.reads for q in self.quantities.values()}) if len(c) > 1), None
-        )
-        if loop:
-            raise RequestError(f"the quantities {', '.join(loop)} of {self.name} read each other in a circle")
+        self.base_order  # noqa: B018 - says which quantities read each other in a circle
 
     def _check_observables(self) -> None:
         for observable in self.observables.values():
@@ -372,10 +368,16 @@ class Model:
         return self._assemblies[chosen]
 
     @cached_property
-    def base_order(self) -> dict[str, int]:
-        """Place of each quantity in the order of evaluation, where no effect acts."""
-        parts = components({name: node.reads for name, node in self.quantities.items()})
-        return {name: place for place, part in enumerate(parts) for name in part}
+    def base_order(self) -> list[str]:
+        """Quantities in the order of evaluation, where no effect acts."""
+        reads = {n: [r for r in q.reads if r in self.quantities] for n, q in self.quantities.items()}
+        try:
+            return list(TopologicalSorter(reads).static_order())
+        except CycleError as fault:
+            circle = ", ".join(sorted(set(fault.args[1])))
+            raise RequestError(
+                f"the quantities {circle} of {self.name} read each other in a circle"
+            ) from None
 
     @cached_property
     def _assemblies(self) -> dict[tuple[Use, ...], Assembly]:

@@ -240,9 +240,8 @@ def test_an_evaluation_goes_on_from_another_one():
     quantities = {**plain.quantities, "dear": dear, "shown": shown}
     model = Model("toy", "", plain.conditions, quantities, plain.effects, plain.observables, axes=plain.axes)
     assembly = model.assemble(["seal", "heating"])
-    first = assembly.evaluate(SPEED)
     step = {"seal.torque": 0.9}
-    again = assembly.evaluate(SPEED, step, after=first, changed=["seal.torque"])
+    first, again = assembly.evaluate_many(SPEED, [{}, step])
     assert len(calls) == 1
     whole = assembly.evaluate(SPEED, step)
     for name in ("shown", "temperature", "loss"):

@@ -202,7 +202,7 @@ class OrderLinesObservation(Fixed, KeptLines):
         }
 
     def _model_lines(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
-        own = {n: v[0] if self._is_vector(assembly, n, v) else v for n, v in values.items()}
+        own = self._own(assembly, values)
         return np.asarray(assembly.evaluate(self._conditions, own, wanted=[self.quantity])[self.quantity])
 
     def _shown_gains(self, lines: Complex) -> list[Any]:
@@ -212,17 +212,10 @@ class OrderLinesObservation(Fixed, KeptLines):
         return [cross / size if size > 0 else 0j for cross, size in zip(crossed, sizes, strict=True)]
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        """Predictions for several sets of values; what does not depend on what changed is kept."""
-        conditions = self._conditions
-        out, first, start = [], None, None
-        for values in many:
-            own = {n: v[0] if self._is_vector(assembly, n, v) else v for n, v in values.items()}
-            changed = () if start is None else tuple(n for n in own if not np.array_equal(own[n], start[n]))
-            found = assembly.evaluate(conditions, own, wanted=[self.quantity], after=first, changed=changed)
-            out.append(self.as_known(np.asarray(found[self.quantity])))
-            if first is None:
-                first, start = found, own
-        return np.stack(out, axis=1)
+        """Predictions for several sets of values."""
+        own = [self._own(assembly, values) for values in many]
+        found = assembly.evaluate_many(self._conditions, own, [self.quantity])
+        return np.stack([self.as_known(np.asarray(one[self.quantity])) for one in found], axis=1)
 
     @cached_property
     def _conditions(self) -> dict[str, Array]:
@@ -301,8 +294,12 @@ class OrderLinesObservation(Fixed, KeptLines):
             number[group] = k
         return number[self.kept]
 
-    def _is_vector(self, assembly: Assembly, name: str, value: Any) -> bool:
-        return np.ndim(value) == 1 and assembly.parameters[name].per == "recording"
+    def _own(self, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Values with the number of this recording where each has its own."""
+        parameters = assembly.parameters
+        return {
+            n: v[0] if np.ndim(v) == 1 and parameters[n].per == "recording" else v for n, v in values.items()
+        }
 
 
 def _between(predicted: Complex, measured: Complex) -> Array:

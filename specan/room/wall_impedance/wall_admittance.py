@@ -245,31 +245,29 @@ class Space:
     def slopes(self, observation: FrfObservation, state: Point) -> Array:
         """Derivative of an observation's prediction by theta, by real parts, by imaginary parts."""
         here = self.values(observation, state)
-        conditions, wanted = observation.conditions_at_nodes, [observation.quantity]
-        centre = self.assembly.evaluate(conditions, here, wanted=wanted)
-
-        def change(name: str, value: Any, step: float) -> Complex:
-            moved = self.assembly.evaluate(
-                conditions, {**here, name: value}, wanted=wanted, after=centre, changed=[name]
-            )
-            found: Complex = (moved[observation.quantity] - centre[observation.quantity]) / step
-            return found
-
         basis = self._basis(observation)
-        spectrum = here["free-walls.spectrum"]
-        walls = []
+        changes: list[tuple[str, Any, float]] = []
         for wall in range(len(self.walls)):
-            moved = spectrum.copy()
+            moved = here["free-walls.spectrum"].copy()
             moved[wall] += STEP
-            by_line = change("free-walls.spectrum", moved, STEP)
-            walls += [observation.folding(by_line * shape) for shape in basis]
-        own = []
+            changes.append(("free-walls.spectrum", moved, STEP))
         for k, scale in enumerate(self.problem.scale):
             theta = state.theta.copy()
             theta[k] += 1e-3 * scale
             name = self.problem.names[k].whole
             value = self.problem.seen_by(observation, self.problem.values_at(theta))[name]
-            own.append(observation.folding(change(name, value, 1e-3 * scale)))
+            changes.append((name, value, 1e-3 * scale))
+        many = [here, *({**here, name: value} for name, value, _ in changes)]
+        quantity = observation.quantity
+        found = (
+            e[quantity]
+            for e in self.assembly.evaluate_many(observation.conditions_at_nodes, many, [quantity])
+        )
+        centre = next(found)
+        slopes = [(one - centre) / step for one, (_, _, step) in zip(found, changes, strict=True)]
+        by_line, others = slopes[: len(self.walls)], slopes[len(self.walls) :]
+        walls = [observation.folding(slope * shape) for slope in by_line for shape in basis]
+        own = [observation.folding(slope) for slope in others]
         columns = [*own, *walls, *(1j * c for c in walls)]
         return np.stack([rows_of(observation, c) for c in columns], axis=1)
 

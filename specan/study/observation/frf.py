@@ -256,22 +256,11 @@ class FrfObservation(KeptLines):
     def _at_each(
         self, assembly: Assembly, many: Sequence[Mapping[str, Any]], conditions: Mapping[str, Any]
     ) -> list[Complex]:
-        """Transfer functions at given conditions of the nodes; what does not depend on what changed is kept."""
-        out: list[Complex] = []
-        first: Any = None
+        """Transfer functions at given conditions of the nodes."""
         wanted = list(dict.fromkeys(self.quantities or (self.quantity,)))
-        for values in many:
-            with np.errstate(all="ignore"):  # what is not finite is told by the fit
-                evaluation = assembly.evaluate(
-                    conditions,
-                    values,
-                    wanted=wanted,
-                    after=first,
-                    changed=() if first is None else _changed(many[0], values),
-                )
-            out.append(self.folding(self._at_nodes(evaluation)) + self.offset)
-            first = evaluation if first is None else first
-        return out
+        with np.errstate(all="ignore"):  # what is not finite is told by the fit
+            evaluations = assembly.evaluate_many(conditions, many, wanted)
+            return [self.folding(self._at_nodes(found)) + self.offset for found in evaluations]
 
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0."""
@@ -548,14 +537,6 @@ def widened(columns: Array) -> tuple[Array, Array]:
     left, size, _ = np.linalg.svd(columns, full_matrices=False)
     seen = size > 1e-6
     return left[:, seen], 1 - 1 / np.sqrt(1 + size[seen] ** 2)
-
-
-def _changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(n for n, v in new.items() if not _same(old.get(n), v))
-
-
-def _same(old: Any, new: Any) -> bool:
-    return old is new or (old == new if type(old) is type(new) is float else np.array_equal(old, new))
 
 
 def nominal_third(number: int) -> float:

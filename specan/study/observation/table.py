@@ -1,12 +1,7 @@
-"""A table of operating points: one row a reading, conditions and one observable each.
-
-Most effects treat every operating point by itself, and take a parameter that differs from row to row. Some do not: a
-lag looks at the readings before, an effect may ask ``if parameter > 0``. Nothing declares this, so it is tried once.
-"""
+"""A table of operating points: one row a reading, conditions and one observable each."""
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,9 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import ComputationError, InputError, RequestError
-from specan.models import Assembly, Use
-from specan.models.evaluation import Evaluation
+from specan.errors import InputError
+from specan.models import Assembly
 from specan.study.observation import TABLE, Array, Fixed, Strategy, Variable
 
 
@@ -190,189 +184,43 @@ class TableObservation(Fixed):
         return self.predict_many(assembly, [values])[:, 0]
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        """Predictions for several sets of values; what does not depend on what changed is kept."""
-        if rows_are_coupled(assembly, self._series[0]):
-            return np.stack([self._in_order(assembly, values) for values in many], axis=1)
-        found = self._evaluated(assembly, many[:1])
-        table = np.repeat(self._picked(assembly, found, 1), len(many), axis=1)
-        alike: dict[
-            frozenset[str], dict[int, list[str]]
-        ] = {}  # what is worked out anew, and by what, set by set
-        for k, values in enumerate(many):
-            moved = [n for n, v in values.items() if v is not many[0][n] and _differ(v, many[0][n])]
-            if moved:
-                alike.setdefault(assembly.downstream(tuple(moved)), {})[k] = moved
-        for touched, sets in alike.items():
-            moved = sorted({name for names in sets.values() for name in names})
-            chosen = [many[k] for k in sets]
-            table[:, list(sets)] = self._together(assembly, chosen, found, touched, moved)
-        return table
+        """Predictions for several sets of values.
 
-    def _together(
-        self,
-        assembly: Assembly,
-        many: Sequence[Mapping[str, Any]],
-        before: Evaluation,
-        touched: frozenset[str],
-        moved: Sequence[str],
-    ) -> Array:
-        """Predictions that differ from an evaluation by some parameters: in one pass, with a value of them each row.
-
-        Whether the functions take that is tried once for each parameter.
+        Whole recordings are evaluated one after the other: an effect may look at earlier readings, also at those that
+        are left out here.
         """
-        vector = _facts(assembly).vector
-        vector.update({n: False for n in moved if assembly.parameters[n].per not in ("", "recording")})
-        table = None
-        if len(many) > 1 and all(vector.get(name, True) for name in moved):
-            after = self._repeated(assembly, before, assembly.read_by(touched), len(many))
-            try:
-                found = None if after is None else self._evaluated(assembly, many, after, moved)
-                table = None if found is None else self._picked(assembly, found, len(many))
-            except (
-                TypeError,
-                ValueError,
-                RequestError,
-            ):  # "the truth value of an array is ambiguous" and its kin
-                vector.update(dict.fromkeys(moved, False))
-        if table is not None and all(name in vector for name in moved):
-            return table
-        one_by_one = [self._evaluated(assembly, [values], before, moved) for values in many]
-        single = np.hstack([self._picked(assembly, found, 1) for found in one_by_one])
-        if table is not None:
-            vector.update(dict.fromkeys(moved, np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)))
-        return single
-
-    def _evaluated(
-        self,
-        assembly: Assembly,
-        many: Sequence[Mapping[str, Any]],
-        after: Evaluation | None = None,
-        moved: Sequence[str] = (),
-    ) -> Evaluation:
-        """The model at some sets of values, the rows once for each; `after` as in `Evaluator.evaluate`."""
-        times, wanted = len(many), list(self._quantities(assembly).values())
-        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
-        values = self.by_row(assembly, many[0], times)
-        if times > 1:
-            values |= {n: np.concatenate([self._per_row(one[n]) for one in many]) for n in moved}
-        with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
-            return assembly.evaluate(conditions, values, wanted, after, moved)
-
-    def _repeated(
-        self, assembly: Assembly, before: Evaluation, names: frozenset[str], times: int
-    ) -> Evaluation | None:
-        """Some quantities for the rows repeated; None where it is not clear which axis is that of the rows."""
-        repeated = {}
-        for name in before.values.keys() & names:
-            quantity, value = assembly.model.quantities[name], before.values[name]
-            axes = len(quantity.axes)
-            if quantity.collection:
-                return None
-            if np.ndim(value) > axes:
-                if np.ndim(value) != axes + 1 or value.shape[-1] != self.n:
-                    return None
-                value = np.concatenate([value] * times, axis=-1)  # a fifth of the time of tile
-            repeated[name] = value
-        return Evaluation(repeated, {})
-
-    def _per_row(self, value: Any) -> Array:
-        value = np.asarray(value, dtype=float)
-        return value[self._recording] if value.ndim else np.full(self.n, value)
-
-    def _picked(self, assembly: Assembly, found: Evaluation, times: int) -> Array:
-        """The observable of every row, one column for each set of values."""
-        picked = np.empty((self.n, times))
-        for name, quantity in self._quantities(assembly).items():
-            value = np.broadcast_to(np.asarray(found[quantity], float), self.n * times).reshape(times, self.n)
-            picked[self._rows[name]] = value.T[self._rows[name]]
-        return picked
-
-    def _quantities(self, assembly: Assembly) -> dict[str, str]:
-        """The model's quantity of every observable of this table."""
-        return {name: assembly.model.observables[name].quantity for name in self._rows}
-
-    def _in_order(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """Predictions of an effect that looks at earlier rows: whole recordings, one after the other."""
         conditions, recording = self._series
-        quantities = self._quantities(assembly)
-        predicted = np.empty(self.n)
+        quantities = {name: assembly.model.observables[name].quantity for name in self._rows}
+        predicted = np.empty((self.n, len(many)))
         for number in np.unique(self._recording):
-            inside = np.flatnonzero(recording == number)
-            mine = self._recording == number
-            rows = np.searchsorted(inside, self._position[mine])
-            own = {
-                n: v[number] if np.ndim(v) == 1 and assembly.parameters[n].per == "recording" else v
-                for n, v in values.items()
-            }
-            here = {n: c[inside] for n, c in conditions.items()}
-            with np.errstate(all="ignore"):
-                found = assembly.evaluate(here, own, list(quantities.values()))
-            whole = {n: np.broadcast_to(np.asarray(found[q]), inside.shape) for n, q in quantities.items()}
-            predicted[mine] = [whole[name][k] for name, k in zip(self.observable[mine], rows, strict=True)]
+            here = np.flatnonzero(self._recording == number)
+            inside = np.flatnonzero(recording == recording[self._position[here[0]]])
+            rows = {name: here[mine[here]] for name, mine in self._rows.items()}
+            lines = {n: column[inside] for n, column in conditions.items()}
+            own = [
+                {n: v[number] if _each_recording(assembly, n, v) else v for n, v in values.items()}
+                for values in many
+            ]
+            with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
+                for k, found in enumerate(assembly.evaluate_many(lines, own, list(quantities.values()))):
+                    for name, quantity in quantities.items():
+                        whole = np.broadcast_to(np.asarray(found[quantity], float), inside.shape)
+                        places = np.searchsorted(inside, self._position[rows[name]])
+                        predicted[rows[name], k] = whole[places]
         return predicted
 
-    def by_row(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> dict[str, Any]:
-        """Values with one element a row for parameters of each recording, rows repeated `times` times."""
+    def by_row(self, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Values with one element a row for parameters of each recording."""
         return {
-            name: np.tile(value[self._recording], times)
-            if not isinstance(value, float)
-            and np.ndim(value) == 1
-            and assembly.parameters[name].per == "recording"
-            else value
+            name: value[self._recording] if _each_recording(assembly, name, value) else value
             for name, value in values.items()
         }
 
 
-def _differ(one: Any, other: Any) -> bool:
-    if isinstance(one, float) and isinstance(other, float):
-        return one != other  # a twentieth of the time of what follows, and there are many
-    return not np.array_equal(one, other)
-
-
-@dataclass
-class _Facts:
-    """What was found out about the effects and parameters of one model."""
-
-    coupled: dict[Use, bool] = field(default_factory=dict)
-    vector: dict[str, bool] = field(default_factory=dict)
-
-
-# model id -> (the model, what is known); forgotten together with the model
-_KNOWN: dict[int, tuple[weakref.ref[Any], _Facts]] = {}
-
-
-def _facts(assembly: Assembly) -> _Facts:
-    key = id(assembly.model)
-    if key not in _KNOWN:
-        _KNOWN[key] = (weakref.ref(assembly.model, lambda _: _KNOWN.pop(key, None)), _Facts())
-    return _KNOWN[key][1]
-
-
-def rows_are_coupled(assembly: Assembly, conditions: Mapping[str, Array]) -> bool:
-    """Whether an effect of the assembly looks from one row at another.
-
-    Tried at the default values: every second row alone must give what it gives among the others.
-    """
-    known, model = _facts(assembly).coupled, assembly.model
-    for use in assembly.uses:
-        if use in known:
-            continue
-        half = {name: column[::2] for name, column in conditions.items()}
-        alone, changed = model.assemble([*model.base_effects, use]), model.effects[use.name].changes
-        try:
-            with np.errstate(all="ignore"):
-                whole, part = alone.evaluate(conditions, None, changed), alone.evaluate(half, None, changed)
-        except ComputationError:  # nothing is known where the defaults have no solution
-            known[use] = True
-            continue
-        pairs = [(np.asarray(whole[name]), np.asarray(part[name])) for name in changed
-                 if not model.quantities[name].collection]  # fmt: skip
-        known[use] = len(pairs) < len(changed) or not all(
-            np.allclose(one[..., ::2], two, rtol=1e-9, atol=0, equal_nan=True)
-            for one, two in pairs
-            if one.ndim
-        )
-    return any(known[use] for use in assembly.uses)
+def _each_recording(assembly: Assembly, name: str, value: Any) -> bool:
+    return (
+        not isinstance(value, float) and np.ndim(value) == 1 and assembly.parameters[name].per == "recording"
+    )
 
 
 class InverseRoot:
