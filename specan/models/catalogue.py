@@ -238,15 +238,8 @@ def _plugins(model: str) -> list[Effect]:
     return found
 
 
-_FILES = (
-    ("room", "mesh"),
-    ("background", "recording"),
-    ("air", "temperature_log"),
-)  # keys whose values are paths
-
-
 def read_rig_file(path: Path) -> dict[str, Any]:
-    """Read a rig file; paths in it are relative to where it lies, and are made absolute.
+    """Read a rig file; texts in it that name a file beside it become its absolute path.
 
     Raises
     ------
@@ -254,20 +247,22 @@ def read_rig_file(path: Path) -> dict[str, Any]:
         It does not exist or is not valid TOML.
     """
     content = read_toml(path)
-    for table, key in _naming_files(content):
-        table[key] = str((path.parent / table[key]).resolve())
+    for table, key, file in _naming_files(content, path.parent):
+        table[key] = str(file)
     return content
 
 
-def _naming_files(content: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
-    """Tables and keys of a rig file whose values are paths."""
-    walls = content.get("walls")
-    tables = [(content.get(table), key) for table, key in _FILES]
-    tables += [(wall, "file") for wall in (walls.values() if isinstance(walls, dict) else ())]
-    return [(t, key) for t, key in tables if isinstance(t, dict) and isinstance(t.get(key), str)]
+def _naming_files(content: dict[str, Any], folder: Path) -> list[tuple[dict[str, Any], str, Path]]:
+    """Tables and keys of a rig file whose values name a file, and the files; what stands in lists names none."""
+    found = []
+    for key, value in content.items():
+        if isinstance(value, dict):
+            found += _naming_files(value, folder)
+        elif isinstance(value, str) and (folder / value).is_file():
+            found.append((content, key, (folder / value).resolve()))
+    return found
 
 
 def rig_files(path: Path) -> tuple[Path, ...]:
     """The rig file and the files that it names: everything that decides what the rig is."""
-    content = read_rig_file(path)
-    return (path, *(Path(table[key]) for table, key in _naming_files(content)))
+    return (path, *(file for _, _, file in _naming_files(read_toml(path), path.parent)))

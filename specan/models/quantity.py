@@ -65,8 +65,9 @@ class Condition:
     group : bool
         Whether the column holds names (of specimens, days), and the value is a name's number; see
         `specan.models.groups`.
-    idles : bool
-        Whether rows near zero are runs of another kind (idling), which no bench names as its lower limit.
+    idles : str
+        Name of the condition that tells whether rows near zero are runs of another kind (idling), which no bench names
+        as its lower limit; empty where they are like the others.
 
     Examples
     --------
@@ -83,7 +84,7 @@ class Condition:
     varies: bool = True
     usual_setting: SettingError = SettingError(relative=0.02)
     label: str = ""
-    idles: bool = False
+    idles: str = ""
     group: bool = False
     setting_assumed: bool = False
 

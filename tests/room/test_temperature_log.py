@@ -24,6 +24,7 @@ def test_mean_and_span_are_those_of_the_log(tmp_path):
 
 
 def test_the_log_lies_beside_the_rig_file(tmp_path):
+    (tmp_path / "air.csv").touch()
     (tmp_path / "rig.toml").write_text('[air]\ntemperature_log = "air.csv"\n')
     assert read_rig_file(tmp_path / "rig.toml")["air"]["temperature_log"] == str(tmp_path / "air.csv")
 

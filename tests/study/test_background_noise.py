@@ -71,6 +71,7 @@ def test_a_background_with_the_source_on_is_refused(room):
 
 def test_the_background_is_part_of_the_rig(tmp_path):
     rig = tmp_path / "rig.toml"
+    (tmp_path / "night.tdms").touch()
     rig.write_text('[background]\nrecording = "night.tdms"\n')
     assert rig_files(rig) == (rig, tmp_path / "night.tdms")
 

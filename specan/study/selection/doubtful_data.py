@@ -29,8 +29,6 @@ COPIED = 0.1  # share of the rows above which equal rows are shown
 # A reading in steps of a third of its standard deviation u agrees with a repeat by chance with probability
 # step / (2 sqrt(pi) u) = 0.09, that of a difference of two normal deviates within one step.
 FINE = 1 / 3
-KINDS = "coupled"  # condition that tells runs with the brake from those without it
-
 TIME = "elapsed_time"
 LEAST_DOF = 8.0  # of the differences between repeats, below which no drift is told
 
@@ -172,14 +170,14 @@ def rows_of_two_kinds(refit: Refit) -> str:
     """A sentence on idle rows that contradict the loaded ones: the model fails on all, and meets the loaded ones.
 
     The model is refitted without the rows near zero of a condition that `idles`. Empty where the model meets the data,
-    where one kind is missing, and where the table tells the kinds apart already (a column ``coupled`` that varies).
+    where one kind is missing, and where the table tells the kinds apart already (a column that varies).
     """
     problem, observation = refit.problem, _table(refit)
     if observation is None or not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT:
         return ""
     conditions = problem.assembly.model.conditions
-    told = KINDS in conditions and np.ptp(observation.conditions.get(KINDS, np.ones(1))) > 0
     for name, condition in conditions.items():
+        told = np.ptp(observation.conditions.get(condition.idles, np.ones(1))) > 0
         if not condition.idles or name not in observation.conditions or told:
             continue
         size = np.abs(observation.conditions[name])
@@ -189,24 +187,22 @@ def rows_of_two_kinds(refit: Refit) -> str:
         part = problem.over([observation.take(loaded)])
         rest = Refit(frozenset(), part, fit(part, start=refit.fit.theta))
         if rest.dof > 0 and rest.lack_of_fit > WHOLE:
-            ask = (
-                "; if they were run with the brake uncoupled, say so in a column 'coupled' (0 there, else 1)"
-                if KINDS in conditions and _asks_for_kinds(refit, observation.take(~loaded))
-                else ""
-            )
+            kinds = conditions[condition.idles]
+            ask = f"; the column {kinds.column!r} can say so ({kinds.doc[0].lower()}{kinds.doc[1:].rstrip('.')})"
+            ask = ask if _asks_for(refit, observation.take(~loaded), kinds.name) else ""
             where = _where(observation, np.flatnonzero(~loaded))
             return f"rows without load contradict the others: without them ({where}) the model fits{ask}"
     return ""
 
 
-def _asks_for_kinds(refit: Refit, idle: TableObservation) -> bool:
+def _asks_for(refit: Refit, idle: TableObservation, kinds: str) -> bool:
     """Whether a column that tells the kinds apart would change what the model says of rows without load."""
-    coupled, uncoupled = (
-        refit.problem.over([replace(idle, conditions={**idle.conditions, KINDS: np.full(idle.n, told)})])
+    one, other = (
+        refit.problem.over([replace(idle, conditions={**idle.conditions, kinds: np.full(idle.n, told)})])
         for told in (1.0, 0.0)
     )
     theta = refit.fit.theta
-    return not np.array_equal(coupled.predictions(theta)[0], uncoupled.predictions(theta)[0])
+    return not np.array_equal(one.predictions(theta)[0], other.predictions(theta)[0])
 
 
 def _fall(refit: Refit, rows: NDArray[np.intp]) -> float:

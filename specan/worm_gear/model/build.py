@@ -111,7 +111,7 @@ def _conditions(operation: Operation) -> dict[str, Condition]:
         ),
         Condition(
             "indicated_output_torque", "N*m", "Torque that the output sensor indicates.",
-            "output_torque_Nm", "N*m", usual_setting=SettingError(relative=0.05), idles=True,
+            "output_torque_Nm", "N*m", usual_setting=SettingError(relative=0.05), idles="coupled",
         ),
         Condition(
             "indicated_oil_temperature", "K", "Temperature that the sensor in the oil sump indicates.",
