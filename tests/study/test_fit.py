@@ -251,7 +251,7 @@ def test_parameters_per_recording_have_one_element_each():
 def TableObservationOf(part, name):
     from dataclasses import replace
 
-    return replace(part, recordings=(name,), recording=None)
+    return replace(part, recordings=(name,), recording=None, series=None, position=None)
 
 
 def test_linked_parameters_move_together():

@@ -1,4 +1,4 @@
-"""A table of operating points: one row a reading, conditions and one observable each."""
+"""A table of operating points: one row a measured value, at its conditions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ class TableObservation(Fixed):
     known : bool
         False where the uncertainty is unknown: residuals can be shown, but nothing be concluded.
     series, position
-        Conditions of the lines of the whole table that these rows were taken from, and their places among them.
+        Conditions of the lines of the whole table that these rows were taken from with the recording of each, and the
+        places of the rows among them: effects may look at readings before.
     lines, replicate_group : array of int
         Line of each row in its file; rows that were meant to be alike share a replicate group.
     groups : mapping
@@ -75,13 +76,15 @@ class TableObservation(Fixed):
         """Number of rows: what correlates them is in the covariance."""
         return float(self.n)
 
+    # --- covariance ---------------------------------------------------------------------------
+
     @cached_property
     def sigma(self) -> Array:
         """Standard uncertainty of each row, all origins together."""
         return np.sqrt(self.covariance if self.covariance.ndim == 1 else np.diag(self.covariance))
 
     @cached_property
-    def _root(self) -> InverseRoot:
+    def _root(self) -> Array:
         """C^(-1/2) for V = D C D with the correlations C: of all roots of V^(-1), C^(-1/2) D^(-1) is the one whose
         rows stay closest to the rows of the table."""
         correlation = self.covariance / np.outer(self.sigma, self.sigma)
@@ -90,16 +93,14 @@ class TableObservation(Fixed):
                 f"{self.name}: the uncertainty of some rows is zero or not a number",
                 remedy="give a standard uncertainty above zero for what is measured",
             )
-        root = InverseRoot(
-            correlation, np.arange(self.n) if self.replicate_group is None else self.replicate_group
-        )
-        if root.least < 1e-10:
+        values, vectors = np.linalg.eigh(correlation)
+        if values[0] < 1e-10:
             raise InputError(
                 f"{self.name}: {self._alike(correlation)} so strongly correlated that they cannot be distinguished",
                 remedy="remove rows that are copies; or declare a smaller model discrepancy or a larger reading "
                 "uncertainty",
             )
-        return root
+        return np.asarray((vectors / np.sqrt(values)) @ vectors.T)
 
     def _alike(self, correlation: Array) -> str:
         """The two rows that are correlated most, by their lines."""
@@ -116,7 +117,9 @@ class TableObservation(Fixed):
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0."""
         scaled = array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
-        return scaled if self._diagonal else self._root(scaled)
+        return scaled if self._diagonal else np.asarray(self._root @ scaled)
+
+    # --- rows ---------------------------------------------------------------------------------
 
     def take(self, mask: NDArray[np.bool_]) -> TableObservation:
         """Keep some of the rows; effects that look at earlier readings still see those left out.
@@ -124,20 +127,20 @@ class TableObservation(Fixed):
         How many degrees of freedom the kept repeats hold is not followed: `pure_error_dof` becomes 0.
         """
         keep = np.flatnonzero(mask) if np.asarray(mask).dtype == bool else np.asarray(mask)
+
+        def some(values: Any) -> Any:
+            return {n: v[keep] for n, v in values.items()} if isinstance(values, Mapping) else values[keep]
+
+        per_row = ["observable", "measured", "conditions", "labels", "parts"]
+        per_row += [name for name in ("lines", "replicate_group") if getattr(self, name) is not None]
         return replace(
             self,
-            observable=self.observable[keep],
-            measured=self.measured[keep],
-            conditions={name: values[keep] for name, values in self.conditions.items()},
+            **{name: some(getattr(self, name)) for name in per_row},
             covariance=self.covariance[np.ix_(*[keep] * self.covariance.ndim)],
-            labels={name: values[keep] for name, values in self.labels.items()},
             recording=self._recording[keep],
-            parts={name: values[keep] for name, values in self.parts.items()},
             series=self._series,
             position=self._position[keep],
             pure_error_dof=0.0,
-            lines=None if self.lines is None else self.lines[keep],
-            replicate_group=None if self.replicate_group is None else self.replicate_group[keep],
         )
 
     def without(self, rows: NDArray[np.intp]) -> TableObservation:
@@ -156,8 +159,8 @@ class TableObservation(Fixed):
         return np.zeros(self.n, dtype=np.intp) if self.recording is None else self.recording
 
     @cached_property
-    def _lines(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """First row of each line of the tables, and the line of each row."""
+    def _table_lines(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """First row of each line of the tables, and the line of each row: a line may hold several observables."""
         if self.lines is None:
             return np.arange(self.n), np.arange(self.n)
         places = np.stack([self._recording, self.lines])
@@ -166,127 +169,56 @@ class TableObservation(Fixed):
 
     @cached_property
     def _series(self) -> tuple[Mapping[str, Array], NDArray[np.intp]]:
-        if self.series is not None:
-            return self.series
-        first, _ = self._lines
-        return {n: values[first] for n, values in self.conditions.items()}, self._recording[first]
+        first = self._table_lines[0]
+        return self.series or ({n: v[first] for n, v in self.conditions.items()}, self._recording[first])
 
     @cached_property
     def _position(self) -> NDArray[np.intp]:
-        return self._lines[1] if self.position is None else self.position
+        return self._table_lines[1] if self.position is None else self.position
+
+    # --- prediction ---------------------------------------------------------------------------
 
     @cached_property
-    def _rows(self) -> dict[str, NDArray[np.bool_]]:
-        return {name: self.observable == name for name in sorted(set(self.observable.tolist()))}
+    def _recorded(self) -> list[tuple[int, dict[str, Array], list[tuple[str, Any, Any]]]]:
+        """Of each recording: conditions of its lines; of each observable the rows, and their places among the lines."""
+        conditions, recording = self._series
+        found = []
+        for number in np.unique(self._recording):
+            inside = np.flatnonzero(recording == number)
+            picks = []
+            for name in sorted(set(self.observable.tolist())):
+                rows = np.flatnonzero((self._recording == number) & (self.observable == name))
+                picks.append((name, rows, np.searchsorted(inside, self._position[rows])))
+            found.append((int(number), {n: c[inside] for n, c in conditions.items()}, picks))
+        return found
 
     def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """What the model expects in every row."""
         return self.predict_many(assembly, [values])[:, 0]
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        """Predictions for several sets of values.
-
-        Whole recordings are evaluated one after the other: an effect may look at earlier readings, also at those that
-        are left out here.
-        """
-        conditions, recording = self._series
-        quantities = {name: assembly.model.observables[name].quantity for name in self._rows}
-        predicted = np.empty((self.n, len(many)))
-        for number in np.unique(self._recording):
-            here = np.flatnonzero(self._recording == number)
-            inside = np.flatnonzero(recording == recording[self._position[here[0]]])
-            rows = {name: here[mine[here]] for name, mine in self._rows.items()}
-            lines = {n: column[inside] for n, column in conditions.items()}
+        """Predictions for several sets of values, shape (n, len(many)). Each recording is evaluated as a whole."""
+        table = np.empty((self.n, len(many)))
+        of_recordings = {name for name, p in assembly.parameters.items() if p.per == "recording"}
+        for number, conditions, picks in self._recorded:
+            quantities = {name: assembly.model.observables[name].quantity for name, _, _ in picks}
+            size = next(iter(conditions.values())).size
             own = [
-                {n: v[number] if _each_recording(assembly, n, v) else v for n, v in values.items()}
+                {n: v[number] if n in of_recordings and np.ndim(v) == 1 else v for n, v in values.items()}
                 for values in many
             ]
             with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
-                for k, found in enumerate(assembly.evaluate_many(lines, own, list(quantities.values()))):
-                    for name, quantity in quantities.items():
-                        whole = np.broadcast_to(np.asarray(found[quantity], float), inside.shape)
-                        places = np.searchsorted(inside, self._position[rows[name]])
-                        predicted[rows[name], k] = whole[places]
-        return predicted
+                for k, found in enumerate(assembly.evaluate_many(conditions, own, list(quantities.values()))):
+                    for name, rows, places in picks:
+                        whole = np.broadcast_to(np.asarray(found[quantities[name]], float), (size,))
+                        table[rows, k] = whole[places]
+        return table
 
     def by_row(self, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Any]:
         """Values with one element a row for parameters of each recording."""
         return {
-            name: value[self._recording] if _each_recording(assembly, name, value) else value
+            name: value[self._recording]
+            if np.ndim(value) == 1 and assembly.parameters[name].per == "recording"
+            else value
             for name, value in values.items()
         }
-
-
-def _each_recording(assembly: Assembly, name: str, value: Any) -> bool:
-    return (
-        not isinstance(value, float) and np.ndim(value) == 1 and assembly.parameters[name].per == "recording"
-    )
-
-
-class InverseRoot:
-    """C^(-1/2) for a correlation matrix C, the symmetric one.
-
-    Rows i, j are alike where C_ik = C_jk for every other row k, and C_ij is the same for all pairs of a set. With S,
-    whose columns are the indicators of the sets over the root of their sizes m, C is S A S' on their span, A = S' C S,
-    and 1 - C_ij on the contrasts of each set. So its root is S A^(-1/2) S' and a number for each contrast: of m
-    repeats of each row an eighth of the work for m = 2, a quarter of the numbers to multiply with.
-
-    Parameters
-    ----------
-    correlation : array, shape (n, n)
-    sets : array of int, shape (n,)
-        Rows that may be alike share a number; those that are not alike after all are taken one by one.
-
-    Attributes
-    ----------
-    least : float
-        Least eigenvalue of C.
-    """
-
-    def __init__(self, correlation: Array, sets: NDArray[np.intp]) -> None:
-        _, self._set, counts = np.unique(_alike(correlation, sets), return_inverse=True, return_counts=True)
-        self._order = np.argsort(self._set, kind="stable")
-        self._starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-        self._share = (1 / np.sqrt(counts))[self._set]
-        self._single = bool(np.all(counts == 1))
-        values, vectors = np.linalg.eigh(self._together(self._together(correlation).T))
-        first, second = self._order[self._starts], self._order[self._starts + (counts > 1)]
-        contrasts = np.where(counts > 1, 1 - correlation[first, second], 1.0)
-        self.least = float(min(values[0], contrasts.min()))
-        if self.least > 0:
-            self._root = (vectors / np.sqrt(values)) @ vectors.T
-            self._of_contrast = (1 / np.sqrt(contrasts))[self._set]
-
-    def __call__(self, array: Array) -> Array:
-        """The root on an array, shape (n,) or (n, k)."""
-        if self._single:
-            return np.asarray(self._root @ array)
-        shape = (-1,) + (1,) * (array.ndim - 1)
-        share = self._share.reshape(shape)
-        common = self._together(array)
-        apart = (array - share * common[self._set]) * self._of_contrast.reshape(shape)
-        return np.asarray(share * (self._root @ common)[self._set] + apart)
-
-    def _together(self, array: Array) -> Array:
-        """S' on an array."""
-        if self._single:
-            return array
-        share = self._share.reshape((-1,) + (1,) * (array.ndim - 1))
-        return np.asarray(np.add.reduceat((share * array)[self._order], self._starts, axis=0))
-
-
-def _alike(correlation: Array, sets: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Number of the set of each row; a row in a set that is not of alike ones gets its own."""
-    own = np.arange(sets.size)
-    _, first, index = np.unique(sets, return_index=True, return_inverse=True)
-    if first.size == sets.size:
-        return own
-    same = sets[:, None] == sets
-    inside = np.where(same & (own[:, None] != own), correlation, np.nan)
-    unlike = np.any(~same & (correlation != correlation[first[index]]), axis=1)
-    with np.errstate(invalid="ignore"):
-        low, high = np.fmin.reduce(inside, axis=1), np.fmax.reduce(inside, axis=1)
-    unlike |= (low != high) & ~np.isnan(low)
-    unlike |= low != low[first[index]]
-    spoiled = np.bincount(index, unlike) > 0
-    return np.where(spoiled[index], first.size + own, index)
