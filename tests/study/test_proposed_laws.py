@@ -42,10 +42,9 @@ def machine(hidden, seed=1, noise=0.02, side=9, correlated=False):
 
 
 LAWS = {
-    "gaussian of speed": (lambda f, n: 0.5 * np.exp(-((n / 3) ** 2)), (3.0,)),
-    "onset of load": (lambda f, n: 0.3 * np.maximum(f - 7.3, 0), (7.3,)),
+    "exponential of speed": (lambda f, n: 0.8 * np.exp(-n / 3), (3.0,)),
+    "exponential growth of load": (lambda f, n: 0.3 * np.expm1((f - 1) / 3), (3.0,)),
     "saturation of speed": (lambda f, n: 2.0 * n / (n + 1.5), (1.5,)),
-    "resonance of speed": (lambda f, n: 0.2 / np.hypot(1 - (n / 8) ** 2, 0.2 * n / 8), (8.0, 0.1)),
     "power of load, power of speed": (lambda f, n: 0.02 * f**2 / np.sqrt(n), None),
 }
 
@@ -88,7 +87,12 @@ def test_every_formula_says_the_same_in_numpy_and_in_its_file() -> None:
     spreads = [Spread.of("load", "N", x["load"]), Spread.of("speed", "rad/s", x["speed"])]
     assert None not in spreads
     many = formulas([s for s in spreads if s is not None], relative=True)
-    assert {f.factors[0].family for f in many} >= {"power", "signed power", "sign", "step", "signed gaussian"}
+    assert {f.factors[0].family for f in many} >= {
+        "power",
+        "signed power",
+        "exponential growth",
+        "signed saturation",
+    }
     for formula in many:
         shapes = next(iter(formula.scan()))
         names = {s.name: v for s, v in zip(formula.shapes, shapes)}
@@ -101,7 +105,7 @@ def test_every_formula_says_the_same_in_numpy_and_in_its_file() -> None:
 def test_files_are_written_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "config"))
     monkeypatch.chdir(tmp_path)
-    start = machine(LAWS["onset of load"][0])
+    start = machine(LAWS["saturation of speed"][0])
     o = start.problem.observations[0]
     rows = [f"{f},{n},{y}" for f, n, y in zip(o.conditions["load"], o.conditions["speed"], o.measured)]
     Path("t.csv").write_text("load [N],speed [rad/s],torque [N*m]\n" + "\n".join(rows))
@@ -115,12 +119,12 @@ def test_files_are_written_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyP
     for words in (
         "study new s --model m.py --measurement t.csv",
         "study propose s",
-        "study add s s/laws/law-onset-load.py",
+        "study add s s/laws/law-saturation-speed.py",
     ):
         done = CliRunner().invoke(main, words.split(), catch_exceptions=False, standalone_mode=False)
         if "propose" in words:
-            assert "law-onset-load: torque + size x max(load - load_onset, 0)" in done.stdout
-    assert "law-onset-load.load_onset" in done.stdout
+            assert "law-saturation-speed: torque + size x speed / (speed + speed_width)" in done.stdout
+    assert "law-saturation-speed.speed_width" in done.stdout
     assert "after" in done.stdout
     known = {path.name for path in Path("s/effects").iterdir()}  # rivals of the law that was added
     assert known == {path.name for path in Path("s/laws").iterdir()}
@@ -136,7 +140,7 @@ def test_a_file_that_was_changed_is_kept(tmp_path: Path) -> None:
 
 
 def test_a_file_holds_units_and_the_fitted_values() -> None:
-    law = search_laws(machine(LAWS["gaussian of speed"][0])).laws[0]
+    law = search_laws(machine(LAWS["exponential of speed"][0])).laws[0]
     text = source_of(law, "mine")
     assert 'neutral={"size": 0.0}' in text
     assert f'size=Parameter({law.size:.6g}, "N*m"' in text

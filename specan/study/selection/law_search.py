@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +29,6 @@ Array = NDArray[np.float64]
 LEVEL = 0.005  # family-wise: of two hundred models that lack nothing, one gets a law
 INDISTINGUISHABLE = 6.0  # BIC: posterior odds of twenty to one
 MOST_LAWS = 4  # that are proposed
-STARTS = 3  # places of the scan from which shapes are fitted: an onset has a minimum in every gap of the plan
 REFINED = 40  # formulas whose shapes are fitted after the scan
 SIMULATIONS = 200  # of data without a law, for the family-wise level
 STEP = 1e-3  # of a quantity's typical size: by how much it is changed to see what the observables do
@@ -235,14 +235,14 @@ def _columns(
 
 def _scan(
     start: Refit, scans: Sequence[tuple[_Target, Formula]], variables: dict[str, Array], rest: Array, dof: int
-) -> tuple[list[tuple[float, list[tuple[float, ...]]]], Array]:
+) -> tuple[list[tuple[float, tuple[float, ...]]], Array]:
     """Largest share of chi-square that each formula takes, with its best shapes; and the largest of any for noise."""
     rng = np.random.default_rng(0)  # the same answer every time
     noise = start.linear.project_out(rng.standard_normal((rest.size, SIMULATIONS)))
     noise /= np.linalg.norm(noise, axis=0)
     there = rest / np.linalg.norm(rest)
     largest = np.zeros(SIMULATIONS)
-    falls: list[tuple[float, list[tuple[float, ...]]]] = []
+    falls: list[tuple[float, tuple[float, ...]]] = []
     for target, formula in scans:
         places = list(formula.scan())
         columns = _columns(target, formula, variables, places)
@@ -252,8 +252,8 @@ def _scan(
         # What the model's own parameters do already is not a law.
         columns = np.where(after > 1e-6 * before, columns / np.maximum(after, 1e-300), 0.0)
         share = (columns.T @ there) ** 2
-        best = np.argsort(-share)[:STARTS]
-        falls.append((float(share[best[0]]), [places[k] for k in best]))
+        best = int(np.argmax(share))
+        falls.append((float(share[best]), places[best]))
         np.maximum(largest, np.max((columns.T @ noise) ** 2, axis=0), out=largest)
     return falls, largest
 
@@ -277,7 +277,7 @@ def _refined(
     target: _Target,
     formula: Formula,
     variables: dict[str, Array],
-    places: Sequence[tuple[float, ...]],
+    place: tuple[float, ...],
     rest: Array,
     alike: int,
 ) -> Law | None:
@@ -288,7 +288,7 @@ def _refined(
     """
     from scipy.optimize import least_squares
 
-    bounds = np.array([[s.low, s.high] for s in formula.shapes]).reshape(-1, 2)
+    low, high = np.array([[s.low, s.high] for s in formula.shapes]).T
 
     def column(x: Array) -> Array:
         return np.asarray(start.linear.project_out(_columns(target, formula, variables, [x.tolist()])[:, 0]))
@@ -301,27 +301,18 @@ def _refined(
         c = column(x)
         return rest + amplitude(c) * c
 
-    def descended(place: tuple[float, ...]) -> Array:
-        x: Array = np.array(place, dtype=np.float64)
-        scale = np.where(bounds[:, 0] > 0, np.abs(x), 1.0)  # widths and onsets move in proportion
-        inside = np.clip(x, bounds[:, 0] + 1e-9 * scale, bounds[:, 1] - 1e-9 * scale)
-        try:
-            fitted = least_squares(
-                left, inside, bounds=(bounds[:, 0], bounds[:, 1]), x_scale=scale, diff_step=1e-4
-            )
-        except ValueError:  # not finite
-            return x
-        return np.asarray(fitted.x)
-
-    x: Array = np.array(places[0], dtype=np.float64)
-    if x.size:
-        x = min((descended(place) for place in places), key=lambda found: _sum(left(found)))
-        # An exponent that a simple number explains as well is that number.
-        for k, shape in enumerate(formula.shapes):
-            simple = x.copy()
-            simple[k] = round(2 * x[k]) / 2
-            if shape.name.endswith("_exponent") and simple[k] and _sum(left(simple)) < _sum(left(x)) + 1.0:
-                x = simple
+    x: Array = np.array(place, dtype=np.float64)
+    scale = np.where(low > 0, np.abs(x), 1.0)  # widths move in proportion
+    inside = np.clip(x, low + 1e-9 * scale, high - 1e-9 * scale)
+    with suppress(ValueError):  # not finite
+        x = least_squares(left, inside, bounds=(low, high), x_scale=scale, diff_step=1e-4).x
+    # An exponent that a simple number explains as well is that number.
+    for k, factor in enumerate(formula.factors):
+        simple = x.copy()
+        simple[k] = round(2 * x[k]) / 2
+        allowed = simple[k] != 0 or factor.family == "signed power"
+        if factor.shape.unit == "1" and allowed and _sum(left(simple)) < _sum(left(x)) + 1.0:
+            x = simple
     c = column(x)
     size = amplitude(c)
     chi2 = _sum(rest + size * c)
