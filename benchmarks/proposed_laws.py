@@ -75,18 +75,11 @@ def draw_factor(
     rng: np.random.Generator, low: float, high: float
 ) -> tuple[str, tuple[float, ...], Callable[..., np.ndarray]]:
     width = float(low * (high / low) ** rng.uniform(0.15, 0.7))
-    onset = float(low + (high - low) * rng.uniform(0.25, 0.7))
     power = float(rng.choice([-1.5, -1.0, 0.5, 1.5, 2.0, 3.0]))
-    damping = float(rng.uniform(0.05, 0.2))
     kinds: dict[str, tuple[tuple[float, ...], Callable[..., np.ndarray]]] = {
         "power": ((power,), lambda x, p: x**p),
         "exponential": ((width,), lambda x, w: np.exp(-x / w)),
-        "gaussian": ((width,), lambda x, w: np.exp(-((x / w) ** 2))),
-        "hyperbola": ((width,), lambda x, w: 1 / (1 + x / w)),
         "saturation": ((width,), lambda x, w: x / (x + w)),
-        "tanh": ((width,), lambda x, w: np.tanh(x / w)),
-        "onset": ((onset,), lambda x, o: np.maximum(x - o, 0.0)),
-        "resonance": ((onset, damping), lambda x, f, d: 1 / np.hypot(1 - (x / f) ** 2, 2 * d * x / f)),
     }
     name = str(rng.choice(list(kinds)))
     return name, *kinds[name]
