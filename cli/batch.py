@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.option_groups import Grouped
-from specan_cli.options import FRACTIONS, weighting_option
+from specan_cli.options import FRACTIONS, Grouped, opt, weighting_option
 from specan_cli.output import emit_json, is_quiet, say, table
 
 if TYPE_CHECKING:
@@ -24,48 +23,25 @@ SHOWN = 20  # failures named on the screen
 
 @click.command("batch", cls=Grouped)
 @click.argument("directories", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
-@click.option(
-    "-o", "--output", required=True, type=click.Path(path_type=Path), help="Directory for the tables."
-)
-@click.option("--settings", type=click.Path(path_type=Path), help="Settings of the analyses, a TOML file.")
-@click.option(
-    "--calibration", type=click.Path(path_type=Path), help="For all files, instead of the directory's."
-)
-@click.option(
-    "--reference", metavar="CH", help="Channel of reference, such as 'Mic 1' [default: the vibrometer]."
-)
-@click.option(
-    "--excitation",
-    type=click.Choice(["sine", "noise", "sweep"]),
-    help="Excitation of all files [default: recognised].",
-)
-@click.option(
-    "--channel-table", type=click.Path(path_type=Path), help="Roles, units, sensitivities of all files."
-)
-@click.option(
-    "--sampling-rate",
-    type=float,
-    metavar="HZ",
-    help="Sampling rate of all files, instead of those in the files.",
-)
-@click.option("--lines", type=int, help="Lines of a transfer function up to fs/2.56 [default: 3200].")
-@click.option("--fraction", type=click.Choice(FRACTIONS), help="1/N octave, or critical bands [default: 3].")
+@opt("-o --output", Path, "Directory for the tables.", required=True)
+@opt("--settings", Path, "Settings of the analyses, a TOML file.")
+@opt("--calibration", Path, "For all files, instead of the directory's.")
+@opt("--reference", None, "Channel of reference, such as 'Mic 1' [default: the vibrometer].", "CH")
+@opt("--excitation", ["sine", "noise", "sweep"], "Excitation of all files [default: recognised].")
+@opt("--channel-table", Path, "Roles, units, sensitivities of all files.")
+@opt("--sampling-rate", float, "Sampling rate of all files, instead of those in the files.", "HZ")
+@opt("--lines", int, "Lines of a transfer function up to fs/2.56 [default: 3200].")
+@opt("--fraction", FRACTIONS, "1/N octave, or critical bands [default: 3].")
 @weighting_option("Weighting of the band levels of sound pressure [default: Z].")
-@click.option("--jobs", type=int, help="Number of processes [default: chosen from the amount of data].")
-@click.option("--cluster", metavar="ADDRESS", help="Work on a dask cluster: tcp://host:8786.")
-@click.option("--verify", is_flag=True, help="Compare every byte to detect changed files.")
-@click.option("--report", "with_report", is_flag=True, help="Write report.html, a summary on one page.")
-@click.option("--json", "as_json", is_flag=True, help="Print a summary as JSON.")
+@opt("--jobs", int, "Number of processes [default: chosen from the amount of data].")
+@opt("--cluster", None, "Work on a dask cluster: tcp://host:8786.", "ADDRESS")
+@opt("--verify", bool, "Compare every byte to detect changed files.")
+@opt("--report with_report", bool, "Write report.html, a summary on one page.")
+@opt("--json as_json", bool, "Print a summary as JSON.")
 def command(
     directories: tuple[Path, ...],
     output: Path,
     settings: Path | None,
-    reference: str | None,
-    excitation: str | None,
-    sampling_rate: float | None,
-    lines: int | None,
-    fraction: int | str | None,
-    weighting: str | None,
     with_report: bool,
     as_json: bool,
     **how: Any,
@@ -83,16 +59,11 @@ def command(
     from specan.analysis.batch.run import STORE, run_batch
     from specan.analysis.batch.settings import read_settings
 
-    chosen = read_settings(
-        settings,
-        {
-            "reference": reference,
-            "excitation": excitation,
-            "sampling_rate": sampling_rate,
-            "transfer_function": {"lines": lines},
-            "octave": {"fraction": fraction, "weighting": weighting},
-        },
-    )
+    names = ("reference", "excitation", "sampling_rate")
+    given = {name: how.pop(name) for name in names}
+    given["transfer_function"] = {"lines": how.pop("lines")}
+    given["octave"] = {name: how.pop(name) for name in ("fraction", "weighting")}
+    chosen = read_settings(settings, given)
     if with_report:
         check_own(output / REPORT, output / STORE)
     try:

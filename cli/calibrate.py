@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from specan_cli.options import json_option, opt
 from specan_cli.output import (
     OutputFile,
     Verb,
@@ -16,67 +17,40 @@ from specan_cli.output import (
     plot_option,
     say,
     say_written,
-    table,
+    show_sheets,
     to_standard_output,
 )
 from specan_cli.recording_verb import expand, given
 
-if TYPE_CHECKING:
-    from specan.data.calibration import Calibration, ChannelCalibration
-
 
 @click.command("calibrate", cls=Verb)
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
-@click.option(
-    "-o",
-    "--output",
-    type=OutputFile(".toml"),
-    default=Path("calibration.toml"),
-    show_default=True,
-    help="The calibration to write.",
+@opt(
+    "-o --output", OutputFile(".toml"), "The calibration to write.",
+    default=Path("calibration.toml"), show_default=True,
+)  # fmt: skip
+@opt(
+    "--level level_dB", float, "Level of the calibrator in dB re 20 uPa [default: that of the file, else 94]."
 )
-@click.option(
-    "--level",
-    "level_dB",
-    type=float,
-    help="Level of the calibrator in dB re 20 uPa [default: that of the file, else 94].",
-)
-@click.option(
-    "--frequency",
-    "frequency_hz",
-    type=float,
-    help="Tone of the calibrator in Hz [default: that of the file, else searched].",
-)
-@click.option(
-    "--u-level",
-    "u_level_dB",
-    type=float,
-    default=0.1,
-    show_default=True,
-    help="Standard uncertainty of the level, dB.",
-)
-@click.option(
-    "--u-insertion",
-    type=(float, float),
-    default=(0.05, 0.12),
-    show_default=True,
-    metavar="DB DEG",
-    help="Standard uncertainty by which insertions differ, if the recordings do not determine it: level in dB, "
-    "phase between two microphones in degrees.",
-)
-@click.option("--windows", type=int, default=20, show_default=True, help="Number of measurement windows.")
-@click.option("--channel", "channels", multiple=True, help="A calibrated channel or a pattern; repeatable.")
-@click.option(
-    "--phase-model",
-    type=click.Choice(["delay", "constant"]),
-    default="delay",
-    show_default=True,
-    help="Extrapolation of the phase to other frequencies.",
-)
-@click.option("--channel-table", type=click.Path(path_type=Path), help="A channel table for all files.")
-@click.option("--budget", is_flag=True, help="Print where each uncertainty comes from.")
+@opt(
+    "--frequency frequency_hz", float, "Tone of the calibrator in Hz [default: that of the file, else searched]."
+)  # fmt: skip
+@opt("--u-level u_level_dB", float, "Standard uncertainty of the level, dB.", default=0.1, show_default=True)
+@opt(
+    "--u-insertion", (float, float), "Standard uncertainty by which insertions differ, if the recordings do not "
+    "determine it: level in dB, phase between two microphones in degrees.", "DB DEG",
+    default=(0.05, 0.12), show_default=True,
+)  # fmt: skip
+@opt("--windows", int, "Number of measurement windows.", default=20, show_default=True)
+@opt("--channel channels", None, "A calibrated channel or a pattern; repeatable.", multiple=True)
+@opt(
+    "--phase-model", ["delay", "constant"], "Extrapolation of the phase to other frequencies.",
+    default="delay", show_default=True,
+)  # fmt: skip
+@opt("--channel-table", Path, "A channel table for all files.")
+@opt("--budget", bool, "Print where each uncertainty comes from.")
 @plot_option("sensitivities and phases")
-@click.option("--json", "as_json", is_flag=True, help="Print the calibration as JSON.")
+@json_option
 def command(
     files: tuple[Path, ...],
     output: Path,
@@ -127,50 +101,9 @@ def command(
     if as_json:
         emit_json({**calibration.to_json(), "failures": failures, "output": str(output)})
     elif not to_standard_output(output):
-        _show(calibration)
-        if budget:
-            _show_budget(calibration)
+        show_sheets(calibration.sheets(budget))
+        for note in calibration.notes:
+            say(f"Note: {note}.")
         say_written(output)
     failed = any(c.verdict == "failed" for c in calibration.channels)
     return 1 if failures or failed else 0
-
-
-def _show(calibration: Calibration) -> None:
-    tone, level = calibration.calibrator_frequency_hz, calibration.calibrator_level_dB
-    title = (
-        "Calibration"
-        + (f" at {tone:.2f} Hz" if tone else "")
-        + (f", {level:g} dB re 20 uPa" if level else "")
-    )
-    rows = []
-    for c in calibration.channels:
-        phase, u_phase = (" / ".join(f"{x:.2f}" for x in values) for values in _phases(c))
-        sheet = [f"{c.sensitivity:.3f}", f"{c.u_sensitivity_percent:.2f}", phase, u_phase]
-        stability = [f"{c.scatter_percent:.3f}", f"{c.drift_percent:.3f}"]
-        reference = c.phase.group if c.phase else ""
-        rows.append([c.channel, *sheet, reference, *stability, "; ".join([c.verdict, *c.reasons])])
-    header = ["channel", "mV/Pa", "u %", "phase deg", "u deg", "re", "scatter %", "drift %", "verdict"]
-    table(title, header, rows)
-    for line in calibration.calibrator_decided:
-        click.echo(f"Calibrator: {line}.")
-    for note in calibration.notes:
-        say(f"Note: {note}.")
-
-
-def _show_budget(calibration: Calibration) -> None:
-    """The uncertainty budget of each result (GUM, 7.2.7); the share is of the variance."""
-    rows = []
-    for c in calibration.channels:
-        totals: dict[str, float] = {}
-        for part in c.budget:
-            totals[part.of] = totals.get(part.of, 0.0) + part.u**2
-        for part in c.budget:
-            share = f"{100 * part.u**2 / totals[part.of]:.0f}" if totals[part.of] else ""
-            dof = "" if part.dof is None else str(part.dof)
-            rows.append([c.channel, part.of, part.name, part.type, f"{part.u:.4f}", part.unit, dof, share])
-    header = ["channel", "result", "contribution", "type", "u", "unit", "dof", "share %"]
-    table("Uncertainty budget", header, rows)
-
-
-def _phases(channel: ChannelCalibration) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    return (channel.phase.phase_deg, channel.phase.u_phase_deg) if channel.phase else ((), ())

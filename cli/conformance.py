@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.options import EXCEEDED
+from specan_cli.options import EXCEEDED, json_option, opt
 from specan_cli.output import (
     TABLES,
     OutputFile,
@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 
 
 @click.command("conformance", cls=Verb)
-@click.option("--sampling-rate", "rate", type=float, default=51200.0, show_default=True,
-    metavar="HZ", help="Of the signals that are made for it.")  # fmt: skip
-@click.option("-o", "--output", type=OutputFile(*TABLES), help="Write the table.")
-@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+@opt(
+    "--sampling-rate rate", float, "Of the signals that are made for it.", "HZ", default=51200.0, show_default=True
+)  # fmt: skip
+@opt("-o --output", OutputFile(*TABLES), "Write the table.")
+@json_option
 def command(rate: float, output: Path | None, as_json: bool) -> int:
     """Try what IEC 61260-1, IEC 61672-1 and IEEE 1057 ask of an analyser.
 
@@ -51,23 +52,21 @@ def command(rate: float, output: Path | None, as_json: bool) -> int:
     if as_json:
         emit_json({"sampling_rate_hz": rate, "checks": [{**asdict(c), "passed": c.passed} for c in found]})
     elif not to_standard_output(output):
-        show(found)
+        for standard in dict.fromkeys(check.standard for check in found):
+            header = ["clause", "requirement", "expected", "found", "limits", "", ""]
+            table(standard, header, [_row(c) for c in found if c.standard == standard])
+        click.echo(f"{sum(check.passed for check in found)} of {len(found)} requirements are met.")
         say_written(output)
     return 0 if all(check.passed for check in found) else EXCEEDED
 
 
-def show(found: list[Check]) -> None:
-    """A table a standard."""
-    for standard in dict.fromkeys(check.standard for check in found):
-        rows = [
-            [c.clause, c.what, *_numbers(c), c.unit, "" if c.passed else "NOT MET"]
-            for c in found
-            if c.standard == standard
-        ]
-        click.echo(standard)
-        table("", ["clause", "requirement", "expected", "found", "limits", "", ""], rows)
-    met = sum(check.passed for check in found)
-    click.echo(f"{met} of {len(found)} requirements are met.")
+def _row(check: Check) -> list[str]:
+    limits = f"{check.lower:.4g} to {check.upper:.4g}"
+    if check.upper == float("inf"):
+        limits = f"from {check.lower:.4g}"
+    expected = "" if check.expected != check.expected else f"{check.expected:g}"
+    met = "" if check.passed else "NOT MET"
+    return [check.clause, check.what, expected, f"{check.found:.3f}", limits, check.unit, met]
 
 
 def write_text(found: list[Check], path: Path, rate: float) -> None:
@@ -85,11 +84,3 @@ def write_text(found: list[Check], path: Path, rate: float) -> None:
     }
     header = [f"specan {__version__} conformance", f"at {rate:g} Hz"]
     text.write_table(path, header, list(columns), [text.table_lines(columns)])
-
-
-def _numbers(check: Check) -> tuple[str, str, str]:
-    expected = "" if check.expected != check.expected else f"{check.expected:g}"
-    limits = f"{check.lower:.4g} to {check.upper:.4g}"
-    if check.upper == float("inf"):
-        limits = f"from {check.lower:.4g}"
-    return expected, f"{check.found:.3f}", limits

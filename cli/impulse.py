@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from specan_cli.export import SUFFIXES
+from specan_cli.options import json_option, opening_options, opt, section_options
 from specan_cli.output import (
     OutputFile,
     Verb,
@@ -18,39 +19,26 @@ from specan_cli.output import (
     say_written,
     to_standard_output,
 )
-from specan_cli.recording_verb import Source, given, opening_options, say_notes, section_options
+from specan_cli.recording_verb import given, opened_with, say_notes
 
 
 @click.command("impulse", cls=Verb)
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--reference",
-    metavar="CH",
-    help="Channel of the excitation.  [default: the generator, else the vibrometer]",
-)
-@click.option(
-    "--method",
-    type=click.Choice(["deconvolution", "H1"], case_sensitive=False),
-    help="Deconvolution of sweeps, maximum length sequences and impulses, or H1 of noise.  [default: as the "
+@opt("--reference", None, "Channel of the excitation.  [default: the generator, else the vibrometer]", "CH")
+@opt(
+    "--method", ["deconvolution", "H1"],
+    "Deconvolution of sweeps, maximum length sequences and impulses, or H1 of noise.  [default: as the "
     "excitation is recognised]",
-)
-@click.option("--length", "length_s", type=float, metavar="S", help="Of the responses.")
+)  # fmt: skip
+@opt("--length length_s", float, "Of the responses.", "S")
 @section_options
-@click.option(
-    "--to", "form", type=click.Choice(list(SUFFIXES)), default="wav", show_default=True, help="The format."
-)
-@click.option("-o", "--output", type=OutputFile(), help="The file to write [default: FILE_impulse, here].")
+@opt("--to form", list(SUFFIXES), "The format.", default="wav", show_default=True)
+@opt("-o --output", OutputFile(), "The file to write [default: FILE_impulse, here].")
 @plot_option("the responses")
-@click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
+@json_option
 @opening_options
 def command(
-    file: Path,
-    form: str,
-    output: Path | None,
-    plot: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
-    **options: Any,
+    file: Path, form: str, output: Path | None, plot: Path | None, as_json: bool, **options: Any
 ) -> int:
     """Find impulse responses of microphones and accelerometers to the excitation, and write them.
 
@@ -65,7 +53,8 @@ def command(
 
     target = output or Path(f"{file.stem}_impulse{SUFFIXES[form]}")
     refuse_unsafe(target)
-    found = impulse(Source(file, opening).open(), **given(**options))
+    source, own = opened_with(file, options)
+    found = impulse(source.open(), **given(**own))
     responses = found.recording()
     write_excerpt(Excerpt(responses, responses.channels, 0, found.samples.shape[1]), form, target)
     draw(found, plot)

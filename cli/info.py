@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import Verb, draw, emit_json, plot_option, say, table
-from specan_cli.recording_verb import expand, opening_options
+from specan_cli.options import opening_options, opt
+from specan_cli.output import Verb, draw, emit_json, plot_option, say, show_sheets
+from specan_cli.recording_verb import expand, opened_with
 
 if TYPE_CHECKING:
     from specan.data.levels import Quality
     from specan.data.recording import Recording
     from specan.data.tone import Excitation
-    from specan.report.contents import Sheet
 
 
 @click.command("info", cls=Verb)
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @opening_options
-@click.option("--levels", is_flag=True, help="Read all samples: RMS, peak, clipped, dead, NaN.")
-@click.option("--all", "show_all", is_flag=True, help="Every channel and the whole of every property.")
+@opt("--levels", bool, "Read all samples: RMS, peak, clipped, dead, NaN.")
+@opt("--all show_all", bool, "Every channel and the whole of every property.")
 @plot_option("the waveforms of one recording")
-@click.option("--json", "as_json", is_flag=True, help="Everything, as JSON.")
+@opt("--json as_json", bool, "Everything, as JSON.")
 def command(
-    files: tuple[Path, ...],
-    levels: bool,
-    show_all: bool,
-    plot: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
+    files: tuple[Path, ...], levels: bool, show_all: bool, plot: Path | None, as_json: bool, **opening: Any
 ) -> int:
     """Show groups, channels, roles, rates, units, excitation, notes and integrity of recordings.
 
@@ -40,11 +36,8 @@ def command(
     \b
     specan info sample_data/recordings/knock.tdms --plot waveforms.png
     """
-    from dataclasses import replace
-
     from specan.analysis.excitation import recognise
     from specan.analysis.quality import rms_and_quality
-    from specan.api.recordings import read
     from specan.errors import InputError, RequestError
     from specan.report.contents import sheets
 
@@ -55,7 +48,7 @@ def command(
         raise RequestError(f"--plot draws one recording, and there are {len(found)}", remedy="name one")
     for item in found:
         try:
-            recording = replace(read(item.path, **opening), label=item.label)
+            recording = replace(opened_with(item.path, opening)[0].open(), label=item.label)
             excitation = recognise(recording)
             quality = rms_and_quality(recording) if levels else {}
         except InputError as fault:
@@ -64,14 +57,12 @@ def command(
             failures.append({"file": item.label, "reason": str(fault)})
             say(f"Left out: {fault}")
             continue
-        if as_json:
-            seen.append(_content(recording, item.path, excitation, quality))
-        else:
-            _show(recording, item.path, excitation)
-            if len(found) == 1 or show_all:
-                for one in sheets(recording, quality, show_all):
-                    _show_sheet(one)
-            seen.append({})
+        seen.append(_content(recording, item.path, excitation, quality))
+        if not as_json:
+            click.echo("\n".join(_lines(recording, seen[-1]["size_bytes"], excitation)))
+            for sheet in sheets(recording, quality, show_all) if len(found) == 1 or show_all else ():
+                click.echo()
+                show_sheets([sheet])
         draw(recording, plot)
     if not seen:
         raise InputError("no file could be read", remedy="see the reasons above")
@@ -80,60 +71,33 @@ def command(
     return 1 if failures else 0
 
 
-def _show(recording: Recording, path: Path, excitation: Excitation) -> None:
-    click.echo(f"{recording.label}: {_headline(recording, path)}")
-    tone = f" at {excitation.frequency_hz:g} Hz" if excitation.frequency_hz else ""
-    click.echo(f"Excitation: {excitation.kind}{tone} ({excitation.reason})")
-    click.echo(f"Calibration: {recording.calibration_of([c.name for c in recording.channels])}")
-    for text in _descriptions(recording):
-        click.echo(f"Description: {text}")
-    for flag in recording.flags:
-        click.echo(f"Flag: {flag}")
-    for note in recording.notes:
-        click.echo(f"Note: {note}.")
-
-
-def _show_sheet(sheet: Sheet) -> None:
-    click.echo()
-    if sheet.above:
-        click.echo(sheet.above)
-    table(sheet.title, sheet.header, sheet.rows)
-    if sheet.below:
-        click.echo(sheet.below)
-
-
-def _descriptions(recording: Recording) -> list[str]:
-    """Notes that somebody wrote into the file or its groups."""
-    places = [recording.properties, *recording.group_properties.values()]
-    texts = [" ".join(str(p.get("Description", "")).split()) for p in places]
-    return [text for text in dict.fromkeys(texts) if text]
-
-
-def _headline(recording: Recording, path: Path) -> str:
+def _lines(recording: Recording, size: int, excitation: Excitation) -> list[str]:
+    """What is said above the tables."""
     from specan.result import counted
 
-    rates = sorted({c.sampling_rate for c in recording.channels})
-    longest = max(c.duration_s for c in recording.channels)
-    rate = " and ".join(f"{r:g}" for r in rates)
-    size = path.stat().st_size / 1e6
-    return f"{counted(len(recording.channels), 'channel')}, {longest:g} s at {rate} Hz, {size:.1f} MB"
+    channels = recording.channels
+    longest = max(c.duration_s for c in channels)
+    rate = " and ".join(f"{r:g}" for r in sorted({c.sampling_rate for c in channels}))
+    tone = f" at {excitation.frequency_hz:g} Hz" if excitation.frequency_hz else ""
+    places = [recording.properties, *recording.group_properties.values()]
+    written = [" ".join(str(p.get("Description", "")).split()) for p in places]
+    return [
+        f"{recording.label}: {counted(len(channels), 'channel')}, {longest:g} s at {rate} Hz, {size / 1e6:.1f} MB",
+        f"Excitation: {excitation.kind}{tone} ({excitation.reason})",
+        f"Calibration: {recording.calibration_of([c.name for c in channels])}",
+        *(f"Description: {text}" for text in dict.fromkeys(written) if text),
+        *(f"Flag: {flag}" for flag in recording.flags),
+        *(f"Note: {note}." for note in recording.notes),
+    ]
 
 
 def _content(
     recording: Recording, path: Path, excitation: Excitation, quality: dict[int, tuple[float, Quality]]
 ) -> dict[str, Any]:
+    from specan.result import picked
+
     found = {**recording.to_json(), "size_bytes": path.stat().st_size}
-    found["excitation"] = {
-        "kind": excitation.kind,
-        "frequency_hz": excitation.frequency_hz,
-        "reason": excitation.reason,
-    }
+    found["excitation"] = picked(excitation, "kind frequency_hz reason")
     for place, (rms, seen) in quality.items():
-        found["channels"][place] |= {
-            "rms": rms,
-            "minimum": seen.minimum,
-            "maximum": seen.maximum,
-            "n_not_finite": seen.n_not_finite,
-            "flags": seen.flags,
-        }
+        found["channels"][place] |= {"rms": rms, **picked(seen, "minimum maximum n_not_finite flags")}
     return found

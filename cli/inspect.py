@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.options import opening_options, opt
 from specan_cli.output import say
-from specan_cli.recording_verb import given, opening_options
+from specan_cli.recording_verb import given
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -17,25 +18,14 @@ if TYPE_CHECKING:
 
 @click.command("inspect")
 @click.argument("place", type=click.Path(path_type=Path), metavar="FILE|STUDY")
-@click.option(
-    "--overlay",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="A second recording, shown together with the first.",
-)
-@click.option("--address", default="127.0.0.1", show_default=True, help="Network address of the page.")
-@click.option(
-    "--port", type=click.IntRange(0, 65535), default=0, help="Port of the page.  [default: a free one]"
-)
-@click.option("--no-browser", is_flag=True, help="Print the address only; do not open a browser.")
-@click.option(
-    "--effect",
-    "effects",
+@opt("--overlay", Path, "A second recording, shown together with the first.", "FILE")
+@opt("--address", None, "Network address of the page.", default="127.0.0.1", show_default=True)
+@opt("--port", click.IntRange(0, 65535), "Port of the page.  [default: a free one]", default=0)
+@opt("--no-browser", bool, "Print the address only; do not open a browser.")
+@opt(
+    "--effect effects", Path, "For a study: add and trust a Python file with your own effects; repeatable.", "FILE",
     multiple=True,
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="For a study: add and trust a Python file with your own effects; repeatable.",
-)
+)  # fmt: skip
 @opening_options
 def command(
     place: Path,
@@ -44,7 +34,7 @@ def command(
     port: int,
     no_browser: bool,
     effects: tuple[Path, ...],
-    opening: dict[str, Any],
+    **opening: Any,
 ) -> int:
     """Show a recording or a study in the browser.
 

@@ -170,30 +170,18 @@ def version_text() -> str:
 
 
 def _commit(package: Path) -> str | None:
-    """What the build left in the package, or where the repository around the package stands."""
+    """What the build left in the package, or what the repository around the package has checked out."""
     built = package / COMMIT_FILE
     if built.is_file():
         return built.read_text(encoding="ascii").strip() or None
-    return _checked_out(package.parent / ".git")
+    if not (package.parent / ".git").exists():
+        return None
+    import subprocess
 
-
-def _checked_out(repository: Path) -> str | None:
-    """Commit of HEAD, read from the files of a repository so that git need not be installed."""
+    command = ["git", "-C", str(package.parent), "rev-parse", "HEAD"]
     try:
-        if repository.is_file():  # a work tree of its own: "gitdir: PATH"
-            repository = Path(repository.read_text(encoding="utf-8").split(": ", 1)[1].strip())
-        head = (repository / "HEAD").read_text(encoding="utf-8").strip()
-        if not head.startswith("ref: "):
-            return head
-        name = head.removeprefix("ref: ")
-        shared = repository / "commondir"
-        common = repository / shared.read_text(encoding="utf-8").strip() if shared.is_file() else repository
-        for place in (repository / name, common / name):
-            if place.is_file():
-                return place.read_text(encoding="utf-8").strip()
-        packed = (common / "packed-refs").read_text(encoding="utf-8").splitlines()
-        return next((line.split()[0] for line in packed if line.endswith(f" {name}")), None)
-    except (OSError, IndexError, UnicodeDecodeError):
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
         return None
 
 

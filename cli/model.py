@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.options import json_option, opt
 from specan_cli.output import emit_json, table
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def command() -> None:
 
 
 @command.command("list")
-@click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
+@opt("--json as_json", bool, "Print the list as JSON.")
 def list_models(as_json: bool) -> None:
     """List the models.
 
@@ -55,8 +56,8 @@ def list_models(as_json: bool) -> None:
 @command.command("show")
 @click.argument("name")
 @click.argument("part", required=False, metavar="[EFFECT|QUANTITY]")
-@click.option("--rig", type=click.Path(path_type=Path), help="A rig file [default: the model's example].")
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@opt("--rig", Path, "A rig file [default: the model's example].")
+@opt("--json as_json", bool, "Print everything as JSON.")
 def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
     """Show a model, or one of its effects or quantities.
 
@@ -134,8 +135,8 @@ def rig_template(name: str) -> None:
 @command.command("check")
 @click.argument("name")
 @click.argument("file", type=click.Path(path_type=Path), metavar="[EFFECT.py]", required=False)
-@click.option("--rig", type=click.Path(path_type=Path), help="A rig file [default: the model's example].")
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@opt("--rig", Path, "A rig file [default: the model's example].")
+@json_option
 def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None:
     """Check a model of your own, or effects: neutral, independent of order, finite, recovered from simulated data.
 

@@ -1,64 +1,107 @@
-"""Options that several verbs have, and what `--limit` says: pass or fail, in words and in the exit code."""
+"""Options of verbs: how one is declared, those that several verbs have, and how ``--help`` groups them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-if TYPE_CHECKING:
-    from specan.data.limits import Kept
-
+Decorator = Callable[[Any], Any]
 FRACTIONS = [1, 2, 3, 6, 12, 24, "bark"]  # of an octave, or critical bands
+EXCEEDED = 5  # exit code: beyond a limit
 
 
-def velocity_option() -> Callable[[Any], Any]:
-    """The option ``--velocity-reference``."""
-    return click.option(
-        "--velocity-reference",
-        type=click.Choice(["1 nm/s", "50 nm/s"]),
-        help="0 dB of velocity.  [default: 1 nm/s]",
-    )
+def opt(names: str, kind: Any = None, text: str = "", metavar: str | None = None, **more: Any) -> Decorator:
+    """An option.
+
+    Parameters
+    ----------
+    names : str
+        Apart by blanks: flags, and the name of the parameter where it is another one.
+    kind : type, list or click.ParamType
+        `bool` is a flag, `Path` a path, a list the choices in any letters.
+    text : str
+        For ``--help``.
+    metavar : str, optional
+    **more
+        For `click.option`.
+    """
+    if kind is bool:
+        return click.option(*names.split(), is_flag=True, help=text, **more)
+    if isinstance(kind, list):
+        kind = click.Choice(kind, case_sensitive=False)
+    elif kind is Path:
+        kind = click.Path(path_type=Path)
+    return click.option(*names.split(), type=kind, help=text, metavar=metavar, **more)
 
 
-def weighting_option(text: str) -> Callable[[Any], Any]:
+def together(*options: Decorator) -> Decorator:
+    """Several options as one decorator, in the order of ``--help``."""
+    return lambda command: reduce(lambda done, option: option(done), reversed(options), command)
+
+
+json_option = opt("--json as_json", bool, "Print the result as JSON.")
+section_options = together(
+    opt("--channel channels", None, "A channel or a pattern; repeatable.", multiple=True),
+    opt("--start start_s", float, "Start of the section.", "S", default=0.0),
+    opt("--stop stop_s", float, "End of the section.", "S"),
+)
+opening_options = together(
+    opt("--channel-table", Path, "Roles, units, sensitivities."),
+    opt("--calibration", Path, "A calibration.toml to apply, or none.  [default: calibration.toml beside the file]"),
+    opt("--sampling-rate", float, "Sampling rate, instead of that in the file.", "HZ"),
+)  # fmt: skip
+QUANTITIES = ["displacement", "velocity", "acceleration"]
+quantity_option = opt(
+    "--quantity", QUANTITIES,
+    "Of channels of motion: integrated or differentiated.  [default: as measured, a vibrometer's velocity]",
+)  # fmt: skip
+velocity_option = opt("--velocity-reference", ["1 nm/s", "50 nm/s"], "0 dB of velocity.  [default: 1 nm/s]")
+limit_option = opt(
+    "--limit", Path, "Compare the levels with limits (CSV: band_hz, upper_dB, lower_dB); exit code 5 beyond one.",
+    "FILE",
+)  # fmt: skip
+
+
+def weighting_option(text: str) -> Decorator:
     """The option ``--weighting``."""
-    kinds = click.Choice(["A", "B", "C", "Z"], case_sensitive=False)
-    return click.option("--weighting", type=kinds, metavar="A|B|C|Z", help=text)
+    return opt("--weighting", ["A", "B", "C", "Z"], text, "A|B|C|Z")
 
 
-EXCEEDED = 5  # exit code
+# Group of ``--help`` -> names of parameters; what is in none belongs to the analysis.
+_ANALYSIS = "How it is analysed"
+GROUPS = {
+    "What is analysed": {
+        "channels", "channel", "start_s", "stop_s", "reference", "tacho", "instrument", "excitation", "band", "fmin",
+        "fmax", "fmin_hz", "fmax_hz", "wall", "effects", "accept_changes",
+    },
+    _ANALYSIS: set(),
+    "How it is read": {"channel_table", "calibration", "sampling_rate", "settings"},
+    "Output": {
+        "output", "plot", "history", "unwrap", "as_json", "at_hz", "peaks", "force", "with_report", "as_map", "budget",
+        "show_all",
+    },
+    "How it runs": {"jobs", "cluster", "verify", "quiet", "verbose", "help", "debug"},
+}  # fmt: skip
+_FEW = 8  # options that need no groups
 
 
-def limit_option() -> Callable[[Any], Any]:
-    """The option ``--limit FILE``."""
-    return click.option(
-        "--limit",
-        type=click.Path(path_type=Path),
-        metavar="FILE",
-        help="Compare the levels with limits (CSV: band_hz, upper_dB, lower_dB); exit code 5 beyond one.",
-    )
+class Grouped(click.Command):
+    """A verb whose ``--help`` has its options in groups, where there are many."""
 
-
-def limit_content(kept: Sequence[Kept]) -> dict[str, Any]:
-    """For JSON; nothing where nothing was compared."""
-    names = ("channel", "passed", "excess_dB", "place", "compared")
-    return {"limits": [{name: getattr(one, name) for name in names} for one in kept]} if kept else {}
-
-
-def show_limit(limit: Path | None, kept: Sequence[Kept]) -> None:
-    """A line for each channel."""
-    label = "" if limit is None else limit.name
-    for one in kept:
-        if one.passed:
-            text = f"passed, {-one.excess_dB:.2f} dB below the limit at {one.place}"
-        else:
-            text = f"FAILED, {one.excess_dB:.2f} dB beyond the limit at {one.place}"
-        click.echo(f"Limits {label}: {one.channel}: {text} ({one.compared} compared)")
-
-
-def limit_code(kept: Sequence[Kept]) -> int:
-    """The exit code."""
-    return 0 if all(one.passed for one in kept) else EXCEEDED
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """In groups."""
+        found: dict[str, list[tuple[str, str]]] = {group: [] for group in GROUPS}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is not None and isinstance(parameter, click.Option):
+                name = "help" if "--help" in parameter.opts else parameter.name
+                found[next((g for g, names in GROUPS.items() if name in names), _ANALYSIS)].append(record)
+        rows = [row for group in found.values() for row in group]
+        for title, group in found.items() if len(rows) > _FEW else [("Options", rows)]:
+            if group:
+                with formatter.section(title):
+                    formatter.write_dl(group)

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import plot_option, say, table
-from specan_cli.recording_verb import Delivery, Source, given, recording_verb, section_options
+from specan_cli.options import QUANTITIES, opt, section_options
+from specan_cli.output import plot_option, say
+from specan_cli.recording_verb import Delivery, Source, given, recording_verb
 
 if TYPE_CHECKING:
     from specan.data.orders import OrderSpectrum
@@ -16,42 +17,27 @@ if TYPE_CHECKING:
 
 @recording_verb("orders", "all lines")
 @section_options
-@click.option("--tacho", metavar="CH", help="The tacho.  [default: the recording's only one]")
-@click.option(
-    "--pulses", "pulses_per_turn", type=float, metavar="N",
-    help="Pulses per revolution of the tacho's shaft.  [default: property PulsesPerRevolution]",
+@opt("--tacho", None, "The tacho.  [default: the recording's only one]", "CH")
+@opt(
+    "--pulses pulses_per_turn", float,
+    "Pulses per revolution of the tacho's shaft.  [default: property PulsesPerRevolution]", "N",
 )  # fmt: skip
-@click.option(
-    "--ratio", type=float, metavar="R",
-    help="Turns of the tacho's shaft per turn of the shaft whose orders are wanted.  [default: 1]",
+@opt(
+    "--ratio", float, "Turns of the tacho's shaft per turn of the shaft whose orders are wanted.  [default: 1]", "R"
 )  # fmt: skip
-@click.option(
-    "--speed", "speed_hz", type=float, metavar="HZ", help="Known constant speed, instead of a tacho."
-)
-@click.option(
-    "--max-order", type=float, metavar="O", help="Highest order.  [default: set by the sampling rate]"
-)
-@click.option("--turns", type=int, metavar="N", help="Turns of a block: lines lie 1/N apart.  [default: 8]")
-@click.option(
-    "--average-turns", type=int, metavar="N", help="Turns of the synchronous average.  [default: 1]"
-)
-@click.option("--order", "orders", type=float, multiple=True, help="Amplitude of this order; repeatable.")
-@click.option(
-    "--mesh", type=float, metavar="O", help="Order of tooth meshing; its harmonics are added to the orders."
-)
-@click.option("--harmonics", type=int, help="Harmonics of the mesh.  [default: 3]")
-@click.option("--sidebands", type=int, help="Sidebands on each side of each harmonic.  [default: 0]")
-@click.option(
-    "--quantity",
-    type=click.Choice(["displacement", "velocity", "acceleration"]),
-    help="Convert vibration to this.",
-)
-@click.option("--envelope", metavar="LOW:HIGH", help="Analyse the envelope of this band, Hz.")
-@click.option("--kurtosis", is_flag=True, help="Also print the kurtosis in octave bands.")
-@click.option(
-    "--peaks", type=click.IntRange(min=1), default=3, show_default=True, help="Highest lines printed."
-)
-@click.option("--map", "as_map", is_flag=True, help="Orders against speed: in --plot, -o and --json.")
+@opt("--speed speed_hz", float, "Known constant speed, instead of a tacho.", "HZ")
+@opt("--max-order", float, "Highest order.  [default: set by the sampling rate]", "O")
+@opt("--turns", int, "Turns of a block: lines lie 1/N apart.  [default: 8]", "N")
+@opt("--average-turns", int, "Turns of the synchronous average.  [default: 1]", "N")
+@opt("--order orders", float, "Amplitude of this order; repeatable.", multiple=True)
+@opt("--mesh", float, "Order of tooth meshing; its harmonics are added to the orders.", "O")
+@opt("--harmonics", int, "Harmonics of the mesh.  [default: 3]")
+@opt("--sidebands", int, "Sidebands on each side of each harmonic.  [default: 0]")
+@opt("--quantity", QUANTITIES, "Convert vibration to this.")
+@opt("--envelope", None, "Analyse the envelope of this band, Hz.", "LOW:HIGH")
+@opt("--kurtosis", bool, "Also print the kurtosis in octave bands.")
+@opt("--peaks", click.IntRange(min=1), "Highest lines printed.", default=3, show_default=True)
+@opt("--map as_map", bool, "Orders against speed: in --plot, -o and --json.")
 @plot_option()
 def command(
     source: Source,
@@ -76,15 +62,9 @@ def command(
 
     recording = source.open()
     found = orders(recording, **given(envelope_hz=_band(envelope), **options))
-    impulsive = _kurtosis(recording, found) if kurtosis else {}
-
-    def content() -> dict[str, Any]:
-        return {**found.to_json(with_map=as_map), **({"kurtosis": impulsive} if impulsive else {})}
-
-    code = deliver(
-        OrderMap(**vars(found)) if as_map else found, lambda: show(found, peaks, impulsive),
-        content=content, view="map" if as_map else "",
-    )  # fmt: skip
+    more = {"kurtosis": _kurtosis(recording, found)} if kurtosis else {}
+    shown = OrderMap(**vars(found)) if as_map else found
+    code = deliver(shown, shown={"peaks": peaks, **more}, more=more, view="map" if as_map else "")
     if found.lines is not None and deliver.writes_table and not as_map:
         say("The table holds only the requested lines; omit them for the whole spectrum.")
     return code
@@ -114,63 +94,3 @@ def _kurtosis(recording: Recording, found: OrderSpectrum) -> dict[str, Any]:
         band_kurtosis(recording.read([c], start, stop)[0], c.sampling_rate, bands).tolist() for c in channels
     ]
     return {"bands_hz": bands, "channels": dict(zip(found.channels, rows))}
-
-
-def show(found: OrderSpectrum, peaks: int, impulsive: dict[str, Any]) -> None:
-    """RMS, synchronous part and highest lines of every channel; the lines that were asked for."""
-    from specan_cli.fft import highest
-
-    tacho = found.tacho
-    low, mean, high = tacho.speed_hz
-    source = (
-        "stated"
-        if tacho.channel is None
-        else f"{tacho.channel}, {tacho.pulses} pulses, {tacho.missing} missing, {tacho.double} double, "
-        f"jitter {1e6 * tacho.jitter_s:.3g} us"
-    )
-    click.echo(f"{found.label}: {found.turns} turns, speed {mean:.6g} Hz ({low:.6g} to {high:.6g}; {source})")
-    rows = []
-    for row, (name, unit) in enumerate(zip(found.channels, found.units)):
-        for rank, k in enumerate(highest(found.amplitude[row, 1:], peaks)):
-            first = rank == 0
-            rows.append(
-                [
-                    name if first else "",
-                    f"{found.rms[row]:.5g} {unit}" if first else "",
-                    f"{found.synchronous_rms[row]:.5g}" if first else "",
-                    f"{found.order[k + 1]:.6g}",
-                    f"{found.amplitude[row, k + 1]:.5g} {unit}",
-                    f"{found.level_dB[row, k + 1]:.2f}",
-                ]
-            )
-    table("", ["channel", "RMS", "synchronous", "order", "amplitude", "dB"], rows)
-    if found.lines is not None:
-        _show_lines(found)
-    if impulsive:
-        header = ["kurtosis", *(f"{low:.0f}-{high:.0f} Hz" for low, high in impulsive["bands_hz"])]
-        table("", header, [[name, *(f"{k:.2f}" for k in ks)] for name, ks in impulsive["channels"].items()])
-
-
-def _show_lines(found: OrderSpectrum) -> None:
-    lines = found.lines
-    assert lines is not None
-    rows = []
-    for row, (name, unit) in enumerate(zip(found.channels, found.units)):
-        for k, order in enumerate(lines.order):
-            rows.append(
-                [
-                    name if k == 0 else "",
-                    f"{order:.6g}",
-                    f"{abs(lines.amplitude[row, k]):.5g} {unit}",
-                    f"{lines.u[row, k]:.2g}",
-                    f"{lines.u_scatter[row, k]:.2g}"
-                    if lines.u_scatter[row, k] == lines.u_scatter[row, k]
-                    else "",
-                    f"{lines.phase_deg[row, k]:.2f}",
-                ]
-            )
-    table(
-        f"Lines over {lines.turns} turns; u: one component, from the noise about the line, from blocks",
-        ["channel", "order", "amplitude", "u", "u blocks", "phase deg"],
-        rows,
-    )

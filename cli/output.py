@@ -7,30 +7,26 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from unicodedata import combining, east_asian_width
 
 import click
 
-from specan_cli.option_groups import Grouped
+from specan_cli.options import Grouped, opt
 
 if TYPE_CHECKING:
-    from specan.result import Result
+    from specan.result import Result, Sheet
 
 _COLLECTED = "specan_cli.collected"
-# What makes rich treat standard output as a terminal, or of another width.
-_OF_A_TERMINAL = (
-    "FORCE_COLOR",
-    "TTY_COMPATIBLE",
-    "TTY_INTERACTIVE",
-    "JUPYTER_COLUMNS",
-    "JUPYTER_LINES",
-)
-_WIDTH = "80"  # of a file or a pipe
+_WIDTH = 80  # of a file or a pipe
 LONGEST_WORD = 48  # letters of a cell that are not broken over two lines
 
 
@@ -57,43 +53,47 @@ def emit_json(content: Any) -> None:
 
 
 def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Print a table that fits the terminal; numbers to the right, NO_COLOR respected."""
-    rows = [["" if cell is None else cell for cell in row] for row in rows]
-    if (lines := plain_lines(title, header, rows)) is not None:
-        click.echo("\n".join(lines))
-        return
-    from rich.console import Console
-    from rich.table import Table
+    """Print a table that fits the terminal as far as no word is broken: nothing is cut off at the edge.
 
-    class Sheet(Console):
-        def on_broken_pipe(self) -> None:
-            raise BrokenPipeError  # rich would end the process itself
-
-    console = Sheet(soft_wrap=False)
-    widths = column_widths([list(header), *rows], console.width)
-    console.width = max(console.width, sum(widths) + 2 * (len(widths) - 1))
-    sheet = Table(title=title or None, title_justify="left", box=None, pad_edge=False, header_style="bold")
-    for index, name in enumerate(header):
-        numeric = _numeric(rows, index)
-        sheet.add_column(name, justify="right" if numeric else "left", overflow="fold", width=widths[index])
-    from rich.text import Text
-
-    for row in rows:
-        # Text, not markup: a channel may be called "[bold]".
-        sheet.add_row(*(Text(str(cell)) for cell in row))
-    console.print(sheet)
+    Numbers stand to the right; the header is bold on a terminal.
+    """
+    rows = list(rows)
+    lines = [list(header), *([str("" if cell is None else cell) for cell in row] for row in rows)]
+    right = [
+        bool(rows) and all(isinstance(row[k], (int, float)) or row[k] in ("", None) for row in rows)
+        for k in range(len(header))
+    ]
+    widths = column_widths(lines, shutil.get_terminal_size((_WIDTH, 24)).columns)
+    bold = sys.stdout.isatty() and "NO_COLOR" not in os.environ
+    if title:
+        click.echo(title)
+    for number, line in enumerate(lines):
+        folded = [_folded(cell, width) for cell, width in zip(line, widths, strict=True)]
+        for parts in zip_longest(*folded, fillvalue=""):
+            padded = [
+                " " * (width - _length(part)) + part if to_the_right else part + " " * (width - _length(part))
+                for part, width, to_the_right in zip(parts, widths, right, strict=True)
+            ]
+            text = "  ".join(padded).rstrip()
+            click.echo(click.style(text, bold=True) if bold and number == 0 else text)
 
 
-def column_widths(rows: Sequence[Sequence[Any]], width: int) -> list[int]:
+def show_sheets(sheets: Iterable[Sheet]) -> None:
+    """Print tables with what is above and below them."""
+    for sheet in sheets:
+        table(sheet.title, sheet.header, sheet.rows)
+        if sheet.below:
+            click.echo(sheet.below)
+
+
+def column_widths(rows: Sequence[Sequence[str]], width: int) -> list[int]:
     """Widths of columns two letters apart that fit in, as far as no word is broken: the widest give way first.
 
-    Names of effects and parameters are copied into commands; nothing is cut off at the edge.
+    Names of effects and parameters are copied into commands.
     """
-    from rich.cells import cell_len
-
-    columns = [[str(cell) for cell in column] for column in zip(*rows, strict=True)]
-    widths = [max(map(cell_len, column)) for column in columns]
-    least = [max((cell_len(w) for cell in c for w in cell.split()), default=0) for c in columns]
+    columns = [[line for cell in column for line in cell.split("\n")] for column in zip(*rows, strict=True)]
+    widths = [max(map(_length, column)) for column in columns]
+    least = [max((_length(w) for cell in c for w in cell.split()), default=0) for c in columns]
     least = [min(word, LONGEST_WORD) for word in least]
     while sum(widths) + 2 * (len(widths) - 1) > width:
         shrinkable = [k for k, size in enumerate(widths) if size > least[k]]
@@ -103,37 +103,18 @@ def column_widths(rows: Sequence[Sequence[Any]], width: int) -> list[int]:
     return widths
 
 
-def plain_lines(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[str] | None:
-    """The lines that rich prints into a file or a pipe, without loading it; None where it is more than that.
-
-    It is more for a terminal, for a table that does not fit in, and for letters that are not one column wide.
-    """
-    if sys.stdout.isatty() or any(name in os.environ for name in _OF_A_TERMINAL):
-        return None
-    if any(mark in name for name in (title, *header) for mark in "[:\\"):  # rich takes it for markup
-        return None
-    cells = [list(header), *([str(cell) for cell in row] for row in rows)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    width = sum(widths) + 2 * (len(widths) - 1)
-    every = [title, *(cell for row in cells for cell in row)]
-    columns = os.environ.get("COLUMNS", "")
-    if width > int(columns if columns.isdecimal() else _WIDTH) or len(title) > width:
-        return None
-    if not all(cell.isascii() and cell.isprintable() and cell == cell.strip() for cell in every):
-        return None
-    right = [_numeric(rows, index) for index in range(len(header))]
-    lines = [
-        "  ".join(
-            cell.rjust(w) if to_the_right else cell.ljust(w)
-            for cell, w, to_the_right in zip(row, widths, right, strict=True)
-        )
-        for row in cells
+def _folded(cell: str, width: int) -> list[str]:
+    lines = cell.split("\n")
+    return [
+        part for line in lines for part in (textwrap.wrap(line, width) if _length(line) > width else [line])
     ]
-    return [title.ljust(width), *lines] if title else lines
 
 
-def _numeric(rows: Sequence[Sequence[Any]], index: int) -> bool:
-    return bool(rows) and all(isinstance(row[index], (int, float)) or row[index] == "" for row in rows)
+def _length(text: str) -> int:
+    """Columns of a terminal that a text takes."""
+    if text.isascii():
+        return len(text)
+    return sum(0 if combining(c) else 2 if east_asian_width(c) in "WF" else 1 for c in text)
 
 
 def say(text: str) -> None:
@@ -161,17 +142,17 @@ def add_options(command: click.Command) -> None:
 
 def is_quiet() -> bool:
     """Whether notes and progress are unwanted."""
-    return bool(_asked(_QUIET))
+    return _given(_QUIET)
 
 
 def is_verbose() -> bool:
     """Whether more is to be said."""
-    return bool(_asked(_VERBOSE))
+    return _given(_VERBOSE)
 
 
-def _asked(key: str) -> Any:
+def _given(key: str) -> bool:
     context = click.get_current_context(silent=True)
-    return context is not None and context.meta.get(key, False)
+    return context is not None and bool(context.meta.get(key, False))
 
 
 def _keep(context: click.Context, option: click.Parameter, value: bool) -> None:
@@ -304,7 +285,7 @@ def _checked(context: click.Context, option: click.Parameter, path: Path | None)
 def plot_option(what: str = "") -> Callable[[Any], Any]:
     """The option ``--plot FILE``."""
     text = f"Draw {what} to a .png, .svg or .pdf." if what else "Draw to a .png, .svg or .pdf."
-    return click.option("--plot", type=OutputFile(), callback=_checked, metavar="FILE", help=text)
+    return opt("--plot", OutputFile(), text, "FILE", callback=_checked)
 
 
 def draw(found: Result, plot: Path | None, **options: Any) -> None:

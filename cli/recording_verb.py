@@ -5,8 +5,9 @@ Such a verb takes several recordings, one after the other.
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.options import limit_code, limit_content, show_limit
+from specan_cli.options import EXCEEDED, opening_options, opt
 from specan_cli.output import (
     TABLES,
     OutputFile,
@@ -25,68 +26,14 @@ from specan_cli.output import (
     is_quiet,
     say,
     say_written,
+    show_sheets,
     to_standard_output,
 )
 
 if TYPE_CHECKING:
-    from specan.data.limits import Kept
     from specan.data.recording import Recording
     from specan.io.open import Found
-    from specan.result import RecordingResult, Result
-    from specan.units import Quantity
-
-
-def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options that say what the file itself does not: channel table, calibration, sampling rate.
-
-    The callback gets them as one dict `opening`.
-    """
-
-    @wraps(command)
-    def gathered(
-        channel_table: Path | None, calibration: Path | None, sampling_rate: float | None, **options: Any
-    ) -> Any:
-        opening = {"channel_table": channel_table, "calibration": calibration, "sampling_rate": sampling_rate}
-        return command(opening=opening, **options)
-
-    options = [
-        click.option("--channel-table", type=click.Path(path_type=Path), help="Roles, units, sensitivities."),
-        click.option(
-            "--calibration",
-            type=click.Path(path_type=Path),
-            help="A calibration.toml to apply, or none.  [default: calibration.toml beside the file]",
-        ),
-        click.option(
-            "--sampling-rate", type=float, metavar="HZ", help="Sampling rate, instead of that in the file."
-        ),
-    ]
-    found: Callable[..., Any] = gathered
-    for option in reversed(options):
-        found = option(found)
-    return found
-
-
-def section_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options for a time section and the channels."""
-    options = [
-        click.option("--channel", "channels", multiple=True, help="A channel or a pattern; repeatable."),
-        click.option(
-            "--start", "start_s", type=float, default=0.0, metavar="S", help="Start of the section."
-        ),
-        click.option("--stop", "stop_s", type=float, metavar="S", help="End of the section."),
-    ]
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
-def quantity_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The option ``--quantity``."""
-    return click.option(
-        "--quantity",
-        type=click.Choice(["displacement", "velocity", "acceleration"]),
-        help="Of channels of motion: integrated or differentiated.  [default: as measured, a vibrometer's velocity]",
-    )(command)
+    from specan.result import RecordingResult
 
 
 def given(**options: Any) -> dict[str, Any]:
@@ -100,7 +47,7 @@ def say_calibration(found: Any) -> None:
         click.echo(f"Calibration: {said}.")
 
 
-def say_notes(notes: tuple[str, ...], flags: dict[str, tuple[str, ...]]) -> None:
+def say_notes(notes: Sequence[str], flags: Mapping[str, Sequence[str]]) -> None:
     """Notes and flags, on standard error."""
     for note in () if is_quiet() else notes:
         say(f"Note: {note}.")
@@ -109,13 +56,10 @@ def say_notes(notes: tuple[str, ...], flags: dict[str, tuple[str, ...]]) -> None
             say(f"Warning: {name}: {', '.join(words)}.")
 
 
-PARAMETER = "file"  # the callback gets one path under this name
-
-
 class RecordingVerb(Verb):
     """A verb for a recording. Of several, each is analysed by itself, and one that fails costs only itself.
 
-    A directory stands for all recordings in it. The callback sees one file at a time; the JSON of several is one
+    A directory stands for all recordings in it. The callback sees one `file` at a time; the JSON of several is one
     object, ``{"files": [...], "failures": [...]}``.
     """
 
@@ -123,11 +67,11 @@ class RecordingVerb(Verb):
         """One file as it always was; several in turn."""
         from numpy import errstate
 
-        files = [one.path for one in expand(ctx.params[PARAMETER])]
+        files = [one.path for one in expand(ctx.params["file"])]
         # What is not a number, or too large for one, is flagged in the result.
         with errstate(all="ignore"):
             if len(files) == 1:
-                ctx.params[PARAMETER] = files[0]
+                ctx.params["file"] = files[0]
                 return super().invoke(ctx)
             return self._several(ctx, files)
 
@@ -142,7 +86,7 @@ class RecordingVerb(Verb):
                 )
         done, failures, faults, code = [], list[dict[str, str]](), list[Exception](), 0
         for path in files:
-            ctx.params[PARAMETER] = path
+            ctx.params["file"] = path
             try:
                 with collecting(ctx) as content:
                     code = max(code, super().invoke(ctx) or 0)
@@ -191,9 +135,9 @@ class Source:
     """A recording that is to be opened, and what its file does not say of it."""
 
     file: Path
-    opening: dict[str, Any]
+    opening: Mapping[str, Any]
 
-    def open(self, quantity: Quantity | None = None) -> Recording:
+    def open(self, quantity: Any = None) -> Recording:
         """The recording; on a terminal it shows how far it has been read."""
         from specan.api.recordings import read
         from specan_cli.progress import Shown
@@ -216,52 +160,57 @@ class Delivery:
 
     @property
     def wants_json(self) -> bool:
-        """Whether the whole result is asked for as JSON, on standard output or in a file."""
+        """Whether the whole result is wanted as JSON, on standard output or in a file."""
         return self.as_json or (self.output is not None and not self.writes_table)
 
     def __call__(
         self,
         found: RecordingResult,
-        show: Callable[[], None],
-        content: Callable[[], Any] | None = None,
-        flags: Sequence[tuple[str, ...]] = (),
+        *,
+        shown: Mapping[str, Any] | None = None,
+        more: Mapping[str, Any] | None = None,
         limit: Path | None = None,
-        kept: Sequence[Kept] = (),
         **drawn: Any,
     ) -> int:
-        """Draw and write a result where that was asked for, print it, and say its notes.
+        """Draw and write a result where that is wanted, print it, and say its notes.
 
-        Nothing is printed to read where the text itself goes to standard output. `flags` are those of each channel,
-        `kept` how each keeps to a `limit`, which is also what the exit code says.
+        Nothing is printed to read where the text itself goes to standard output. `shown` are options of the tables on
+        the screen, `drawn` of the figure; `more` stands in the JSON as well. The exit code says whether a `limit` is
+        kept.
         """
+        from specan.io.limit_file import read_limits
         from specan.io.results_text import write_result
 
+        kept = [] if limit is None else found.keeps(read_limits(limit))
         draw(found, self.plot, **drawn)
-        if self.output is not None and self.output.suffix.lower() == ".json":
-            _write_json(self.output, found)
-        elif self.output is not None:
+        if self.writes_table and self.output is not None:
             write_result(found, self.output)
+        elif self.output is not None:
+            _write_json(self.output, found.to_json())
         if self.as_json:
-            emit_json({**(found.to_json() if content is None else content()), **limit_content(kept)})
+            names = ("channel", "passed", "excess_dB", "place", "compared")
+            limits = [{name: getattr(one, name) for name in names} for one in kept]
+            emit_json({**found.to_json(), **(more or {}), **({"limits": limits} if kept else {})})
         elif not to_standard_output(self.output):
-            show()
+            show_sheets(found.sheets(**(shown or {})))
             say_calibration(found)
-            show_limit(limit, kept)
+            for one in kept:
+                distance = f"{abs(one.excess_dB):.2f} dB"
+                text = f"passed, {distance} below" if one.passed else f"FAILED, {distance} beyond"
+                label = "" if limit is None else limit.name
+                where = f"the limit at {one.place} ({one.compared} compared)"
+                click.echo(f"Limits {label}: {one.channel}: {text} {where}")
             say_written(self.plot, self.output)
-        say_notes(found.notes, dict(zip(found.channels, flags)))
-        return limit_code(kept)
+        say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
+        return 0 if all(one.passed for one in kept) else EXCEEDED
 
 
-def _write_json(path: Path, found: Result) -> None:
-    import json
-
+def _write_json(path: Path, content: Mapping[str, Any]) -> None:
     from specan import __version__
     from specan.io.output_file import text_file
 
     with text_file(path) as file:
-        json.dump(
-            {"written_by": f"specan {__version__}", **found.to_json()}, file, indent=2, ensure_ascii=False
-        )
+        json.dump({"written_by": f"specan {__version__}", **content}, file, indent=2, ensure_ascii=False)
         file.write("\n")
 
 
@@ -274,29 +223,31 @@ def recording_verb(name: str, what: str = "everything") -> Callable[[Any], click
     def make(function: Callable[..., int]) -> click.Command:
         own = function.__dict__.pop("__click_params__", [])
 
-        @click.option(
-            "-o",
-            "--output",
-            type=OutputFile(*TABLES, ".json"),
-            help=f"Write {what} as text, or as .csv, .xlsx, .parquet or .json.",
+        @opt(
+            "-o --output",
+            OutputFile(*TABLES, ".json"),
+            f"Write {what} as text, or as .csv, .xlsx, .parquet or .json.",
         )
-        @click.option("--json", "as_json", is_flag=True, help=f"Print {what} as JSON.")
+        @opt("--json as_json", bool, f"Print {what} as JSON.")
         @opening_options
         @wraps(function)
         def gathered(
-            file: Path,
-            opening: dict[str, Any],
-            output: Path | None,
-            as_json: bool,
-            plot: Path | None,
-            **options: Any,
+            file: Path, output: Path | None, as_json: bool, plot: Path | None, **options: Any
         ) -> int:
-            return function(Source(file, opening), Delivery(plot, output, as_json), **options)
+            source, own_options = opened_with(file, options)
+            return function(source, Delivery(plot, output, as_json), **own_options)
 
-        gathered.__click_params__ += own  # type: ignore[attr-defined]
+        gathered.__click_params__ += own
         files = click.argument(
-            PARAMETER, nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE..."
+            "file", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE..."
         )
         return click.command(name, cls=RecordingVerb)(files(gathered))
 
     return make
+
+
+def opened_with(file: Path, options: Mapping[str, Any]) -> tuple[Source, dict[str, Any]]:
+    """A source with the options of `opening_options`, and the other options."""
+    names = ("channel_table", "calibration", "sampling_rate")
+    opening = {name: options[name] for name in names}
+    return Source(file, opening), {name: value for name, value in options.items() if name not in names}

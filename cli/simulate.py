@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.options import opt
 from specan_cli.output import OutputFile, Verb, add_options
 
 if TYPE_CHECKING:
@@ -26,30 +27,28 @@ ENTRY_POINTS = (
 
 
 @click.argument("rig", type=click.Path(path_type=Path), metavar="[RIG.toml]", required=False)
-@click.option(
-    "-o", "--output", type=OutputFile(), help="File to write: a table, a recording (.tdms), a figure."
-)
-@click.option(
-    "--effects", "-e", multiple=True, metavar="NAME[.PARAMETER][=VALUE]",
-    help="An effect to switch on, or a parameter of one: seal-drag=0.2, churning.exponent=1.6; repeatable.",
+@opt("-o --output", OutputFile(), "File to write: a table, a recording (.tdms), a figure.")
+@opt(
+    "--effects -e", None,
+    "An effect to switch on, or a parameter of one: seal-drag=0.2, churning.exponent=1.6; repeatable.",
+    "NAME[.PARAMETER][=VALUE]", multiple=True,
 )  # fmt: skip
-@click.option(
-    "--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE",
-    help="Change a value of the rig file: model.mesh=article, oil.viscosity_40C_mm2_s=320.",
+@opt(
+    "--set settings", None,
+    "Change a value of the rig file: model.mesh=article, oil.viscosity_40C_mm2_s=320.", "TABLE.KEY=VALUE",
+    multiple=True,
 )  # fmt: skip
-@click.option(
-    "--effect-file", "effect_files", type=click.Path(path_type=Path), multiple=True,
-    help="A Python file with effects of your own; repeatable.",
+@opt(
+    "--effect-file effect_files", Path, "A Python file with effects of your own; repeatable.",
+    multiple=True,
 )  # fmt: skip
-@click.option(
-    "--without", multiple=True, metavar="NAME", help="An effect of the base to switch off; repeatable."
-)
-@click.option(
-    "--noise", type=float, default=0.0, metavar="SD",
-    help="Standard deviation of what a reading or a channel adds, in its unit.",
+@opt("--without", None, "An effect of the base to switch off; repeatable.", "NAME", multiple=True)
+@opt(
+    "--noise", float, "Standard deviation of what a reading or a channel adds, in its unit.", "SD",
+    default=0.0,
 )  # fmt: skip
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
-@click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
+@opt("--seed", int, "Seed of the noise.", default=0, show_default=True)
+@opt("--json as_json", bool, "Print the rows as JSON.")
 def _simulate(
     model_name: str,
     run: Run,

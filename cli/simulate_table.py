@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from specan.errors import RequestError
+from specan_cli.options import opt
 from specan_cli.output import emit_json, say
 from specan_cli.output import table as print_table
 
@@ -24,13 +25,12 @@ MOST_PRINTED = 60  # rows that a person reads on a terminal
 def table_options(function: Callable[..., None]) -> Callable[..., None]:
     """Options of a simulator that writes a table: its conditions, and how often each is read."""
     for option in (
-        click.option("--repeats", type=click.IntRange(min=1), default=1, help="Readings of each condition."),
-        click.option(
-            "--conditions", type=click.Path(path_type=Path), help="Use the conditions of the rows of a table."
-        ),
-        click.option(
-            "--grid", multiple=True, metavar="COLUMN=VALUES",
-            help="Values of a condition: speed_rpm=1200,1500 or speed_rpm=300:3000:10 (ten values); repeatable.",
+        opt("--repeats", click.IntRange(min=1), "Readings of each condition.", default=1),
+        opt("--conditions", Path, "Use the conditions of the rows of a table."),
+        opt(
+            "--grid", None,
+            "Values of a condition: speed_rpm=1200,1500 or speed_rpm=300:3000:10 (ten values); repeatable.",
+            "COLUMN=VALUES", multiple=True,
         ),
     ):  # fmt: skip
         function = option(function)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.main import LazyGroup
+from specan_cli.options import json_option, opt, together
 from specan_cli.output import is_quiet, say, table
 
 if TYPE_CHECKING:
@@ -66,22 +67,14 @@ def command() -> None:
         os.environ.setdefault(name, "1")
 
 
-def study_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The study's directory, own effect files, JSON."""
-    for decorate in (
-        click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
-        click.option(
-            "--effect",
-            "effects",
-            multiple=True,
-            type=click.Path(path_type=Path),
-            metavar="FILE",
-            help="Add and trust a Python file with your own effects; repeatable.",
-        ),
-        click.argument("directory", type=click.Path(path_type=Path), metavar="DIR"),
-    ):
-        function = decorate(function)
-    return function
+study_options = together(
+    click.argument("directory", type=click.Path(path_type=Path), metavar="DIR"),
+    opt(
+        "--effect effects", Path, "Add and trust a Python file with your own effects; repeatable.", "FILE",
+        multiple=True,
+    ),
+    json_option,
+)  # fmt: skip
 
 
 def open_study(directory: Path, effects: Sequence[Path] = (), accept_changes: bool = False) -> Study:

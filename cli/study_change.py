@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.options import opt, together
 from specan_cli.output import Verb, draw, emit_json, plot_option, table
 from specan_cli.study import open_study, parameter_table, study_options
 
@@ -15,16 +15,12 @@ if TYPE_CHECKING:
     from specan.study.edit import Change
 
 
-def change_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Study, effect, reason and figure of a step that changes the model."""
-    for decorate in (
-        plot_option("measurement and changed model"),
-        click.option("--because", default="", metavar="TEXT", help="Reason, kept in the history."),
-        click.argument("effect_name", metavar="EFFECT"),
-        study_options,
-    ):
-        command = decorate(command)
-    return command
+change_options = together(
+    study_options,
+    click.argument("effect_name", metavar="EFFECT"),
+    opt("--because", None, "Reason, kept in the history.", "TEXT", default=""),
+    plot_option("measurement and changed model"),
+)
 
 
 @click.command("add", cls=Verb)

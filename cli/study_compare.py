@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from specan_cli.options import opt
 from specan_cli.output import Verb, draw, emit_json, plot_option, say, table
 from specan_cli.study import error_table, open_study, parameter_table, probability, study_options
 
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 @click.command("compare", cls=Verb)
 @study_options
 @plot_option("measured and model")
-@click.option("--channel", metavar="NAME", help="Recordings: the channel whose curves --plot shows.")
-@click.option("--accept-changes", is_flag=True, help="Continue although measured files have changed.")
+@opt("--channel", None, "Recordings: the channel whose curves --plot shows.", "NAME")
+@opt("--accept-changes", bool, "Continue although measured files have changed.")
 def command(
     directory: Path,
     effects: tuple[Path, ...],

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.options import opt
 from specan_cli.output import Verb, draw_beside, emit_json, plot_option, say, table
 from specan_cli.study import open_study, probability, study_options, told
 
@@ -34,19 +35,16 @@ SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell
 @click.command("diagnose", cls=Verb)
 @study_options
 @plot_option("the candidates in their order")
-@click.option("--bootstrap", is_flag=True, help="Family-wise probabilities by simulation (slower).")
-@click.option(
-    "--probabilities",
-    is_flag=True,
-    help="Tables: how probable each explanation is, a fault of the data and an unknown effect included.",
-)
-@click.option(
-    "--jobs",
-    type=click.IntRange(1),
-    default=1,
+@opt("--bootstrap", bool, "Family-wise probabilities by simulation (slower).")
+@opt(
+    "--probabilities", bool,
+    "Tables: how probable each explanation is, a fault of the data and an unknown effect included.",
+)  # fmt: skip
+@opt(
+    "--jobs", click.IntRange(1),
+    "Number of processes for transfer functions, on Linux; the result is the same.", default=1,
     show_default=True,
-    help="Number of processes for transfer functions, on Linux; the result is the same.",
-)
+)  # fmt: skip
 def command(
     directory: Path,
     effects: tuple[Path, ...],

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
+from specan_cli.options import opt
 from specan_cli.output import Verb, draw, plot_option
 
 
 @click.command("history", cls=Verb)
 @click.argument("directory", type=click.Path(path_type=Path), metavar="DIR")
 @plot_option("the staircase of errors")
-@click.option("--json", "as_json", is_flag=True, help="Print the steps as JSON.")
+@opt("--json as_json", bool, "Print the steps as JSON.")
 def command(directory: Path, plot: Path | None, as_json: bool) -> None:
     """Show every step of DIR with its error on fitted and on held-out data.
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
+from specan_cli.options import json_option, opt
 from specan_cli.output import Verb, plot_option
 
 FILE = click.Path(path_type=Path)
@@ -13,38 +15,48 @@ FILE = click.Path(path_type=Path)
 
 @click.command("new", cls=Verb)
 @click.argument("directory", type=FILE, metavar="DIR")
-@click.option("--model", "model_name", required=True, metavar="NAME|FILE.py|FILE.fmu",
-              help="A model (see specan model list), or a Python file with one of your own.")  # fmt: skip
-@click.option("--rig", type=FILE, help="Rig file: description of the set-up (TOML).")
-@click.option("--measurement", "measurements", multiple=True, type=FILE, required=True, metavar="FILE",
-              help="Measured data to fit; repeatable.")  # fmt: skip
-@click.option("--column", "columns", multiple=True, metavar="NAME=HEADER",
-              help="Header of a column of the model in the table, with its unit: \"speed_rpm=n [1/min]\"; repeatable. "
-              "Unknown columns are ignored then.")  # fmt: skip
-@click.option("--group", "groups", multiple=True, metavar="NAME",
-              help="A column of names, such as specimen: is a parameter different for each? Repeatable.")  # fmt: skip
-@click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
-              help="Measured data that are predicted and never fitted; repeatable.")  # fmt: skip
-@click.option("--hold-out", multiple=True, metavar="KEY=V,V...",
-              help="Conditions to hold out of the fit: torque=60, speed_rpm=2000..2400; repeatable.")  # fmt: skip
-@click.option("--calibration", type=FILE, help="A calibration.toml for recordings.")
-@click.option("--effects", metavar="NAME,NAME...|none",
-              help="Initial effects [default: those of the model's base; none: without effects].")  # fmt: skip
+@opt(
+    "--model model_name", None, "A model (see specan model list), or a Python file with one of your own.",
+    "NAME|FILE.py|FILE.fmu", required=True,
+)  # fmt: skip
+@opt("--rig", Path, "Rig file: description of the set-up (TOML).")
+@opt(
+    "--measurement measurements", Path, "Measured data to fit; repeatable.", "FILE", multiple=True,
+    required=True,
+)  # fmt: skip
+@opt(
+    "--column columns", None,
+    "Header of a column of the model in the table, with its unit: \"speed_rpm=n [1/min]\"; repeatable. "
+    "Unknown columns are ignored then.", "NAME=HEADER", multiple=True,
+)  # fmt: skip
+@opt(
+    "--group groups", None,
+    "A column of names, such as specimen: is a parameter different for each? Repeatable.", "NAME",
+    multiple=True,
+)  # fmt: skip
+@opt(
+    "--validation validations", Path, "Measured data that are predicted and never fitted; repeatable.",
+    "FILE", multiple=True,
+)  # fmt: skip
+@opt(
+    "--hold-out", None, "Conditions to hold out of the fit: torque=60, speed_rpm=2000..2400; repeatable.",
+    "KEY=V,V...", multiple=True,
+)  # fmt: skip
+@opt("--calibration", Path, "A calibration.toml for recordings.")
+@opt(
+    "--effects", None, "Initial effects [default: those of the model's base; none: without effects].",
+    "NAME,NAME...|none",
+)  # fmt: skip
 @plot_option("measured and model")
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@json_option
 def command(
     directory: Path,
-    model_name: str,
-    rig: Path | None,
-    measurements: tuple[Path, ...],
     columns: tuple[str, ...],
-    groups: tuple[str, ...],
-    validations: tuple[Path, ...],
-    hold_out: tuple[str, ...],
-    calibration: Path | None,
     effects: str | None,
+    measurements: tuple[Path, ...],
     plot: Path | None,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Create a study in DIR and list the assumptions.
 
@@ -61,15 +73,12 @@ def command(
     )
     begun = begin(
         directory,
-        model_name,
-        rig,
+        options.pop("model_name"),
+        options.pop("rig"),
         measurements,
-        validations=validations,
-        hold_out=hold_out,
-        calibration=calibration,
         effects=chosen,
         columns=_named_columns(columns),
-        groups=groups,
+        **options,
     )
     _show(begun, as_json)
     if plot is not None:

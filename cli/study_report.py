@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
+from specan_cli.options import opt
 from specan_cli.output import OutputFile, Verb, say_written, to_standard_output
 from specan_cli.study import open_study, study_options
 
 
 @click.command("report", cls=Verb)
 @study_options
-@click.option("-o", "--output", required=True, type=OutputFile(), help="HTML file to write.")
+@opt("-o --output", OutputFile(), "HTML file to write.", required=True)
 def command(directory: Path, effects: tuple[Path, ...], as_json: bool, output: Path) -> None:
     """Write a report of DIR on one page: figures, verdict, history, assumptions.
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SHOWN_ROWS = 12  # of a table in a notebook
+
+
+class Sheet(NamedTuple):
+    """A table that a person reads: on a terminal, on the page, in a notebook."""
+
+    title: str
+    header: list[str]
+    rows: list[list[Any]]
+    below: str = ""
 
 
 class Result:
@@ -41,18 +50,18 @@ class Result:
         """What `to_json` gives, with arrays in it."""
         return {"rows": records(**self.columns())}
 
-    def overview(self) -> pd.DataFrame:
-        """The table that a notebook shows; the whole data frame unless a result has thousands of rows."""
-        return self.to_dataframe()
+    def sheets(self) -> list[Sheet]:
+        """Tables for a person, as the verb prints them."""
+        columns = self.columns()
+        rows = [[cell(v, ".6g") for v in row] for row in zip(*columns.values(), strict=True)]
+        return [Sheet("", list(columns), rows)]
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.summary()}>"
 
     def _repr_html_(self) -> str:
-        sheet = self.overview().to_html(
-            max_rows=_SHOWN_ROWS, index=False, border=0, float_format="{:.6g}".format
-        )
-        return f"<p><b>{escape(type(self).__name__)}</b> {escape(self.summary())}</p>{sheet}"
+        tables = "".join(_as_html(sheet) for sheet in self.sheets())
+        return f"<p><b>{escape(type(self).__name__)}</b> {escape(self.summary())}</p>{tables}"
 
     def to_json(self) -> dict[str, Any]:
         """What ``--json`` of its verb prints, as plain values; what is not finite is None.
@@ -137,6 +146,10 @@ class RecordingResult(Result):
         """What `content` says of each channel; its name aside."""
         raise NotImplementedError
 
+    def keeps(self, limits: Any) -> list[Any]:
+        """How each channel keeps to limits (`specan.data.limits`)."""
+        raise NotImplementedError
+
     def about(self) -> list[str]:
         """Lines above the table in a text file."""
         raise NotImplementedError
@@ -159,6 +172,30 @@ class RecordingResult(Result):
         """What `to_json` gives, with arrays in it."""
         channels = records(channel=self.channels, **self.of_channels())
         return {"file": self.label, **self.facts(), "channels": channels, **picked(self, "notes settings")}
+
+
+def cell(value: Any, form: str = ".2f") -> str:
+    """A number in a table for a person; empty where there is none.
+
+    Examples
+    --------
+    >>> cell(94.0123), cell(float("nan")), cell(0.012345, ".3g"), cell("Pa")
+    ('94.01', '', '0.0123', 'Pa')
+    """
+    return (
+        str(value)
+        if isinstance(value, str)
+        else ""
+        if value is None or value != value
+        else format(value, form)
+    )
+
+
+def _as_html(sheet: Sheet) -> str:
+    lines = [sheet.header, *sheet.rows[:_SHOWN_ROWS]]
+    rows = ("".join(f"<td>{escape(str(one))}</td>" for one in line) for line in lines)
+    more = f"<p>... {len(sheet.rows)} rows</p>" if len(sheet.rows) > _SHOWN_ROWS else ""
+    return f"<p>{escape(sheet.title)}</p><table>{''.join(f'<tr>{row}</tr>' for row in rows)}</table>{more}"
 
 
 def picked(found: Any, names: str) -> dict[str, Any]:

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import RecordingResult, counted, picked, records
+from specan.result import RecordingResult, Sheet, cell, counted, picked, records
 from specan.units import LevelReference
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from specan.data.limits import Kept, LimitCurve
 
 Real = NDArray[np.float64]
 
 # 18.9 degrees of freedom of bandwidth times time: a level that scatters by more than 1 dB.
 LOW_BT_DB = 1.0
+_WIDE = 6  # channels that stand side by side in a table
 
 EDGES_DB = 0.5
 """By how much the cut at the ends of a section changes a level that is flagged ``edges``."""
@@ -218,10 +219,64 @@ class BandLevels(RecordingResult):
             found["overall_history_max_dB"] = records(**self.history.overall_max_dB)
         return found
 
-    def overview(self) -> pd.DataFrame:
-        """Levels with a row for each band and a column for each channel."""
-        frame = self.to_dataframe().pivot(index="nominal_hz", columns="channel", values="level_dB")
-        return frame.reindex(columns=list(self.channels)).reset_index()
+    def sheets(self) -> list[Sheet]:
+        """A row a band and a column a channel, a few channels side by side; the overall levels below."""
+        found = []
+        for first in range(0, len(self.channels), _WIDE):
+            rows = list(range(first, min(first + _WIDE, len(self.channels))))
+            own = [self.flags[r] for r in rows]
+            lines = [
+                [
+                    f"{nominal:g}", *(cell(self.level_dB[r, band]) for r in rows), f"{self.u_dB[band]:.2f}",
+                    _common_words([self.band_flags(r, band) for r in rows], own),
+                ]
+                for band, nominal in enumerate(self.nominal_hz)
+            ] + [
+                [
+                    f"overall {weighting}", *(cell(values[r]) for r in rows), "",
+                    _common_words([self.overall_flags(r, weighting) for r in rows], own),
+                ]
+                for weighting, values in self.overall_dB.items()
+                if np.isfinite(values[rows]).any()
+            ]  # fmt: skip
+            header = [f"{self.channels[r]}\ndB re {self.references[r].text}" for r in rows]
+            found.append(Sheet(self._title() if not first else "", ["Hz", *header, "u dB", ""], lines))
+        found += [self._percentiles(row) for row in range(len(self.channels)) if self.percentile_dB]
+        exceeded = "LN: level exceeded during N % of the time that follows settling.\n"
+        below = f"u: standard deviation of noise. Settling: {self.settling}."
+        found[-1] = found[-1]._replace(below=(exceeded if self.percentile_dB else "") + below)
+        return found
+
+    def _title(self) -> str:
+        held = f", {self.hold} hold" if self.hold else ""
+        return (
+            f"{self.label}: {division_name(self.fraction)} levels, {self.weighting} weighting, {self.averaging} "
+            f"averaging{held}, {self.start_s:g} s to {self.start_s + self.duration_s:g} s"
+        )
+
+    def _percentiles(self, row: int) -> Sheet:
+        """A row a band and a column a percentage, of one channel."""
+        bands, totals = self.percentile_dB or {}, self.percentile_overall_dB or {}
+        lines = [
+            [f"{nominal:g}", *(cell(values[row, band]) for values in bands.values())]
+            for band, nominal in enumerate(self.nominal_hz)
+        ]
+        lines += [
+            [f"overall {weighting}", *(cell(total[weighting][row]) for total in totals.values())]
+            for weighting, levels in self.overall_dB.items()
+            if levels[row] == levels[row]
+        ]
+        title = f"{self.channels[row]} / dB re {self.references[row].text}"
+        return Sheet(title, ["Hz", *map(percentile_name, bands)], lines)
+
+    def keeps(self, limits: LimitCurve) -> list[Kept]:
+        """How each channel keeps to limits."""
+        return [
+            limits.of_bands(
+                name, self.nominal_hz, self.level_dB[row], {w: float(v[row]) for w, v in self.overall_dB.items()}
+            )
+            for row, name in enumerate(self.channels)
+        ]  # fmt: skip
 
     @property
     def edges(self) -> NDArray[np.bool_]:
@@ -263,6 +318,17 @@ class BandLevels(RecordingResult):
         if self.other is not None and self.overall_edges(weighting)[channel]:
             words += _edges("counted", self.other.overall_dB[weighting][channel])
         return tuple(words)
+
+
+def _common_words(flags: Sequence[tuple[str, ...]], known: Sequence[tuple[str, ...]]) -> str:
+    """Words for one line of several channels; what has a value has one for each channel, - where it does not hold."""
+    found = [[word for word in words if word not in mine] for words, mine in zip(flags, known)]
+    plain = sorted({word for words in found for word in words if "=" not in word})
+    names = dict.fromkeys(word.split("=")[0] for words in found for word in words if "=" in word)
+    for name in names:
+        values = [next((w.split("=")[1] for w in words if w.startswith(f"{name}=")), "-") for words in found]
+        plain.append(f"{name}=" + "/".join(v if v == "-" else f"{float(v):.2f}" for v in values))
+    return " ".join(plain)
 
 
 def division_name(division: int | str, *, width: bool = False) -> str:

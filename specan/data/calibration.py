@@ -9,7 +9,7 @@ from typing import Any, Literal
 from specan.data.channel import Channel, PhaseCalibration, gain_of, matches
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
-from specan.result import Result, counted
+from specan.result import Result, Sheet, cell, counted
 
 Verdict = Literal["good", "doubtful", "failed"]
 VERDICTS: tuple[Verdict, ...] = ("good", "doubtful", "failed")
@@ -160,11 +160,51 @@ class Calibration(Result):
         ]
         return {name: [row[name] for row in rows] for name in (rows[0] if rows else {"channel": ""})}
 
+    def sheets(self, budget: bool = False) -> list[Sheet]:
+        """Sensitivity and phase of each channel; where their uncertainties come from (GUM, 7.2.7)."""
+        tone, level = self.calibrator_frequency_hz, self.calibrator_level_dB
+        title = (
+            "Calibration"
+            + (f" at {tone:.2f} Hz" if tone else "")
+            + (f", {level:g} dB re 20 uPa" if level else "")
+        )
+        rows = []
+        for c in self.channels:
+            phases, u = (c.phase.phase_deg, c.phase.u_phase_deg) if c.phase else ((), ())
+            rows.append([
+                c.channel, f"{c.sensitivity:.3f}", f"{c.u_sensitivity_percent:.2f}",
+                *(" / ".join(f"{x:.2f}" for x in values) for values in (phases, u)), c.phase.group if c.phase else "",
+                cell(c.scatter_percent, ".3f"), cell(c.drift_percent, ".3f"), "; ".join([c.verdict, *c.reasons]),
+            ])  # fmt: skip
+        header = ["channel", "mV/Pa", "u %", "phase deg", "u deg", "re", "scatter %", "drift %", "verdict"]
+        decided = "\n".join(f"Calibrator: {line}." for line in self.calibrator_decided)
+        found = [Sheet(title, header, rows, decided)]
+        if budget:
+            header = ["channel", "result", "contribution", "type", "u", "unit", "dof", "share %"]
+            rows = [row for c in self.channels for row in _budget(c)]
+            found.append(Sheet("Uncertainty budget", header, rows))
+        return found
+
     def find(self, channel: Channel) -> ChannelCalibration | None:
         """The calibration of a channel, None where there is none."""
         exact = (c for c in self.channels if c.channel in (channel.name, channel.path))
         wild = (c for c in self.channels if matches(c.channel, channel))
         return next(exact, None) or next(wild, None)
+
+
+def _budget(channel: ChannelCalibration) -> list[list[str]]:
+    """Rows of the budget; the share is of the variance."""
+    totals: dict[str, float] = {}
+    for part in channel.budget:
+        totals[part.of] = totals.get(part.of, 0.0) + part.u**2
+    return [
+        [
+            channel.channel, part.of, part.name, part.type, f"{part.u:.4f}", part.unit,
+            "" if part.dof is None else str(part.dof),
+            f"{100 * part.u**2 / totals[part.of]:.0f}" if totals[part.of] else "",
+        ]
+        for part in channel.budget
+    ]  # fmt: skip
 
 
 def _tones(channel: ChannelCalibration) -> list[tuple[float | None, float | None, float | None]]:

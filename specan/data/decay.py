@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording
-from specan.result import RecordingResult, Result, counted, crossed, picked
+from specan.result import RecordingResult, Result, Sheet, cell, counted, crossed, picked
 
 Real = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ class DecayTimes(RecordingResult):
         """C = 100 (T30 / T20 - 1) (ISO 3382-2:2008, B.3)."""
         return 100.0 * (self.t30_s / self.t20_s - 1.0)
 
-    def flags(self, row: int, band: int) -> tuple[str, ...]:
+    def band_flags(self, row: int, band: int) -> tuple[str, ...]:
         """What is wrong with a band: the channel's words, or ``low-BT``, ``low-range``, ``not-linear``, ``curved``."""
         best = self.t30_s[row, band] if np.isfinite(self.t30_s[row, band]) else self.t20_s[row, band]
         words = {
@@ -123,6 +123,30 @@ class DecayTimes(RecordingResult):
             }
             yield {**bands, **digits, "flags": table["flags"]}
 
+    def sheets(self) -> list[Sheet]:
+        """A table a channel, a row a band."""
+        forms = {**dict.fromkeys(TIMES, ".3f"), "c80_dB": ".1f", "d50_percent": ".1f", "range_dB": ".0f"}
+        header = ["Hz", "EDT s", "T20 s", "u s", "T30 s", "u s", "C80 dB", "D50 %", "range dB", ""]
+        found = [
+            Sheet(
+                f"{self.label}, {name}: 1/{self.fraction} octave bands",
+                header,
+                [
+                    [
+                        f"{nominal:g}", *(cell(getattr(self, key)[row, band], form) for key, form in forms.items()),
+                        " ".join(self.band_flags(row, band)),
+                    ]
+                    for band, nominal in enumerate(self.nominal_hz)
+                ],
+            )
+            for row, name in enumerate(self.channels)
+        ]  # fmt: skip
+        below = (
+            "--json and -o hold C50 and the centre time as well.\n"
+            "u: standard deviation over positions in a diffuse field (ISO 3382-2:2008, 7.1)."
+        )
+        return [*found[:-1], *(sheet._replace(below=below) for sheet in found[-1:])]
+
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""
         return picked(self, "fraction nominal_hz exact_hz")
@@ -134,7 +158,8 @@ class DecayTimes(RecordingResult):
 
     def _all_flags(self) -> list[list[tuple[str, ...]]]:
         return [
-            [self.flags(row, band) for band in range(self.exact_hz.size)] for row in range(len(self.channels))
+            [self.band_flags(row, band) for band in range(self.exact_hz.size)]
+            for row in range(len(self.channels))
         ]
 
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.result import RecordingResult, counted, picked
-
-if TYPE_CHECKING:
-    import pandas as pd
+from specan.result import RecordingResult, Sheet, counted, picked
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -138,23 +135,34 @@ class FrequencyResponse(RecordingResult):
         names = f"magnitude phase_deg {LINES} degrees_of_freedom {COMMON} delay_s flags"
         return {"unit": self.units, **picked(self, names)}
 
-    def overview(self) -> pd.DataFrame:
-        """One row for each channel: its unit and the line of the largest magnitude."""
-        import pandas as pd
-
-        peak = np.argmax(np.nan_to_num(self.magnitude, nan=-1.0), axis=1)
-        rows = np.arange(len(self.channels))
-        return pd.DataFrame(
-            {
-                "channel": list(self.channels),
-                "unit": list(self.units),
-                "peak_hz": self.frequency_hz[peak],
-                "magnitude": self.magnitude[rows, peak],
-                "phase_deg": self.phase_deg[rows, peak],
-                "coherence": self.coherence[rows, peak],
-                "flags": [" ".join(words) for words in self.flags],
-            }
+    def sheets(self, at_hz: Sequence[float] = ()) -> list[Sheet]:
+        """A row a channel: its highest line, or the lines nearest to some frequencies."""
+        f = self.frequency_hz
+        spacing = f[1] - f[0] if len(f) > 1 else 0.0
+        title = (
+            f"{self.label}: {self.estimator} over {self.reference} ({self.reference_rms:.4g} {self.reference_unit} "
+            f"RMS), {counted(len(f), 'line')} {spacing:.4g} Hz apart, {counted(self.n_blocks, 'block')} "
+            f"({self.n_effective:.0f} independent)"
         )
+        u_percent = np.hypot(self.u_magnitude_percent, self.u_common_percent)
+        u_phase = np.hypot(self.u_phase_deg, self.u_common_phase_deg)
+        one_unit = self.units[0] if len(set(self.units)) == 1 else ""
+        rows = []
+        for row, (name, unit, magnitude) in enumerate(zip(self.channels, self.units, self.magnitude)):
+            lines = [int(np.argmin(np.abs(f - wanted))) for wanted in at_hz]
+            if not at_hz and np.isfinite(magnitude).any():
+                lines = [int(np.nanargmax(magnitude))]
+            rows += [
+                [
+                    name, f"{f[k]:.6g}", f"{magnitude[k]:.5g}" + ("" if one_unit else f" {unit}"),
+                    *(f"{self.phase_deg[row, k]:.2f}", f"{self.coherence[row, k]:.4f}"),
+                    *(f"{u_percent[row, k]:.3g}", f"{u_phase[row, k]:.3g}"),
+                ]
+                for k in lines
+            ] or [[name, *[""] * 6]]  # fmt: skip
+        hertz = "Hz" if at_hz else "peak Hz"
+        header = ["channel", hertz, one_unit or "magnitude", "phase deg", "coherence", "u %", "u deg"]
+        return [Sheet(title, header, rows)]
 
     def between(self, fmin_hz: float, fmax_hz: float) -> FrequencyResponse:
         """The lines from `fmin_hz` to `fmax_hz`.
@@ -196,7 +204,7 @@ class FrequencyResponse(RecordingResult):
 
     @property
     def unwrapped_phase_deg(self) -> Real:
-        """Phase without jumps of 360 degrees; NaN lines are passed over."""
+        """Phase without jumps of 360 degrees; NaN lines stay."""
         phase = self.phase_deg.copy()
         for row in phase:
             known = np.isfinite(row)

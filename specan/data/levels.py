@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import RecordingResult, counted, picked, records
+from specan.result import RecordingResult, Sheet, cell, counted, picked, records
 from specan.units import LevelReference
 
 Real = NDArray[np.float64]
@@ -139,6 +139,39 @@ class SignalLevels(RecordingResult):
             **{f"L{n:g}_dB": values for n, values in self.percentile_dB.items()},
             "flags": [" ".join(words) for words in self.flags],
         }
+
+    def sheets(self) -> list[Sheet]:
+        """The signal, its levels, and their percentiles."""
+        letter, stop = {"fast": "F", "slow": "S"}[self.averaging], self.start_s + self.duration_s
+        weighted = f"the {self.averaging} level, {self.weighting} weighted for Pa"
+        signal = zip(self.channels, self.units, self.rms, self.peak, self.crest_factor, self.mean)
+        levels = zip(
+            self.channels, [r.text for r in self.references], self.level_dB, self.equivalent_dB["A"],
+            self.exposure_dB["A"], self.c_peak_dB, self.max_dB, self.min_dB,
+        )  # fmt: skip
+        header = ["channel", "dB re", "level", "Leq A", "LE A", "C peak", f"{letter} max", f"{letter} min"]
+        return [
+            Sheet(
+                f"{self.label}: {self.start_s:g} s to {stop:g} s, about the mean",
+                ["channel", "unit", "RMS", "peak", "crest", "mean"],
+                [
+                    [name, unit, cell(rms, ".5g"), cell(peak, ".5g"), cell(crest), cell(mean, ".4g")]
+                    for name, unit, rms, peak, crest, mean in signal
+                ],
+            ),
+            Sheet(
+                f"Levels; LE: exposure level; {letter} max, min: of {weighted}",
+                header, [[cell(v) for v in row] for row in levels],
+            ),
+            Sheet(
+                f"Percentiles of {weighted}: LN is exceeded during N % of the time",
+                ["channel", *(f"L{n:g}" for n in self.percentile_dB)],
+                [
+                    [name, *(cell(v[row], ".1f") for v in self.percentile_dB.values())]
+                    for row, name in enumerate(self.channels)
+                ],
+            ),
+        ]  # fmt: skip
 
     def about(self) -> list[str]:
         """Lines above the table in a text file."""

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import RecordingResult, counted, finite, picked, records
+from specan.data.spectrum import highest
+from specan.result import RecordingResult, Sheet, cell, counted, picked, records
 from specan.units import level_reference
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Real = NDArray[np.float64]
 
@@ -155,7 +153,7 @@ class OrderSpectrum(RecordingResult):
         ]
 
     def tables(self) -> Iterable[dict[str, Any]]:
-        """The lines that were asked for, or the spectrum."""
+        """The requested lines, or the spectrum."""
         lines = self.lines
         for row, channel in enumerate(self.channels):
             if lines is None:
@@ -193,41 +191,46 @@ class OrderSpectrum(RecordingResult):
         found = {"unit": self.units, **picked(self, "rms synchronous_rms amplitude average")}
         return found if self.lines is None else {**found, "lines": self.lines.rows()}
 
-    def to_json(self, with_map: bool = False) -> dict[str, Any]:
-        """What ``specan orders --json`` prints, as plain values.
-
-        Parameters
-        ----------
-        with_map : bool
-            Also the amplitudes of every channel over the times and speeds of the map's columns.
-
-        Returns
-        -------
-        dict
-        """
-        found = super().to_json()
-        if with_map:
-            found["columns"] = finite({"time_s": self.time_s, "speed_hz": self.speed_hz})
-            for row, channel in enumerate(found["channels"]):
-                channel["map"] = finite(self.map[:, row])
-        return found
-
-    def overview(self) -> pd.DataFrame:
-        """One row for each channel: RMS, the part that repeats every turn, the highest order."""
-        import pandas as pd
-
-        rows = np.arange(len(self.channels))
-        peak = np.argmax(np.nan_to_num(self.amplitude, nan=-1.0), axis=1)
-        return pd.DataFrame(
-            {
-                "channel": list(self.channels),
-                "unit": list(self.units),
-                "rms": self.rms,
-                "synchronous_rms": self.synchronous_rms,
-                "order": self.order[peak],
-                "amplitude": self.amplitude[rows, peak],
-            }
+    def sheets(self, peaks: int = 3, kurtosis: Mapping[str, Any] | None = None) -> list[Sheet]:
+        """RMS, synchronous part and highest lines of every channel; the given lines, kurtosis in bands."""
+        tacho = self.tacho
+        low, mean, high = tacho.speed_hz
+        source = (
+            "stated"
+            if tacho.channel is None
+            else f"{tacho.channel}, {tacho.pulses} pulses, {tacho.missing} missing, {tacho.double} double, "
+            f"jitter {1e6 * tacho.jitter_s:.3g} us"
         )
+        rows = [
+            [
+                *(["", "", ""] if rank else [name, f"{self.rms[row]:.5g} {unit}", f"{self.synchronous_rms[row]:.5g}"]),
+                f"{self.order[k + 1]:.6g}", f"{self.amplitude[row, k + 1]:.5g} {unit}",
+                f"{self.level_dB[row, k + 1]:.2f}",
+            ]
+            for row, (name, unit) in enumerate(zip(self.channels, self.units))
+            for rank, k in enumerate(highest(self.amplitude[row, 1:], peaks))
+        ]  # fmt: skip
+        speed = f"speed {mean:.6g} Hz ({low:.6g} to {high:.6g}; {source})"
+        header = ["channel", "RMS", "synchronous", "order", "amplitude", "dB"]
+        found = [Sheet(f"{self.label}: {counted(self.turns, 'turn')}, {speed}", header, rows)]
+        if (lines := self.lines) is not None:
+            rows = [
+                [
+                    "" if k else name, f"{order:.6g}", f"{abs(lines.amplitude[row, k]):.5g} {unit}",
+                    cell(lines.u[row, k], ".2g"), cell(lines.u_scatter[row, k], ".2g"),
+                    cell(lines.phase_deg[row, k]),
+                ]
+                for row, (name, unit) in enumerate(zip(self.channels, self.units))
+                for k, order in enumerate(lines.order)
+            ]  # fmt: skip
+            about = "u: one component, from the noise about the line, from blocks"
+            header = ["channel", "order", "amplitude", "u", "u blocks", "phase deg"]
+            found.append(Sheet(f"Lines over {counted(lines.turns, 'turn')}; {about}", header, rows))
+        if kurtosis:
+            header = ["kurtosis", *(f"{low:.0f}-{high:.0f} Hz" for low, high in kurtosis["bands_hz"])]
+            rows = [[name, *map(cell, values)] for name, values in kurtosis["channels"].items()]
+            found.append(Sheet("", header, rows))
+        return found
 
     @property
     def level_dB(self) -> Real:
@@ -258,3 +261,11 @@ class OrderMap(OrderSpectrum):
     def tables(self) -> Iterable[dict[str, Any]]:
         """One row for each channel, speed and order."""
         return RecordingResult.tables(self)
+
+    def facts(self) -> dict[str, Any]:
+        """The columns of the map as well."""
+        return {**super().facts(), "columns": picked(self, "time_s speed_hz")}
+
+    def of_channels(self) -> dict[str, Any]:
+        """The amplitudes over the columns as well."""
+        return {**super().of_channels(), "map": self.map.swapaxes(0, 1)}

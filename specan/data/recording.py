@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from specan.data.channel import Channel, Role, channels_matching, channels_meant, plain_properties, si_unit
 from specan.errors import InputError, RequestError, nearest
-from specan.result import Result, counted, data_set, shortened
+from specan.result import Result, Sheet, counted, data_set, shortened
 from specan.units import MOTION, Quantity
 
 if TYPE_CHECKING:
@@ -205,22 +205,20 @@ class Recording(Result):
             )
         return replace(self, channels=channels)
 
-    def overview(self) -> pd.DataFrame:
+    def sheets(self) -> list[Sheet]:
         """One row for each channel.
 
         Returns
         -------
-        pandas.DataFrame
+        list of Sheet
             Name, group, role, unit, sampling rate, samples, duration.
         """
-        import pandas as pd
-
+        header = ["channel", "group", "role", "unit", "rate Hz", "samples", "duration s"]
         rows = [
-            [c.label, c.group, c.role, c.unit, c.sampling_rate, c.n_samples, c.duration_s]
+            [c.label, c.group, c.role, c.unit, f"{c.sampling_rate:g}", c.n_samples, f"{c.duration_s:g}"]
             for c in self.channels
         ]
-        names = ["channel", "group", "role", "unit", "sampling_rate_hz", "n_samples", "duration_s"]
-        return pd.DataFrame(rows, columns=names)
+        return [Sheet("", header, rows)]
 
     def to_dataframe(
         self, channels: Sequence[str] = (), start_s: float = 0.0, stop_s: float | None = None

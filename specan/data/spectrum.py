@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import RecordingResult, counted, picked
+from specan.result import RecordingResult, Sheet, cell, counted, picked
 from specan.units import level_reference
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from specan.data.limits import Kept, LimitCurve
 
 Real = NDArray[np.float64]
 Scaling = Literal["amplitude", "rms", "psd"]
@@ -132,6 +132,38 @@ class _Lines(RecordingResult):
             f"{scale.enbw_hz:.6g} Hz",
         ]
 
+    def sheets(self, peaks: int = 1) -> list[Sheet]:
+        """The highest lines of every channel, over all times."""
+        scale, over_time = self.scale, self.density.ndim == 3
+        density = self.density.max(axis=1) if over_time else self.density
+        phase, rms = getattr(self, "phase_deg", None), getattr(self, "rms", None)
+        rows = []
+        for row, (name, unit) in enumerate(zip(self.channels, self.units)):
+            values = scale.values(density[row], self.has_mirror)
+            for rank, k in enumerate(highest(values, peaks)):
+                level = float(scale.level_dB(density[row, k : k + 1], unit)[0])
+                rows.append(
+                    [
+                        "" if rank else name,
+                        "" if rank or rms is None else f"{rms[row]:.5g} {unit}",
+                        f"{self.frequency_hz[k]:.6g}",
+                        f"{values[k]:.5g} {scale.unit_of(unit)}",
+                        cell(level) if np.isfinite(level) else "",
+                        scale.level_text(unit).removeprefix("dB re "),
+                        "" if phase is None else f"{phase[row, k]:.2f}",
+                    ]
+                )
+        weighting = "" if scale.weighting == "Z" else f"{scale.weighting} weighting, "
+        title = (
+            f"{self.label}: {scale.scaling}, {scale.window}, lines {scale.line_spacing_hz:.6g} Hz apart, "
+            f"noise bandwidth {scale.enbw_hz:.6g} Hz, {weighting}{self._blocks()}"
+        )
+        return [Sheet(title, ["channel", "RMS", "peak Hz", scale.scaling, "dB", "re", "phase deg"], rows)]
+
+    def _blocks(self) -> str:
+        """What was averaged, in words."""
+        raise NotImplementedError
+
     def _part(self, row: int, place: Any, lines: slice = slice(None)) -> dict[str, Any]:
         """Columns of some lines of one channel."""
         density = self.density[row, place]
@@ -227,22 +259,15 @@ class Spectrum(_Lines):
                 phase = "" if self.phase_deg is None else self.phase_deg[row, piece]
                 yield {"channel": channel, **self._part(row, piece, piece), "phase_deg": phase}
 
-    def overview(self) -> pd.DataFrame:
-        """One row for each channel: its RMS and its highest line."""
-        import pandas as pd
+    def _blocks(self) -> str:
+        return f"{counted(self.n_blocks, 'block')}, averaging {self.averaging}"
 
-        rows, values = np.arange(len(self.channels)), self.values
-        peak = np.argmax(np.nan_to_num(values, nan=-1.0), axis=1)
-        return pd.DataFrame(
-            {
-                "channel": list(self.channels),
-                "unit": list(self.value_units),
-                "rms": self.rms,
-                "peak_hz": self.frequency_hz[peak],
-                self.scale.scaling: values[rows, peak],
-                "flags": [" ".join(words) for words in self.flags],
-            }
-        )
+    def keeps(self, limits: LimitCurve) -> list[Kept]:
+        """How each channel keeps to limits."""
+        return [
+            limits.of_lines(name, self.frequency_hz, level)
+            for name, level in zip(self.channels, self.level_dB, strict=True)
+        ]
 
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""
@@ -306,16 +331,22 @@ class Spectrogram(_Lines):
             for column, time in enumerate(self.time_s):
                 yield {"channel": channel, "time_s": time, **self._part(row, column)}
 
-    def overview(self) -> pd.DataFrame:
-        """One row for each channel: where its highest line stands."""
-        import pandas as pd
-
-        rows = []
-        for name, values in zip(self.channels, self.values):
-            column, line = np.unravel_index(np.argmax(np.nan_to_num(values, nan=-1.0)), values.shape)
-            rows.append([name, self.time_s[column], self.frequency_hz[line], values[column, line]])
-        return pd.DataFrame(rows, columns=["channel", "time_s", "peak_hz", self.scale.scaling])
-
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""
         return {**super().facts(), **picked(self, "time_s blocks_per_column")}
+
+    def _blocks(self) -> str:
+        return f"{counted(len(self.time_s), 'column')} of {counted(self.blocks_per_column, 'block')}"
+
+
+def highest(values: Real, count: int) -> list[int]:
+    """Lines of the highest local maxima, highest first; the highest line of all where there is none.
+
+    Examples
+    --------
+    >>> highest(np.array([0.0, 3.0, 1.0, 2.0, 5.0, 4.0]), 2)
+    [4, 1]
+    """
+    around = np.concatenate([[-np.inf], np.nan_to_num(values, nan=-1.0), [-np.inf]])
+    maxima = np.flatnonzero((around[1:-1] >= around[:-2]) & (around[1:-1] > around[2:]))
+    return maxima[np.argsort(-around[1 + maxima], kind="stable")][:count].tolist() or [0]

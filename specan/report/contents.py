@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
-from specan.result import counted
+from specan.result import Sheet, counted
 
 # Properties that the table of channels already shows, or that only say how the file was written.
 _SHOWN = {"unit_string", "Unit_String", "QuantityUnit", "Sensitivity", "SensitivityUnit", "name"}
 _MANY = 40  # channels; beyond them equal rows are joined
 _LINES = 30  # of properties
-
-
-class Sheet(NamedTuple):
-    """A table: what is above it, its header, its rows, and what is below."""
-
-    above: str
-    title: str
-    header: list[str]
-    rows: list[list[str]]
-    below: str = ""
 
 
 def sheets(
@@ -40,19 +30,19 @@ def sheets(
     """
     for group in dict.fromkeys(c.group for c in recording.channels):
         yield _channels(recording, group, quality, show_all)
-    yield Sheet("", "How it was decided", ["", "channels", "reason"], _decisions(recording))
+    yield Sheet("How it was decided", ["", "channels", "reason"], _decisions(recording))
     if recording.set_aside:
         reasons: dict[str, list[str]] = {}
         for name, reason in recording.set_aside.items():
             reasons.setdefault(reason, []).append(name)
         rows = [[", ".join(n) if show_all else _names(n), reason] for reason, n in reasons.items()]
-        yield Sheet("", "Ignored", ["channels", "reason"], rows)
+        yield Sheet("Ignored", ["channels", "reason"], rows)
     properties = _properties(recording, show_all)
     if properties:
         few = properties if show_all else properties[:_LINES]
         more = f"... and {len(properties) - len(few)} more (--all)" if len(few) < len(properties) else ""
         rows = [[of, key, _text(value, show_all)] for of, key, value in few]
-        yield Sheet("", "Properties", ["of", "key", "value"], rows, more)
+        yield Sheet("Properties", ["of", "key", "value"], rows, more)
 
 
 def _channels(
@@ -73,7 +63,7 @@ def _channels(
     if len(rows) > _MANY and not show_all:
         rows = _joined(rows)
     above = (f"{group}: " if group else "") + ", ".join([counted(len(places), "channel"), *shared])
-    return Sheet(above, "", list(columns), rows)
+    return Sheet(above, list(columns), rows)
 
 
 def _row(c: Channel, quality: tuple[float, Quality] | None) -> dict[str, str]:

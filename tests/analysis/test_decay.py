@@ -41,7 +41,7 @@ def test_a_decaying_tone_in_the_middle_of_a_band_has_its_closed_forms(t60: float
     assert found.d50_percent[0, 0] == pytest.approx(100 * (1 - np.exp(-0.05 * k)), abs=1.0)
     assert found.centre_time_s[0, 0] == pytest.approx(1 / k, abs=1e-3)
     assert found.curvature_percent[0, 0] == pytest.approx(0, abs=0.2)
-    assert found.flags(0, 0) == ()
+    assert found.band_flags(0, 0) == ()
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
@@ -70,7 +70,7 @@ def test_two_slopes_are_called_curved() -> None:
     t = np.arange(int(3 * RATE)) / RATE
     bent = rng.standard_normal(t.size) * np.sqrt(10 ** (-6 * t / 0.3) + 10 ** (-6 * t / 2.0 - 2.2))
     found = Decay(fmin=2000, fmax=2000)(recording(bent))
-    assert {"curved", "not-linear"} <= set(found.flags(0, 0))
+    assert {"curved", "not-linear"} <= set(found.band_flags(0, 0))
 
 
 def test_the_noise_that_is_found_is_that_which_was_added() -> None:

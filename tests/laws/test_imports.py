@@ -34,7 +34,7 @@ VERBS = [
     ),
     (
         ["batch", "sample_data/recordings/noise", "-o", "{place}", "--jobs", "1"],
-        [*LARGE, *SCIPY, "rich", "numpy.ma", "multiprocessing", "specan.analysis.calibration"],
+        [*LARGE, *SCIPY, "numpy.ma", "multiprocessing", "specan.analysis.calibration"],
     ),
 ]
 CODE = """

@@ -151,7 +151,7 @@ def run_batch(
     if jobs is not None and jobs < 1:
         raise RequestError(f"the number of processes is {jobs}", expected="1 or more")
     if jobs is not None and cluster is not None:
-        raise RequestError("processes and a cluster are requested", expected="one of them")
+        raise RequestError("--jobs and --cluster are both given", expected="--jobs or --cluster, not both")
     keep_freed_memory()  # files of a second work in 20 MB, again and again
     settings = (settings or BatchSettings()).completed()
     inputs = find_inputs(directories)

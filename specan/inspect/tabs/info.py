@@ -40,5 +40,5 @@ def _of(recording: Recording) -> str:
     parts += [f"<p>{notice(note)}</p>" for note in (*recording.flags, *recording.notes)]
     for one in sheets(recording, {}, show_all=True):
         rows = [[str(cell)[:_LONGEST] for cell in row] for row in one.rows[:_MOST]]
-        parts += [f"<h4>{notice(one.above or one.title)}</h4>", sheet(one.header, rows)]
+        parts += [f"<h4>{notice(one.title)}</h4>", sheet(one.header, rows)]
     return "".join(parts)
