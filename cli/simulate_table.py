@@ -91,10 +91,9 @@ def _conditions(
         table = read_table(options["conditions"], choose=columns.choose, texts=model.groups)
         columns.convert(table)
         known = {c.column for c in model.conditions.values()}
-        given = {name: values for name, values in table.columns.items() if name in known}
-        words: dict[str, Sequence[str]] = dict(table.words)
-        names = {axis: tuple(dict.fromkeys(said)) for axis, said in words.items()}
-        return given | {axis: _numbered(said, names[axis]) for axis, said in words.items()}, names
+        given = {name: table.frame[name].to_numpy() for name in table.frame if name in known}
+        names = {axis: tuple(dict.fromkeys(given[axis])) for axis in model.groups if axis in given}
+        return given | {axis: _numbered(given[axis], said) for axis, said in names.items()}, names
     axes = over_limits(model, points)
     if not axes and not options["grid"]:
         raise RequestError(

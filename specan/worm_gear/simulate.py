@@ -75,7 +75,8 @@ def _draw(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     if options["measurement"]:
         from specan.study.data.table_file import read_table
 
-        measured = read_table(options["measurement"]).columns
+        frame = read_table(options["measurement"]).frame
+        measured = {name: frame[name].to_numpy() for name in frame}
     wanted = [(11, options["plot"])] if options["plot"] else []
     if options["number"] is not None:
         wanted.append((options["number"], options["output"]))

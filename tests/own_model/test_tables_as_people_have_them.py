@@ -8,10 +8,15 @@ from click.testing import CliRunner
 from specan.errors import InputError
 from specan.models import Model
 from specan.models.catalogue import example_model
+from specan.study.data.operating_table import join
 from specan.study.data.table_reader import read_measurement
 from specan.study.observation import kind_of
 from specan.study.study_file import read_study_file
 from specan_cli.main import main
+
+
+def rows_of(path, model, **more):
+    return join([read_measurement(path, model, **more)], model)
 
 
 def lift(flow, speed, share, scale):
@@ -40,7 +45,7 @@ FORMS = {
 def test_every_form_is_the_same_measurement(tmp_path, pump, form):
     path = tmp_path / "t.csv"
     path.write_text(FORMS[form], encoding="utf-8")
-    same(read_measurement(path, pump))
+    same(rows_of(path, pump))
 
 
 def same(found):
@@ -54,7 +59,7 @@ def same(found):
 def test_the_printed_step_goes_with_the_unit(tmp_path, pump):
     path = tmp_path / "t.csv"
     path.write_text(FORMS["units in brackets"], encoding="utf-8")
-    assert read_measurement(path, pump).steps["flow"] == pytest.approx(0.1 * 3.6)
+    assert rows_of(path, pump).steps["flow"] == pytest.approx(0.1 * 3.6)
 
 
 @pytest.mark.parametrize("ending", ["xlsx", "parquet"])
@@ -70,7 +75,7 @@ def test_workbooks_and_parquet(tmp_path, pump, ending):
     )
     path = tmp_path / f"t.{ending}"
     frame.to_excel(path, index=False) if ending == "xlsx" else frame.to_parquet(path)
-    same(read_measurement(path, pump))
+    same(rows_of(path, pump))
 
 
 def test_a_workbook_without_its_reader_names_the_extra(tmp_path, pump, monkeypatch):
@@ -81,7 +86,7 @@ def test_a_workbook_without_its_reader_names_the_extra(tmp_path, pump, monkeypat
 
     monkeypatch.setattr(pd, "read_excel", missing)
     with pytest.raises(InputError, match=r'pip install "specan\[xlsx\]"'):
-        read_measurement(tmp_path / "t.xlsx", pump)
+        rows_of(tmp_path / "t.xlsx", pump)
 
 
 def test_chosen_columns_and_those_passed_over(tmp_path):
@@ -89,24 +94,24 @@ def test_chosen_columns_and_those_passed_over(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("n [1/min];M2 [N m];M1 [N m];who\n1500;40;7,5;Anna\n2000;20;3,9;Ben\n", encoding="utf-8")
     columns = {"speed_rpm": "n [1/min]", "output_torque_Nm": "M2 [N m]", "input_torque_Nm": "M1 [N m]"}
-    found = read_measurement(path, gear, columns=columns)
+    found = rows_of(path, gear, columns=columns)
     assert found.conditions["worm_speed"] == pytest.approx(2 * np.pi * np.array([25.0, 100 / 3]))
     assert found.measured == pytest.approx([7.5, 3.9])
-    assert "columns ignored: who" in found.notes
+    assert "t.csv: columns ignored: who" in found.notes
     path.write_text("n;M2_Nm;M1\n1500;40000;7,5\n2000;20000;3,9\n", encoding="utf-8")
     named = {"speed_rpm": "n [1/min]", "output_torque_Nm": "M2_Nm [mN*m]", "input_torque_Nm": "M1"}
-    again = read_measurement(path, gear, columns=named)  # the unit is the user's word
+    again = rows_of(path, gear, columns=named)  # the unit is the user's word
     assert again.conditions["worm_speed"] == pytest.approx(found.conditions["worm_speed"])
     assert any("'M1' says no unit: taken to be in N*m" in note for note in again.notes)
     with pytest.raises(InputError, match=r"has no column 'M2 \[N m\]'.*did you mean 'M2_Nm'"):
-        read_measurement(path, gear, columns=columns)
+        rows_of(path, gear, columns=columns)
 
 
 def test_all_unknown_columns_in_one_message(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("n [1/min];M2 [Nm];eta [%]\n1500;40;90\n", encoding="utf-8")
     with pytest.raises(InputError) as fault:
-        read_measurement(path, example_model("worm-gear"))
+        rows_of(path, example_model("worm-gear"))
     said = str(fault.value)
     assert all(name in said for name in ("'n [1/min]'", "'M2 [Nm]'", "'eta [%]'", "--column"))
 
@@ -115,28 +120,28 @@ def test_a_unit_that_does_not_fit(tmp_path, pump):
     path = tmp_path / "t.csv"
     path.write_text("flow [bar],speed,share,head\n1,2,3,4\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"'flow' is in 'bar'; expected a unit of flow.*m3/h"):
-        read_measurement(path, pump)
+        rows_of(path, pump)
 
 
 def test_a_speed_per_second_is_ambiguous(tmp_path, pump):
     path = tmp_path / "t.csv"
     path.write_text("flow,speed [1/s],share,head\n1,2,0.3,4\n", encoding="utf-8")
     with pytest.raises(InputError, match="may be turns or radians a second; write rps or rad/s"):
-        read_measurement(path, pump)
+        rows_of(path, pump)
 
 
 def test_two_headers_for_one_column(tmp_path, pump):
     path = tmp_path / "t.csv"
     path.write_text("flow,flow [l/s],speed,share,head\n1,2,3,4,5\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"'flow' and 'flow \[l/s\]' are both"):
-        read_measurement(path, pump)
+        rows_of(path, pump)
 
 
 def test_missing_columns_all_at_once(tmp_path, pump):
     path = tmp_path / "t.csv"
     path.write_text("flow,head\n1,2\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"the columns 'speed', 'share' are missing \(found: flow, head\)"):
-        read_measurement(path, pump)
+        rows_of(path, pump)
 
 
 def test_the_study_keeps_the_choice_of_columns(tmp_path, monkeypatch):
@@ -161,13 +166,13 @@ def test_the_study_keeps_the_choice_of_columns(tmp_path, monkeypatch):
 def test_turns_a_minute_in_every_spelling(tmp_path, pump, unit):
     path = tmp_path / "t.csv"
     path.write_text(f"flow,speed [{unit}],share,head\n1,2900,0.1,4\n2,1450,0.1,4\n", encoding="utf-8")
-    assert read_measurement(path, pump).conditions["speed"] == pytest.approx([2900, 1450])
+    assert rows_of(path, pump).conditions["speed"] == pytest.approx([2900, 1450])
 
 
 def test_other_letters_are_the_same_column(tmp_path, pump):
     path = tmp_path / "t.csv"
     path.write_text("Flow,SPEED,Share,head\n1,2900,0.1,4\n2,1450,0.1,4\n", encoding="utf-8")
-    assert read_measurement(path, pump).conditions["flow"] == pytest.approx([1, 2])
+    assert rows_of(path, pump).conditions["flow"] == pytest.approx([1, 2])
 
 
 def test_unknown_columns_beside_all_that_are_needed(tmp_path, pump):
@@ -176,8 +181,8 @@ def test_unknown_columns_beside_all_that_are_needed(tmp_path, pump):
     with pytest.raises(
         InputError, match=r"no column is missing; to ignore the others, give --column \"flow=flow\""
     ):
-        read_measurement(path, pump)
-    assert read_measurement(path, pump, columns={"flow": "flow"}).n == 2
+        rows_of(path, pump)
+    assert rows_of(path, pump, columns={"flow": "flow"}).n == 2
 
 
 def test_an_empty_file_is_called_empty(tmp_path, pump):

@@ -17,7 +17,8 @@ from specan.models.trial import try_model
 from specan.schema import regular
 from specan.study.data.operating_table import SCATTER, Rows, check_varied, grouping_of, join
 from specan.study.data.table_covariance import uncertainty
-from specan.study.data.table_reader import Measurement, read_measurement
+from specan.study.data.table_file import Table
+from specan.study.data.table_reader import read_measurement
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
 from specan.units import convert, is_compatible, printed_unit
 
@@ -98,7 +99,7 @@ def read_tables(
     return open_data(model, MeasuredFiles(fitted, checked, hold_out))
 
 
-def _read(file: DataFile, model: Model) -> Measurement:
+def _read(file: DataFile, model: Model) -> Table:
     for column, value in file.conditions.items():
         if isinstance(value, str) and column not in model.groups:
             raise RequestError(f"{file.name}: the condition {column!r} is {value!r}", expected="a number")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from specan.errors import InputError
@@ -22,9 +23,10 @@ from specan.study.data.setpoints import (
     set_ups,
     within_files,
 )
-from specan.study.data.table_reader import MARKS, Measurement
+from specan.study.data.table_file import Table
+from specan.study.data.table_reader import MARKS
 from specan.study.observation import Array, Variable
-from specan.units import convert, often_mistaken_for, printed_unit
+from specan.units import convert, often_mistaken_for, printed_unit, scale_to
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,23 +127,17 @@ def grouping_of(model: Model, condition: Condition) -> SettingError:
     return model.rig.setting.get(condition.name, condition.usual_setting)
 
 
-def join(measurements: Sequence[Measurement], model: Model) -> Rows:
+def join(tables: Sequence[Table], model: Model) -> Rows:
     """Put the rows of several tables under each other.
 
     A condition that some tables lack takes its default there; without a default it is left out of all.
     """
-    sizes = [m.n for m in measurements]
-    recording = np.repeat(np.arange(len(sizes)), sizes)
-    conditions, steps, notes = _conditions(measurements, model)
-    groups = {
-        axis: tuple(dict.fromkeys(n for m in measurements for n in m.groups[axis])) for axis in model.groups
-    }
-    for axis, names in groups.items():
-        conditions[axis] = np.array([float(names.index(n)) for m in measurements for n in m.groups[axis]])
-        steps[axis] = np.zeros(recording.size)
+    frame = pd.concat([t.frame for t in tables], keys=range(len(tables)))
+    recording, lines = (np.asarray(frame.index.get_level_values(k)) for k in (0, 1))
+    recordings = tuple(t.name for t in tables)
+    places = [f"{recordings[k]}, line {line}" for k, line in zip(recording, lines, strict=True)]
+    conditions, steps, groups, notes = _conditions(tables, frame, model)
     settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
-    lines = np.concatenate([m.lines for m in measurements])
-    places = [f"{measurements[int(k)].name}, line {line}" for k, line in zip(recording, lines, strict=True)]
     outside = check_limits(conditions, places, model, settings)
     distinct = np.unique(np.stack([*conditions.values()], axis=1), axis=0) if conditions else np.empty((0, 0))
     level, is_set = {}, {}
@@ -152,27 +148,20 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         points, is_set[name] = levels(distinct[:, k], settings[name])
         back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
         level[name] = np.array([back[x] for x in values.tolist()])
-    marks = {
-        how: np.concatenate([m.marks[how] for m in measurements])
-        for how in MARKS
-        if all(how in m.marks for m in measurements)
-    }
-    if "repeat" in marks and not any("setup" in m.marks for m in measurements):
+    marks = {how: frame[how].to_numpy() for how in MARKS if all(how in t.frame for t in tables)}
+    if "repeat" in marks and "setup" not in frame:
         level = parted(level, is_set, cells(recording, marks["repeat"]), conditions, settings)
     exact = () if marks else not_repeats(conditions, level, model)
     alike = cells(*(conditions[n] if n in exact else v for n, v in level.items() if n != TIME))
-    recordings = tuple(m.name for m in measurements)
     nearness = said_of_near_rows(conditions, level, exact, alike, lines, recordings, recording, bool(marks))
     replicate_group = within_files(alike, recording)
     setup, how = set_ups(marks, recording, replicate_group, conditions, settings)
     # From rows of the tables to measured values, of which a row may hold several.
-    observable = np.concatenate([m.observable for m in measurements])
-    measured = np.concatenate([m.measured for m in measurements])
-    row = np.concatenate([m.row + first for m, first in zip(measurements, np.cumsum([0, *sizes]))])
+    row, observable, measured, printed = _measured(tables, frame, model)
     kinds = cells(observable)
     columns = [*(values[row] for values in conditions.values()), measured, kinds]
     copied = duplicates(columns, [places[k] for k in row]) if conditions else ""
-    printed = np.concatenate([m.step for m in measurements])
+    said = {n: {t.units.get(model.conditions[n].column, "") for t in tables} for n in conditions}
     return Rows(
         recordings=recordings,
         recording=recording[row],
@@ -187,42 +176,67 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         setup=setup[row],
         setups_from=how,
         notes=(
-            *(f"{m.name}: {note}" for m in measurements for note in m.notes),
+            *(f"{t.name}: {note}" for t in tables for note in t.notes),
             *notes,
             *outside,
             *nearness,
             *([copied] if copied else []),
         ),
         groups=groups,
-        units={
-            name: next(iter(said))
-            for name in conditions
-            if len(said := {m.units.get(name, model.conditions[name].column_unit) for m in measurements}) == 1
-        },
+        units={n: next(iter(units)) for n, units in said.items() if len(units) == 1 and "" not in units},
     )
 
 
+def _steps(tables: Sequence[Table], column: str) -> Array:
+    """Printed step of every row."""
+    return np.concatenate([np.broadcast_to(t.steps.get(column, 0.0), len(t.frame)) for t in tables])
+
+
+def _measured(
+    tables: Sequence[Table], frame: pd.DataFrame, model: Model
+) -> tuple[NDArray[np.intp], NDArray[np.str_], Array, Array]:
+    """Every measured value, those of a row together: its row, observable, value and printed step."""
+    parts = []
+    for o in model.observables.values():
+        if o.kind == "table" and o.header in frame:
+            unit = o.column_unit or o.unit
+            values = np.asarray(convert(frame[o.header].to_numpy(), unit, o.unit), dtype=float)
+            row = np.flatnonzero(np.isfinite(values))
+            step = _steps(tables, o.header)[row] * scale_to(unit, o.unit)
+            parts.append((row, np.full(row.size, o.name, dtype="U64"), values[row], step))
+    row, observable, measured, printed = (np.concatenate(part) for part in zip(*parts, strict=True))
+    order = np.argsort(row, kind="stable")
+    return row[order], observable[order], measured[order], printed[order]
+
+
 def _conditions(
-    measurements: Sequence[Measurement], model: Model
-) -> tuple[dict[str, Array], dict[str, Array], list[str]]:
+    tables: Sequence[Table], frame: pd.DataFrame, model: Model
+) -> tuple[dict[str, Array], dict[str, Array], dict[str, tuple[str, ...]], list[str]]:
+    """Conditions in SI and their printed steps; names of the groups, whose numbers are in the conditions; notes."""
     conditions: dict[str, Array] = {}
     steps: dict[str, Array] = {}
+    groups: dict[str, tuple[str, ...]] = {}
     notes = []
     for name, condition in model.conditions.items():
-        have = [name in m.conditions for m in measurements]
-        if not any(have):
+        column = condition.column
+        default = None if condition.default is None or np.isnan(condition.default) else condition.default
+        lacking = [t.name for t in tables if column not in t.frame]
+        if len(lacking) == len(tables):
             continue
-        default = np.nan if condition.default is None else condition.default
-        if not all(have) and np.isnan(default):
-            lacking = ", ".join(m.name for m, h in zip(measurements, have, strict=True) if not h)
-            notes.append(f"{condition.column} is left out: {lacking} has no such column")
+        if lacking and default is None:
+            notes.append(f"{column} is left out: {', '.join(lacking)} has no such column")
             continue
-        fill = float(convert(default, condition.column_unit, condition.unit))
-        conditions[name] = np.concatenate([m.conditions.get(name, np.full(m.n, fill)) for m in measurements])
-        steps[name] = np.concatenate([m.steps.get(name, np.zeros(m.n)) for m in measurements])
-        if not all(have):
-            notes.append(f"{condition.column} is taken as {default:g} where a table has no such column")
-    return conditions, steps, notes
+        if lacking:
+            notes.append(f"{column} is taken as {default:g} where a table has no such column")
+        steps[name] = _steps(tables, column)
+        if condition.group:
+            codes, names = pd.factorize(frame[column])
+            conditions[name], groups[name] = codes.astype(float), tuple(names)
+            continue
+        values = frame[column].to_numpy() if default is None else frame[column].fillna(default).to_numpy()
+        conditions[name] = np.asarray(convert(values, condition.column_unit, condition.unit), dtype=float)
+        steps[name] *= scale_to(condition.column_unit, condition.unit)
+    return conditions, steps, groups, notes
 
 
 def check_varied(rows: Rows, model: Model) -> None:

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError
 from specan.io.uff import COHERENCE, TRANSFER_FUNCTION, is_uff, read_uff
 from specan.schema import regular
-from specan.study.data.table_file import TableFile, read_table
+from specan.study.data.table_file import read_table
 from specan.study.observation import Array
 from specan.units import convert
 
@@ -174,7 +175,6 @@ def _from_uff(path: Path) -> list[MeasuredFrf]:
 class _Header:
     """What the columns of a table of transfer functions are."""
 
-    path: Path
     frequency: str = ""
     channel: str = ""
     parts: dict[tuple[str, str], str] = field(default_factory=dict)
@@ -185,37 +185,27 @@ class _Header:
         for header in headers:
             title, unit = _title(header)
             self.units[header] = unit
+            scale, (name, part) = _FREQUENCY.match(title), _part(title)
             if title.lower() in _CHANNELS:
                 self.channel = header
-                continue
-            scale = _FREQUENCY.match(title)
-            if scale and not self.frequency:
-                self.frequency = header
-                self.units[header] = unit or (scale[2] or "Hz").strip(" _")
-                continue
-            name, part = _part(title)
-            if part:
+            elif scale and not self.frequency:
+                self.frequency, self.units[header] = header, unit or (scale[2] or "Hz").strip(" _")
+            elif part:
                 self.parts[name, part] = header
         numbers = [h for h in (self.frequency, *self.parts.values()) if h]
         return {**{h: h for h in numbers}, **({self.channel: _CHANNEL} if self.channel else {})}
 
 
 def _from_table(path: Path) -> list[MeasuredFrf]:
-    header = _Header(path)
-    table = read_table(path, choose=header.choose, texts=(_CHANNEL,))
+    header = _Header()
+    frame = read_table(path, choose=header.choose, texts=(_CHANNEL,)).frame
     if not header.frequency:
         raise InputError(f"{path.name} has no column of frequencies", expected="a column frequency [Hz]")
-    names = list(dict.fromkeys(name for name, _ in header.parts))
-    rows = table.words.get(_CHANNEL)
-    if rows is None:
-        return [_one(table, header, name, name, None) for name in names]
-    labels = np.array(rows)
-    found = [
-        _one(table, header, name, str(label), labels == label)
-        for name in names
-        for label in dict.fromkeys(rows)
-    ]
-    return _as_specan_says(path, found)
+    names = dict.fromkeys(name for name, _ in header.parts)
+    if _CHANNEL not in frame:
+        return [_one(path, frame, header, name, name) for name in names]
+    each = frame.groupby(_CHANNEL, sort=False)
+    return _as_specan_says(path, [_one(path, rows, header, n, str(c)) for n in names for c, rows in each])
 
 
 def _as_specan_says(path: Path, found: list[MeasuredFrf]) -> list[MeasuredFrf]:
@@ -235,45 +225,34 @@ def _as_specan_says(path: Path, found: list[MeasuredFrf]) -> list[MeasuredFrf]:
     ]  # fmt: skip
 
 
-def _one(
-    table: TableFile, header: _Header, name: str, response: str, rows: NDArray[np.bool_] | None
-) -> MeasuredFrf:
-    def column(part: str) -> Any:
-        title = header.parts.get((name, part))
-        if title is None:
-            return None
-        return table.columns[title] if rows is None else table.columns[title][rows]
-
-    def unit_of(part: str) -> str:
-        return header.units[header.parts[name, part]]
-
-    re_, im, magnitude, phase = (column(p) for p in ("re", "im", "magnitude", "phase"))
-    if re_ is not None and im is not None:
-        values, unit = re_ + 1j * im, unit_of("re")
-    elif magnitude is not None and phase is not None:
-        said = unit_of("phase") or header.parts[name, "phase"]
+def _one(path: Path, frame: pd.DataFrame, header: _Header, name: str, response: str) -> MeasuredFrf:
+    titles = {part: title for (of, part), title in header.parts.items() if of == name}
+    units = {part: header.units[title] for part, title in titles.items()}
+    column = {part: frame[title].to_numpy() for part, title in titles.items()}
+    if {"re", "im"} <= column.keys():
+        values, unit = column["re"] + 1j * column["im"], units["re"]
+    elif {"magnitude", "phase"} <= column.keys():
+        said, phase = units["phase"] or titles["phase"], column["phase"]
         turn = phase if said.lower().endswith(("rad", "radian", "radians")) else np.radians(phase)
-        values, unit = magnitude * np.exp(1j * turn), unit_of("magnitude")
+        values, unit = column["magnitude"] * np.exp(1j * turn), units["magnitude"]
     else:
         raise InputError(
-            f"{table.path.name}: the transfer function {name or response!r} lacks a part",
+            f"{path.name}: the transfer function {name or response!r} lacks a part",
             expected="columns re and im, or magnitude and phase",
         )
     f_unit = header.units[header.frequency]
-    frequency = table.columns[header.frequency] if rows is None else table.columns[header.frequency][rows]
     try:
-        hertz = np.asarray(convert(frequency, {"khz": "kHz", "hz": "Hz"}.get(f_unit.lower(), f_unit), "Hz"))
+        known = {"khz": "kHz", "hz": "Hz"}.get(f_unit.lower(), f_unit)
+        hertz = np.asarray(convert(frame[header.frequency].to_numpy(), known, "Hz"))
     except RequestError:
-        raise InputError(f"{table.path.name}: the frequency is in {f_unit!r}", expected="Hz or kHz") from None
-    coherence, u, averages = column("coherence"), column("u"), column("averages")
-    sigma = None
-    if u is not None:
-        title = header.parts[name, "u"]
-        percent = title in _OWN or unit_of("u") in ("%", "percent") or "percent" in title
-        sigma = u / 100 * np.abs(values) if percent else u
-    elif coherence is not None and averages is not None:
-        sigma = sigma_of(np.abs(values), coherence, averages)
-    common = column("common")
+        raise InputError(f"{path.name}: the frequency is in {f_unit!r}", expected="Hz or kHz") from None
+    coherence, sigma, common = column.get("coherence"), column.get("u"), column.get("common")
+    if sigma is not None:
+        title = titles["u"]
+        if title in _OWN or units["u"] in ("%", "percent") or "percent" in title:
+            sigma = sigma / 100 * np.abs(values)
+    elif coherence is not None and "averages" in column:
+        sigma = sigma_of(np.abs(values), coherence, column["averages"])
     return MeasuredFrf(
         response, "", ((response,), ()), unit, hertz, values, sigma,
         common=0.0 if common is None else float(np.nanmedian(common)) / 100, coherence=coherence,

@@ -28,7 +28,9 @@ def whole(tables):
 @pytest.fixture
 def read(tmp_path, tables, gear):
     def read_columns(columns, **more):
-        return read_measurement(tables.write_table(tmp_path / "table.csv", columns), gear, **more)
+        return join(
+            [read_measurement(tables.write_table(tmp_path / "table.csv", columns), gear, **more)], gear
+        )
 
     return read_columns
 
@@ -159,7 +161,7 @@ def test_a_condition_that_one_table_lacks_takes_the_rigs_value(tmp_path, tables,
     one = read_measurement(tables.write_table(tmp_path / "a.csv", whole), gear)
     two = read_measurement(tables.write_table(tmp_path / "b.csv", without(whole, "oil_temperature_C")), gear)
     rows = join([one, two], gear)
-    assert set(np.round(rows.conditions["indicated_oil_temperature"][one.n :], 2)) == {331.15}
+    assert set(np.round(rows.conditions["indicated_oil_temperature"][len(one.frame) :], 2)) == {331.15}
     assert any("58" in note for note in rows.notes)
     timed = {**whole, "elapsed_time_s": 60.0 * np.arange(24)}
     rows = join([one, read_measurement(tables.write_table(tmp_path / "c.csv", timed), gear)], gear)

@@ -26,21 +26,21 @@ def written(tmp_path, text, name="t.csv"):
 )
 def test_the_same_numbers_whatever_the_dress(tmp_path, text):
     table = read_table(written(tmp_path, text))
-    np.testing.assert_array_equal(table.columns["a"], [1, 3])
-    np.testing.assert_array_equal(table.columns["b"], [2.5, 4.25])
-    assert set(table.columns) == {"a", "b"}
+    np.testing.assert_array_equal(table.frame["a"], [1, 3])
+    np.testing.assert_array_equal(table.frame["b"], [2.5, 4.25])
+    assert set(table.frame) == {"a", "b"}
     assert table.steps["b"] == 0.01
 
 
 def test_utf_16_from_a_spreadsheet_is_read(tmp_path):
     path = written(tmp_path, "a;b\n1;2,5\n".encode("utf-16"))
-    assert read_table(path).columns["b"][0] == 2.5
+    assert read_table(path).frame["b"].iloc[0] == 2.5
 
 
 def test_an_empty_cell_is_not_a_number_and_rows_keep_their_line(tmp_path):
     table = read_table(written(tmp_path, "# one\na,b\n1,\n,2\n"))
-    assert np.isnan(table.columns["b"][0])
-    assert np.isnan(table.columns["a"][1])
+    assert np.isnan(table.frame["b"].iloc[0])
+    assert np.isnan(table.frame["a"].iloc[1])
     assert table.rows(np.array([False, True])) == "line 4"
 
 
