@@ -69,12 +69,7 @@ class Trial:
 def as_it_is(study: Study) -> Trial:
     """The study's model, fitted; of many rows from where its last step left it, unless somebody changed it since."""
     last = study.history.last
-    if (
-        not study.problem.strategy.secondary_refits
-        and last is not None
-        and not study.edited
-        and "best" not in vars(study)
-    ):
+    if study.problem.strategy.frugal and last is not None and not study.edited and "best" not in vars(study):
         return _trial(
             (), study.problem, fit(study.problem, start=kept_values(study.problem, last.parameters))
         )

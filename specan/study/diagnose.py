@@ -353,7 +353,7 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     others.sort(key=lambda r: r.bic(search.best.dispersion))
     if len(sets) > 1:
         return propose(sets)
-    if search.base.problem.strategy.pruning:
+    if search.base.problem.strategy.frugal:
         others = [r for r in others[:1] if not search.refits.beyond_pruning_bound(r.chi2, search.best.chi2)]
     return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
 

@@ -289,7 +289,7 @@ def _intervals(study: Study, use: Use) -> dict[str, tuple[float, float]]:
 def _interval(study: Study, name: str) -> tuple[float, float]:
     """By profile; of many rows, whose quadratic is sharp, from the covariance."""
     problem, best = study.problem, study.best
-    if problem.strategy.secondary_refits:
+    if not problem.strategy.frugal:
         return profile_interval(problem, best, name, inflate=True)
     return intervals_95(problem, best, max(best.reduced_chi2, 1.0) ** 0.5)[ParameterName(name)]
 

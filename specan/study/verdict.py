@@ -371,7 +371,7 @@ def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, A
             continue
         value = float(refit.fit.theta[k])
         low, high = intervals[name]
-        if profiled and refit.problem.strategy.secondary_refits:
+        if profiled and not refit.problem.strategy.frugal:
             # A refit that fails, or an end that is not bracketed, leaves the interval of the covariance.
             with contextlib.suppress(ComputationError, ValueError):
                 low, high = profile_interval(refit.problem, refit.fit, name, inflate=True)
@@ -387,7 +387,7 @@ def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, A
 
 def error_fall(base: Refit, best: Refit) -> ErrorFall:
     """Errors of a model as it is and with what was found; on left-out conditions where refits are cheap."""
-    refits = base.problem.strategy.secondary_refits
+    refits = not base.problem.strategy.frugal
     one, two = ({e.observable: e for e in left_out_errors(r)} if refits else {} for r in (base, best))
     first, *others = (
         ErrorFall(before, after, one.get(before.observable), two.get(before.observable))

@@ -17,7 +17,7 @@ N^(1/2) V^(-1/2) (measured - predicted). `plain` is the prediction itself.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
-from specan.study.observation import TABLE, Fixed, Strategy, Variable, frugal
+from specan.study.observation import Fixed, Strategy, Variable
 from specan.study.observation.kept_lines import KeptLines
 
 Array = NDArray[np.float64]
@@ -89,9 +89,7 @@ class OrderLinesObservation(Fixed, KeptLines):
     level_of: ClassVar[str] = "levels of lines"
     cells: ClassVar[tuple[str, ...]] = ("orders", "harmonic", "channel")
     # The errors of log(measured / predicted) bend the valley to the minimum, so that it is followed to its end.
-    strategy: ClassVar[Strategy] = replace(
-        frugal(TABLE), exact_minimum=True, explained_limit=1.0, either_sign=True
-    )
+    strategy: ClassVar[Strategy] = Strategy(frugal=True, either_sign=True)
 
     @property
     def n_effective(self) -> float:

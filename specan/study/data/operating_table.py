@@ -316,7 +316,7 @@ def check_limits(
     return remarks
 
 
-def duplicates(columns: Sequence[Array], places: Sequence[str]) -> str:
+def duplicates(columns: Sequence[NDArray[Any]], places: Sequence[str]) -> str:
     """A sentence on rows that equal another one in every number; empty where there are none.
 
     Readings that are printed coarsely agree by chance now and then: only where a reading has four digits or more, or a

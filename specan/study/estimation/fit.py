@@ -99,8 +99,8 @@ def fit(
         Theta of a fit that is near, or SI values by name, to start from; the problem's own start by default.
     starts : int
         Number of starts; those after the first lie in the plausible ranges at fixed quasi-random places,
-        so that the same problem always gives the same answer. Only the first without
-        `Strategy.further_starts`.
+        so that the same problem always gives the same answer. Only the first
+        where the strategy is frugal.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def fit(
         )
     if not first.size:
         return describe(problem, first)
-    places = [first, *_other_starts(problem, starts - 1 if problem.strategy.further_starts else 0)]
+    places = [first, *_other_starts(problem, 0 if problem.strategy.frugal else starts - 1)]
     frugal = _from_nearer if problem.strategy.continuation else descend
     found: list[Minimum] = []
     unsettled: list[Minimum] = []

@@ -197,7 +197,7 @@ class _Descent(_Place):
     @property
     def little(self) -> float:
         """By how much five Jacobians must lower chi-square to be worth going on."""
-        far_off = self.problem.strategy.pruning and self.chi2 > POOR_FIT * (
+        far_off = self.problem.strategy.frugal and self.chi2 > POOR_FIT * (
             self.problem.n_data + self.problem.n_priors
         )
         return FAR_TOLERANCE * self.chi2 if far_off else STALL_TOLERANCE * self.unit

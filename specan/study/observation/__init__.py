@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol, Self, runtime_checkable
@@ -28,52 +28,46 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Strategy:
-    """Choices of a fit and of a search. The defaults are those of a table: few rows, quickly predicted.
+    """How fits and searches over some data are run: thoroughly, or frugally where an evaluation is worth saving.
 
     Attributes
     ----------
+    frugal : bool
+        One start; no refits beside the search (profile intervals, errors on left-out conditions, fits by the data
+        alone); what a linear prediction rules out is not refitted; signatures of candidates are worked out at the base
+        only. Else few rows, quickly predicted, as those of a table.
+    exact_minimum : bool
+        Central differences, and a refinement to the minimum itself; else few Jacobians and secants.
     continuation : bool
         The data are narrow peaks, which a fit from a poor start misses: fits begin with a down-weighted problem
         (`specan.study.estimation.continuation`), and several starts are screened.
     linearised_covariance : bool
         The covariance depends on where the model is, and is taken about a fit
         (`specan.study.estimation.continuation`).
-    exact_minimum : bool
-        Central differences, trust-region steps and a refinement to the minimum itself; else few Jacobians and secants.
-    tolerance : float
-        Times the convergence tolerances of `specan.study.estimation.levenberg_marquardt`.
-    further_starts : bool
-        A fit may begin at several places.
     either_sign : bool
         Small errors of the prediction are in the covariance, so that chi-square levels off far from the data: a linear
         promise has the wrong sign or size there, and refits also begin at sizes of either sign.
-    secondary_refits : bool
-        Refits beside the search: profile intervals, errors on left-out conditions, fits by the data alone.
-    pruning : bool
-        A refit is left out where a linear prediction rules out its success.
-    reuses_signatures : bool
-        Signatures of candidates are worked out at the base only, at few shapes; promising ones are scanned closer.
-    explained_limit : float
-        Most chi-square a value that counts as explained when rivals are compared, and is taken for what equations that
-        are not exact may leave: where errors of the prediction are in the covariance, a model without a line is judged
-        by the noise alone, and rivals that have it by those errors.
-    refitted, pairs, rivals : int
-        Most candidates, pairs and rivals of the best set that are refitted whatever they promise.
     """
 
+    frugal: bool = False
+    exact_minimum: bool = True
     continuation: bool = False
     linearised_covariance: bool = False
-    exact_minimum: bool = True
-    tolerance: float = 1.0
-    further_starts: bool = True
     either_sign: bool = False
-    secondary_refits: bool = True
-    pruning: bool = False
-    reuses_signatures: bool = False
-    explained_limit: float = float("inf")
-    refitted: int = 5
-    pairs: int = 8
-    rivals: int = 8
+
+    @property
+    def tolerance(self) -> float:
+        """Times the convergence tolerances of `specan.study.estimation.levenberg_marquardt`."""
+        return NO_VERDICT if self.frugal else 1.0
+
+    @property
+    def explained_limit(self) -> float:
+        """Most chi-square a value that counts as explained when rivals are compared.
+
+        Where errors of the prediction are in the covariance, a model without a line is judged by the noise alone, and
+        rivals that have it by those errors.
+        """
+        return 1.0 if self.either_sign else float("inf")
 
 
 NO_VERDICT = 20.0  # times the tolerances: 0.02 of chi-square, which no verdict shows
@@ -97,31 +91,14 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
     >>> joined([TABLE], 48_000).exact_minimum
     False
     """
-    parts = list(parts)
-    whole = Strategy(
+    parts, many = list(parts), n_data > MANY_ROWS
+    return Strategy(
+        frugal=many or any(p.frugal for p in parts),
+        exact_minimum=not many and all(p.exact_minimum for p in parts),
         continuation=any(p.continuation for p in parts),
         linearised_covariance=any(p.linearised_covariance for p in parts),
-        exact_minimum=all(p.exact_minimum for p in parts),
-        tolerance=max((p.tolerance for p in parts), default=1.0),
-        further_starts=all(p.further_starts for p in parts),
         either_sign=any(p.either_sign for p in parts),
-        secondary_refits=all(p.secondary_refits for p in parts),
-        pruning=any(p.pruning for p in parts),
-        reuses_signatures=any(p.reuses_signatures for p in parts),
-        explained_limit=min((p.explained_limit for p in parts), default=float("inf")),
-        refitted=min((p.refitted for p in parts), default=TABLE.refitted),
-        pairs=min((p.pairs for p in parts), default=TABLE.pairs),
-        rivals=min((p.rivals for p in parts), default=TABLE.rivals),
     )
-    return frugal(whole) if n_data > MANY_ROWS else whole
-
-
-def frugal(strategy: Strategy) -> Strategy:
-    """The same where an evaluation of the model is worth saving; no verdict shows the tolerance of chi-square."""
-    return replace(
-        strategy, exact_minimum=False, tolerance=NO_VERDICT, further_starts=False, secondary_refits=False,
-        pruning=True, reuses_signatures=True, refitted=3, pairs=4, rivals=3,
-    )  # fmt: skip
 
 
 @dataclass(frozen=True)

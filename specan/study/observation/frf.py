@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly, Evaluation
-from specan.study.observation import NO_VERDICT, Strategy, Variable
+from specan.study.observation import Strategy, Variable
 from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to, movers
 from specan.study.observation.kept_lines import ABOVE_NOISE, KeptLines
 from specan.study.observation.window_leakage import Folding
@@ -289,8 +289,7 @@ class FrfObservation(KeptLines):
     @property
     def strategy(self) -> Strategy:
         """Narrow peaks, and a covariance about a fit where errors are declared that act through the field."""
-        near = Strategy(continuation=True, linearised_covariance=self.declared is not None)
-        return replace(near, exact_minimum=False, tolerance=NO_VERDICT) if self.rough else near
+        return Strategy(self.rough, not self.rough, True, linearised_covariance=self.declared is not None)
 
     def about(
         self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True, placed: Collection[str] = ()

@@ -287,7 +287,7 @@ def left_out_errors(refit: Refit) -> list[ObservableError]:
     blocks = left_out_blocks(problem)
     if not blocks or len(problem.observations) > 1 or not isinstance(observation, TableObservation):
         return []
-    if not problem.strategy.secondary_refits or observation.n > MOST_ROWS:
+    if problem.strategy.frugal or observation.n > MOST_ROWS:
         return []
     (slopes,), predicted = problem.sensitivities(refit.fit.theta), []
     for block in blocks:
@@ -421,7 +421,7 @@ def _moved(start: Refit, candidate: Candidate, needed: float) -> float | None:
     name = candidate.amplitudes[0]
     toward = default_value(candidate, name) - candidate.neutral(name)
     size = _secant(start, candidate, needed, toward, abs(toward), start.linear.free_chi2, SETTLED)
-    if size is None or not start.problem.strategy.secondary_refits:
+    if size is None or start.problem.strategy.frugal:
         return size
     return _secant(start, candidate, needed, toward, size, partial(_left_by_refit, start), NEARLY)
 

@@ -90,12 +90,10 @@ def refit_rivals(search: Search) -> None:
     options.sort(key=lambda option: option[0])
     strategy = search.best.problem.strategy
     limit = WIDE * best.dispersion
-    if strategy.pruning:  # then the search has refitted few, and none for its place in the ranking
+    if strategy.frugal:  # then the search has refitted few, and none for its place in the ranking
         limit = max(limit, min(_left_by_form(search), incomplete(search.best)))
-    near = [members for d, members in options[: strategy.rivals] if d < limit]
-    if (
-        strategy.reuses_signatures and len(search.best.uses) == 1
-    ):  # first: what is refitted here is not refitted below
+    near = [members for d, members in options[: 3 if strategy.frugal else 8] if d < limit]
+    if strategy.frugal and len(search.best.uses) == 1:  # first: what is refitted here is not refitted below
         declared = [
             use
             for use in confounded_with(there.problem.assembly.model, *search.best.uses)
@@ -120,7 +118,7 @@ def _exchange_second(search: Search, first: Use) -> None:
         return
     least = part.by_use[second][0].chi2_reduction - DISTINGUISHABLE * search.best.dispersion
     near = [use for use, items in part.by_use.items() if use != second and items[0].chi2_reduction > least]
-    for use in near[: search.best.problem.strategy.rivals]:
+    for use in near[: 3 if search.best.problem.strategy.frugal else 8]:
         search.refits.fit(part.seen, [part.by_use[use][:1]])
 
 
@@ -250,7 +248,7 @@ def other_forms(base: Refit) -> Iterator[OtherForm]:
     Parameters are paid for: better is a BIC, pulls of known ranges included, lower by 6.
     """
     problem = base.problem
-    if not problem.strategy.secondary_refits:
+    if problem.strategy.frugal:
         return
     there = {part: forms for part, forms in problem.assembly.model.other_forms.items()
              if Use(part) in problem.assembly.uses}  # fmt: skip
@@ -298,7 +296,7 @@ def refit_promising(search: Search) -> None:
     the factor of bearing friction, it promises less than half of what the refit gives.
     """
     step = search.step(search.base)
-    if not search.base.problem.strategy.secondary_refits:
+    if search.base.problem.strategy.frugal:
         return
     for items in step.by_use.values():
         if step.start.promised(items[0]) < 0:
@@ -312,7 +310,7 @@ def sizes_beyond(search: Search, sets: Sequence[Refit]) -> list[tuple[Refit, tup
     more than an order of magnitude beyond.
     """
     best, found = search.best, []
-    if not search.base.problem.strategy.secondary_refits:
+    if search.base.problem.strategy.frugal:
         return []
     least = best.bic(best.dispersion)
     for refit in search.refits.of_size(1):

@@ -56,7 +56,7 @@ def suspect_rows(refit: Refit) -> str:
     left out, by linear algebra. Empty where the model meets the data, where nothing stands out, and where rows are few.
     """
     problem, observation = refit.problem, _table(refit)
-    if observation is None or not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT:
+    if observation is None or problem.strategy.frugal or refit.lack_of_fit >= STANDS_OUT:
         return ""
     readings = [np.array([k]) for k in range(observation.n)]
     conditions = [
@@ -173,7 +173,7 @@ def rows_of_two_kinds(refit: Refit) -> str:
     where one kind is missing, and where the table tells the kinds apart already (a column that varies).
     """
     problem, observation = refit.problem, _table(refit)
-    if observation is None or not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT:
+    if observation is None or problem.strategy.frugal or refit.lack_of_fit >= STANDS_OUT:
         return ""
     conditions = problem.assembly.model.conditions
     for name, condition in conditions.items():

@@ -233,7 +233,7 @@ def data_alone(base: Refit) -> DataAlone:
     """
     problem = base.problem
     held = sum(1 for pull in pulls(base) if pull.pull != 0 and pull.parameter.whole not in problem.priors)
-    if not problem.strategy.secondary_refits or not held:
+    if problem.strategy.frugal or not held:
         return DataAlone()
     free = replace(problem, unheld=frozenset(problem.free))
     alone = Refit(frozenset(), free, fit(free, start=base.fit.theta, starts=STARTS))

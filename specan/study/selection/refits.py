@@ -294,7 +294,7 @@ class Refits:
 
         A subsample has the windows of the place where it began: some steps on all lines come before the judgement.
         """
-        if not problem.strategy.pruning or len(near) > 1:
+        if not problem.strategy.frugal or len(near) > 1:
             return None
         others = [r.fit.chi2 for other, r in self.done.items() if len(other) <= len(uses)]
         if self._best_within(uses).fit.chi2 <= min(others):

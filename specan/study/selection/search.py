@@ -220,7 +220,7 @@ class Search:
         self, seen: Refit, found: Sequence[Candidate], known: Known | None = None
     ) -> list[Signature]:
         """Signatures of candidates at a set; those of the base again where the strategy reuses them."""
-        if seen.problem.strategy.reuses_signatures and self.tried:
+        if seen.problem.strategy.frugal and self.tried:
             return carried(
                 self.tried, self.step(self.base).seen.problem, seen.problem, {c.use for c in found}
             )
@@ -232,12 +232,12 @@ class Search:
         """The best single effect that passes, of those that are worth a refit."""
         step = self.step(self.base)
         for k, use in enumerate(self._singles_to_refit(step)):
-            done = min(k / max(step.start.problem.strategy.refitted, 1), 1.0)
+            done = min(k / (3 if step.start.problem.strategy.frugal else 5), 1.0)
             self._tell(f"refitting with {use}", SINGLES + (PAIRS - SINGLES) * done)
             self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
         found = self._best_passed(self.refits.of_size(1))
         left = (found or self.base).lack_of_fit < LACK_OF_FIT
-        if left and not self.base.problem.strategy.pruning:
+        if left and not self.base.problem.strategy.frugal:
             # An effect whose slope is nothing where it vanishes promises nothing, however much it explains.
             for candidate in candidates(self.base.problem)[0]:
                 self.refits.fit_from_default(candidate.use)
@@ -249,12 +249,12 @@ class Search:
         first = [use for use in self.likely if use in step.by_use]
         yield from first
         strategy = step.start.problem.strategy
-        if strategy.reuses_signatures and not (self.only or self._met):
+        if strategy.frugal and not (self.only or self._met):
             self._look_closer(step)
         for use in _worth_refitting(step):
             if use not in first and not (self.only or self._pruned(step, use)):
                 yield use
-        if strategy.pruning and not self._met:
+        if strategy.frugal and not self._met:
             yield from outstanding(step.start, step.by_use)
             yield from self._displaced(step)
             yield from self._elsewhere(step)
@@ -304,7 +304,7 @@ class Search:
 
     def _pruned(self, step: Step, use: Use) -> bool:
         """Whether a set was found that is so much better than the linearised promise that no refit is needed."""
-        if not step.start.problem.strategy.pruning:
+        if not step.start.problem.strategy.frugal:
             return False
         found = min((r.chi2 for r in self.refits.of_size(1)), default=np.inf)
         return self.refits.beyond_pruning_bound(step.start.chi2 - step.by_use[use][0].chi2_reduction, found)
@@ -321,7 +321,7 @@ class Search:
     ) -> Refit | None:
         """The pair that is better than the best single effect, or than the base where none passed."""
         reference = single or self.base
-        for predicted, start, members in promising[: self.base.problem.strategy.pairs]:
+        for predicted, start, members in promising[: 4 if self.base.problem.strategy.frugal else 8]:
             if self._below_pruning_bound(reference, predicted):
                 break
             if (
@@ -409,7 +409,7 @@ class Search:
         form of the effects that were found may have left does not pass, so that to know it is not worth a refit.
         """
         least, promised_fall = 0.4 * DECISIVE, reference.bic(1.0) - promised_bic
-        if reference.problem.strategy.pruning and not promised_fall > HALF * _excess(reference):
+        if reference.problem.strategy.frugal and not promised_fall > HALF * _excess(reference):
             price, acceptance = float(np.log(self.base.problem.n_effective)), self.step(reference).acceptance
             least = max(
                 least,
@@ -495,8 +495,8 @@ def _worth_refitting(step: Step) -> list[Use]:
     # With pruning, what promises nothing is not refitted only because nothing else promises more.
     strategy = step.start.problem.strategy
     least = bic[order[0]] if order else np.inf
-    limit = min(least + WINDOW, 0.0 if strategy.pruning else np.inf)
-    return [use for k, use in enumerate(order) if k < strategy.refitted or bic[use] < limit]
+    limit = min(least + WINDOW, 0.0 if strategy.frugal else np.inf)
+    return [use for k, use in enumerate(order) if k < (3 if strategy.frugal else 5) or bic[use] < limit]
 
 
 def _text(uses: frozenset[Use] | set[Use]) -> str:
