@@ -13,6 +13,7 @@ from types import ModuleType
 
 import numpy as np
 
+from specan.divisions import FRACTIONS
 from specan.dsp import bands
 from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio
 
@@ -35,7 +36,7 @@ def main() -> None:
     print("| rate Hz | fraction | bands | tones | smallest margin dB |")
     print("|---|---|---|---|---|")
     for rate in parser.parse_args().rate or [51200.0, 102400.0]:
-        for fraction in bands.FRACTIONS:
+        for fraction in FRACTIONS:
             index = bands.band_range(check.LOW, check.HIGH, fraction)
             mid = bands.mid_frequencies(index, fraction)[:, None]
             ratio = breakpoint_ratio(BREAKPOINTS, fraction)

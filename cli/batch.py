@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.options import FRACTIONS, Grouped, opt, weighting_option
+from specan.divisions import DIVISIONS
+from specan_cli.options import Grouped, opt, weighting_option
 from specan_cli.output import emit_json, is_quiet, say, table
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ SHOWN = 20  # failures named on the screen
 @opt("--channel-table", Path, "Roles, units, sensitivities of all files.")
 @opt("--sampling-rate", float, "Sampling rate of all files, instead of those in the files.", "HZ")
 @opt("--lines", int, "Lines of a transfer function up to fs/2.56 [default: 3200].")
-@opt("--fraction", FRACTIONS, "1/N octave, or critical bands [default: 3].")
+@opt("--fraction", [*DIVISIONS], "1/N octave, or critical bands [default: 3].")
 @weighting_option("Weighting of the band levels of sound pressure [default: Z].")
 @opt("--jobs", int, "Number of processes [default: chosen from the amount of data].")
 @opt("--cluster", None, "Work on a dask cluster: tcp://host:8786.", "ADDRESS")

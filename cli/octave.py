@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
+from specan.divisions import DIVISIONS
 from specan_cli.options import (
-    FRACTIONS,
     limit_option,
     opt,
     quantity_option,
@@ -36,7 +36,7 @@ class _Averaging(click.ParamType):
 
 
 @recording_verb("octave", "all levels")
-@opt("--fraction", FRACTIONS, "1/N octave, or critical bands.  [default: 3]")
+@opt("--fraction", [*DIVISIONS], "1/N octave, or critical bands.  [default: 3]")
 @weighting_option("Weighting of the band levels; A, B and C for sound pressure only.  [default: Z]")
 @opt(
     "--averaging", _Averaging(), "Average over the section, or exponential.  [default: linear]",

@@ -10,7 +10,6 @@ from typing import Any
 import click
 
 Decorator = Callable[[Any], Any]
-FRACTIONS = [1, 2, 3, 6, 12, 24, "bark"]  # of an octave, or critical bands
 EXCEEDED = 5  # exit code: beyond a limit
 
 

@@ -7,10 +7,11 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
+from specan.divisions import DIVISIONS
 from specan.errors import RequestError, nearest
 
 
@@ -19,6 +20,15 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+
+def _offered(value: int | str) -> int | str:
+    if value not in DIVISIONS:
+        raise ValueError(f"{', '.join(map(str, DIVISIONS[:-1]))} or {DIVISIONS[-1]!r}")
+    return value
+
+
+Division = Annotated[int | str, AfterValidator(_offered)]
+"""1/n octave, or the name of a table of bands."""
 
 Kind = TypeVar("Kind", bound=BaseModel)
 

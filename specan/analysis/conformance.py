@@ -18,8 +18,9 @@ from specan.analysis.octave import Octave
 from specan.analysis.tone import Tone
 from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording
+from specan.divisions import FRACTIONS
 from specan.dsp import bands
-from specan.dsp.bands import BREAKPOINTS, FRACTIONS, Fraction, breakpoint_ratio, class_1_limits
+from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio, class_1_limits
 from specan.dsp.weighting import weighting_level
 from specan.errors import RequestError
 
@@ -138,7 +139,7 @@ def _tone(frequency: float, seconds: float, rate: float) -> Real:
 _STEADY = 10.0 * math.log10(1.0 / 4e-10)  # level of 1 Pa
 
 
-def _band_levels(frequencies: Real, fraction: Fraction, rate: float) -> tuple[Real, Real]:
+def _band_levels(frequencies: Real, fraction: int, rate: float) -> tuple[Real, Real]:
     """Levels of the bands about tones re the tones' own, and the mid-frequencies."""
     width = frequencies.min() * math.log(bands.OCTAVE_RATIO) / fraction
     seconds = max(2 * _FADE / width, _CYCLES / float(frequencies.min()), 0.1)
@@ -148,7 +149,7 @@ def _band_levels(frequencies: Real, fraction: Fraction, rate: float) -> tuple[Re
     return found.level_dB - _STEADY, found.exact_hz
 
 
-def _attenuation(fraction: Fraction, rate: float) -> Iterator[Check]:
+def _attenuation(fraction: int, rate: float) -> Iterator[Check]:
     """5.10: the band at 1 kHz, with tones at the breakpoints on both sides."""
     mid = float(bands.mid_frequencies(bands.band_at(1000.0, fraction), fraction))
     for x in BREAKPOINTS:
@@ -163,7 +164,7 @@ def _attenuation(fraction: Fraction, rate: float) -> Iterator[Check]:
         yield Check(FILTERS, "5.10", what, 0.0 if x == 0 else math.nan, worst, low, high, "dB")
 
 
-def _bandwidth(fraction: Fraction, rate: float) -> Check:
+def _bandwidth(fraction: int, rate: float) -> Check:
     """5.12: an impulse has the same energy in every hertz; bands to a fifth of the rate, above it is cut off."""
     n = 16 * round(rate)
     impulse = np.zeros(n)
@@ -176,7 +177,7 @@ def _bandwidth(fraction: Fraction, rate: float) -> Check:
     )
 
 
-def _summation(fraction: Fraction, rate: float) -> Check:
+def _summation(fraction: int, rate: float) -> Check:
     """5.16: energies of the bands together, of tones in the middle, at the edge and between."""
     index = bands.band_at(1000.0, fraction)
     mid, (_, upper) = bands.mid_frequencies(index, fraction), bands.band_edges(index, fraction)
@@ -188,7 +189,7 @@ def _summation(fraction: Fraction, rate: float) -> Check:
     )
 
 
-def _sweep(fraction: Fraction, rate: float) -> Check:
+def _sweep(fraction: int, rate: float) -> Check:
     """5.14: an exponential sweep spends the same time in every band of a fraction of an octave."""
     seconds, low, high = 20.0, 20.0, 0.4 * rate
     t = np.arange(round(seconds * rate)) / rate

@@ -21,7 +21,6 @@ from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
 from specan.dsp.band_history import BandHistoryAccumulator
-from specan.dsp.bands import Division
 from specan.dsp.history_filters import band_filter, weighting_filter
 from specan.dsp.slow_part import SlowPart
 from specan.dsp.time_weighting import IMPULSE_DECAY
@@ -157,11 +156,11 @@ class OctaveAccumulator:
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             self._at_work.add(samples)
 
-    def spectrum(self, fraction: Division = 24) -> EnergySpectrum:
+    def spectrum(self, fraction: int | str = 24) -> EnergySpectrum:
         """What was added, for bands of 1/`fraction` octave and wider (linear averages only); call it once."""
         assert isinstance(self._at_work, BandEnergyAccumulator)
         with np.errstate(invalid="ignore", over="ignore"):
-            return self._at_work.result(24 if fraction == "bark" else fraction)
+            return self._at_work.result(fraction if isinstance(fraction, int) else 24)
 
     def result(self, quality: Sequence[Quality] | None = None) -> BandLevels:
         """Band levels of what was added; call it once. `quality` gives the channels' flags."""

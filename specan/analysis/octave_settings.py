@@ -8,12 +8,13 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from specan.analysis.section import SectionSettings
-from specan.data.band_levels import division_name
-from specan.dsp.bands import Bands, Division
+from specan.divisions import division_name
+from specan.dsp.bands import Bands
 from specan.dsp.multirate import LOWEST_BAND
 from specan.dsp.time_weighting import FAST, IMPULSE, SLOW
 from specan.dsp.weighting import Weighting
 from specan.errors import RequestError
+from specan.schema import Division
 
 Settling = Literal["left-out", "counted"]
 AUDIO_RANGE = (20.0, 20000.0)

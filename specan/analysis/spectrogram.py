@@ -18,11 +18,10 @@ from specan.analysis.spectrum import (
 )
 from specan.data.recording import Recording
 from specan.data.spectrum import Spectrogram
-from specan.dsp.fft import has_mirror
 from specan.dsp.motion import convert
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.weighting import power_weighting
-from specan.dsp.welch import hop_of
+from specan.dsp.welch import has_mirror, hop_of
 from specan.dsp.windows import window
 
 VALUES = 8_000_000

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+import scipy.fft
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -15,12 +16,11 @@ from specan.analysis.section import SectionSettings, compared, section, weightab
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.spectrum import Scaling, Spectrum, SpectrumScale
-from specan.dsp.fft import AmplitudeTransform, has_mirror
 from specan.dsp.motion import convert, lowest_line, rest
 from specan.dsp.transfer_function import phase_deg
 from specan.dsp.weighting import Weighting, power_weighting
-from specan.dsp.welch import CrossSpectra
-from specan.dsp.windows import WindowName, window_properties
+from specan.dsp.welch import CrossSpectra, has_mirror
+from specan.dsp.windows import WindowName, window, window_properties
 from specan.errors import InputError, RequestError
 
 SAMPLES_PER_LINE = 2.56
@@ -198,41 +198,34 @@ def single_blocks(
     start, stop = section(recording, channels, settings.start_s, settings.stop_s)
     block = block_of(recording, settings, stop - start)
     rate, notes = channels[0].sampling_rate, (*notes, *integrated(shown, settings.window, block))
-    scale = scale_of(settings, block, rate)
-    transform = AmplitudeTransform(block, settings.window, detrend=settings.detrend)
-
-    def frequencies() -> NDArray[np.float64]:
-        # Made anew for each channel: it need not be there while the samples are transformed.
-        found = np.arange(block // 2 + 1, dtype=np.float64)
-        found *= rate / block
-        return found
-
-    kept = lines_between(frequencies(), settings)
-    alone = np.flatnonzero(~has_mirror(kept.size, block))
+    scale, shape = scale_of(settings, block, rate), window(settings.window, block)
+    f: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
+    kept, mirrored = lines_between(f, settings), has_mirror(f.size, block)
+    peaks = np.where(mirrored, 2.0, 1.0) / np.sum(shape)
 
     def spectrum(channel: Channel) -> NDArray[np.complex128]:
+        """Peak values, exp(+j w t)."""
         samples = recording.read([channel], start, start + block)[0]
         if channel.derivatives:
             convert(samples, channel.derivatives)
-        found = transform(samples)
+        if settings.detrend:
+            samples -= np.add.reduce(samples) / block
+        samples *= shape
+        found = scipy.fft.rfft(samples, overwrite_x=True)
+        found *= peaks
         if channel.delay_s or channel.phase is not None or channel.derivatives:
-            found *= correction_of_block(channel, frequencies(), settings.window)
-        return found
+            found *= correction_of_block(channel, f, settings.window)
+        return np.asarray(found)
 
     turn = None if reference is None else np.conj(spectrum(reference))
     for channel in shown:
         found = spectrum(channel)
-        density = np.abs(found)
-        peaks = density[alone]
-        density /= np.sqrt(2.0)
-        density[alone] = peaks
-        density **= 2
-        density /= scale.enbw_hz
+        density = np.square(np.abs(found)) / np.where(mirrored, 2.0 * scale.enbw_hz, scale.enbw_hz)
         if turn is not None:
             found *= turn
         yield (
             spectrum_of(
-                recording, (channel,), settings, frequencies(), density[None], block, None,
+                recording, (channel,), settings, f, density[None], block, None,
                 n_blocks=1, n_effective=1.0, notes=notes, kept=kept, phased=True,
             ),
             found if kept.all() else found[kept],

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.divisions import division_name
 from specan.result import RecordingResult, Sheet, cell, counted, picked, records
 from specan.units import LevelReference
 
@@ -53,8 +54,8 @@ class BandLevels(RecordingResult):
         Units after the differentiations that a channel's quantity needs (a vibrometer's velocity).
     references : tuple of LevelReference
         What 0 dB is, for each channel.
-    fraction : int or "bark"
-        1/`fraction` octave, or critical bands.
+    fraction : int or str
+        1/`fraction` octave, or the name of a table of bands.
     weighting : str
         Frequency weighting of the band levels: "A", "B", "C" or "Z".
     averaging : str
@@ -329,17 +330,6 @@ def _common_words(flags: Sequence[tuple[str, ...]], known: Sequence[tuple[str, .
         values = [next((w.split("=")[1] for w in words if w.startswith(f"{name}=")), "-") for words in found]
         plain.append(f"{name}=" + "/".join(v if v == "-" else f"{float(v):.2f}" for v in values))
     return " ".join(plain)
-
-
-def division_name(division: int | str, *, width: bool = False) -> str:
-    """What bands of a division are called, or how wide they are.
-
-    Examples
-    --------
-    >>> division_name(3), division_name("bark"), division_name("bark", width=True)
-    ('1/3 octave', 'critical band', '1 Bark')
-    """
-    return ("1 Bark" if width else "critical band") if division == "bark" else f"1/{division} octave"
 
 
 def percentile_name(percent: float) -> str:

@@ -9,10 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from specan.divisions import TABLES
 
 OCTAVE_RATIO = 10.0**0.3
 """G, IEC 61260-1:2014, formula (1)."""
@@ -20,28 +22,11 @@ OCTAVE_RATIO = 10.0**0.3
 REFERENCE_FREQUENCY = 1000.0
 """f_r in Hz, IEC 61260-1:2014, 3.4."""
 
-Fraction = Literal[1, 2, 3, 6, 12, 24]
-FRACTIONS: tuple[Fraction, ...] = get_args(Fraction)
-"""Bandwidth designators b that are offered: 1/1 to 1/24 octave."""
-Division = Fraction | Literal["bark"]
-"""Of the frequency axis: a fraction of an octave, or critical bands."""
-
 FILTER_ORDER = 4
 """Order of the Butterworth low-pass prototype."""
 
 # Mantissas of the nominal mid-frequencies of 1/1 and 1/3 octaves, IEC 61260-1:2014, table E.1 (ISO 266, R10).
 _PREFERRED = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
-
-# Edges and middles in Hz of the critical bands, 1 to 24 Bark: Zwicker, J. Acoust. Soc. Am. 33 (1961) 248. The first one
-# begins where hearing does.
-_BARK_EDGES = (
-    20.0, 100.0, 200.0, 300.0, 400.0, 510.0, 630.0, 770.0, 920.0, 1080.0, 1270.0, 1480.0, 1720.0,
-    2000.0, 2320.0, 2700.0, 3150.0, 3700.0, 4400.0, 5300.0, 6400.0, 7700.0, 9500.0, 12000.0, 15500.0,
-)  # fmt: skip
-_BARK_MIDDLES = (
-    50.0, 150.0, 250.0, 350.0, 450.0, 570.0, 700.0, 840.0, 1000.0, 1170.0, 1370.0, 1600.0, 1850.0,
-    2150.0, 2500.0, 2900.0, 3400.0, 4000.0, 4800.0, 5800.0, 7000.0, 8500.0, 10500.0, 13500.0,
-)  # fmt: skip
 
 
 class Band(NamedTuple):
@@ -91,19 +76,14 @@ class Bands:
         return cls(mid_frequencies(numbers, fraction), *band_edges(numbers, fraction), names, widths)
 
     @classmethod
-    def between(cls, division: Division, low: float, high: float) -> Bands:
+    def between(cls, division: int | str, low: float, high: float) -> Bands:
         """The bands from the one that contains `low` to the one that contains `high` (Hz), as far as there are any."""
-        if division != "bark":
+        if isinstance(division, int):
             return cls.octaves(division, band_range(low, high, division))
-        edges = np.array(_BARK_EDGES)
-        lower, upper = edges[:-1], edges[1:]
-        every = cls(
-            np.sqrt(lower * upper),
-            lower,
-            upper,
-            np.array(_BARK_MIDDLES),
-            math.log(OCTAVE_RATIO) / np.log(upper / lower),
-        )
+        table = TABLES[division]
+        lower, upper = np.array(table.edges[:-1]), np.array(table.edges[1:])
+        designator = math.log(OCTAVE_RATIO) / np.log(upper / lower)
+        every = cls(np.sqrt(lower * upper), lower, upper, np.array(table.middles), designator)
         return every[(upper > low) & (lower <= high)]
 
     def __len__(self) -> int:

@@ -58,48 +58,19 @@ def window(name: WindowName, n: int) -> NDArray[np.float64]:
     >>> window("hann", 4)
     array([0. , 0.5, 1. , 0.5])
     """
-    return _kept(name, n) if n <= _KEPT else _made(name, n, n)
-
-
-class Windowing:
-    """Multiplies blocks of `n` samples with a window, in place; of a long one half is held, as it is symmetric.
-
-    Examples
-    --------
-    >>> samples = np.ones((2, 4))
-    >>> Windowing("hann", 4)(samples)
-    >>> samples[1]
-    array([0. , 0.5, 1. , 0.5])
-    """
-
-    def __init__(self, name: WindowName, n: int) -> None:
-        self._rising = window(name, n)[: n // 2 + 1] if n <= _KEPT else _made(name, n, n // 2 + 1)
-        self._falling = self._rising[1 : n - n // 2][::-1]
-
-    @property
-    def sum(self) -> float:
-        """Of the whole window."""
-        return float(np.sum(self._rising) + np.sum(self._falling))
-
-    def __call__(self, samples: NDArray[np.float64]) -> None:
-        """Multiply samples (..., n)."""
-        middle = self._rising.size
-        samples[..., :middle] *= self._rising
-        samples[..., middle:] *= self._falling
+    return _kept(name, n) if n <= _KEPT else _made(name, n)
 
 
 @lru_cache(maxsize=16)
 def _kept(name: WindowName, n: int) -> NDArray[np.float64]:
-    shape = _made(name, n, n)
+    shape = _made(name, n)
     shape.flags.writeable = False
     return shape
 
 
-def _made(name: WindowName, n: int, count: int) -> NDArray[np.float64]:
-    """The first `count` samples."""
-    turn = 2 * np.pi * np.arange(count) / n
-    terms = (a * (-1) ** m * np.cos(m * turn) for m, a in enumerate(_COEFFICIENTS[name]))
-    return np.asarray(sum(terms, np.zeros(count)))
+def _made(name: WindowName, n: int) -> NDArray[np.float64]:
+    turn = 2 * np.pi * np.arange(n) / n
+    return np.asarray(sum((-1) ** m * a * np.cos(m * turn) for m, a in enumerate(_COEFFICIENTS[name])))
 
 
 def window_properties(name: WindowName) -> WindowProperties:

@@ -12,12 +12,11 @@ from pydantic import Field, model_validator
 
 from specan.analysis.order_settings import BLOCK_TURNS
 from specan.data.spectrum import Scaling
-from specan.dsp.bands import Division
 from specan.dsp.transfer_function import Estimator
 from specan.dsp.weighting import Weighting
 from specan.dsp.windows import WindowName
 from specan.inspect.opened import Opened
-from specan.schema import Settings, parse
+from specan.schema import Division, Settings, parse
 
 
 class _InAddress(Settings):

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.band_levels import BandLevels, division_name
+from specan.data.band_levels import BandLevels
 from specan.data.decay import DecayTimes
 from specan.data.levels import SignalLevels
+from specan.divisions import division_name
 from specan.report.figure_style import (
     COLOURS,
     FEW,

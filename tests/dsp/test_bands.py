@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from specan import divisions, schema
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.dsp.bands import Bands
@@ -55,3 +56,17 @@ def test_half_octaves_are_those_of_the_standard() -> None:
     assert found.mid == pytest.approx([1000 * ratio**-0.25, 1000 * ratio**0.25], rel=1e-12)
     assert found.lower[0] == pytest.approx(1000 * ratio**-0.5, rel=1e-12)
     assert found.nominal.tolist() == [841.0, 1190.0]
+
+
+def test_a_row_in_a_table_is_a_new_set_of_bands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three bands, one of them 3000 Hz wide: white noise is 10 lg 30 dB above that of 100 Hz."""
+    bands = divisions.BandTable(
+        "traffic band", "1 traffic", (100.0, 200.0, 1000.0, 4000.0), (150.0, 500.0, 2000.0)
+    )
+    monkeypatch.setitem(divisions.TABLES, "traffic", bands)
+    monkeypatch.setattr(schema, "DIVISIONS", (*divisions.DIVISIONS, "traffic"))
+    found = measured(np.random.default_rng(3).standard_normal(round(20 * RATE)), fraction="traffic")
+    assert found.nominal_hz.tolist() == [150.0, 500.0, 2000.0]
+    assert found.level_dB[0, 2] - found.level_dB[0, 0] == pytest.approx(10 * np.log10(30), abs=0.5)
+    with pytest.raises(ValueError, match="traffic"):
+        Octave(fraction="trafic")

@@ -8,11 +8,12 @@ import pytest
 import specan
 
 ROOT = Path(specan.__file__).parent
-BASE = {"errors", "units", "schema", "result", "__init__"}
+BASE = {"errors", "units", "schema", "result", "divisions", "__init__"}
 ALLOWED = {
     "errors": set(),
     "units": {"errors"},
-    "schema": {"errors"},
+    "divisions": set(),
+    "schema": {"errors", "divisions"},
     "result": {"errors"},
     "data": BASE | {"data"},
     "dsp": BASE | {"dsp"},

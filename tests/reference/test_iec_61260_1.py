@@ -8,6 +8,7 @@ import pytest
 from specan.analysis.band_results import band_levels
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
+from specan.divisions import FRACTIONS
 from specan.dsp import bands
 from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio, class_1_limits
 
@@ -18,7 +19,7 @@ RATES = (51200.0, 102400.0)
 FADE = 3.0
 # Of fewer cycles it would be no tone.
 CYCLES = 25
-RELATIVE_WIDTH = {b: np.log(bands.OCTAVE_RATIO) / b for b in bands.FRACTIONS}
+RELATIVE_WIDTH = {b: np.log(bands.OCTAVE_RATIO) / b for b in FRACTIONS}
 
 
 def faded_tones(frequencies: np.ndarray, seconds: float, rate: float) -> Recording:
@@ -68,17 +69,17 @@ def test_every_band_is_class_1_at_mid_band_and_edges(rate: float, every: int) ->
     index = bands.band_range(LOW, HIGH, 24)
     lower, upper = bands.band_edges(index, 24)
     tones = np.concatenate([bands.mid_frequencies(index, 24), lower, upper[-1:]])
-    for fraction in bands.FRACTIONS:
+    for fraction in FRACTIONS:
         places = np.concatenate([bands.mid_frequencies(bands.band_range(25.0, 19000.0, fraction), fraction)])
         assert np.abs(tones[:, None] / places - 1).min(axis=0).max() < 1e-12
     tones = tones[::every]
-    assert worst_excess(tones, tones * RELATIVE_WIDTH[24], rate, bands.FRACTIONS) < -0.2
+    assert worst_excess(tones, tones * RELATIVE_WIDTH[24], rate, FRACTIONS) < -0.2
 
 
 @pytest.mark.parametrize("rate", [51200.0, pytest.param(102400.0, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "fraction",
-    [pytest.param(b, marks=[] if b in (3, 24) else pytest.mark.long) for b in bands.FRACTIONS],
+    [pytest.param(b, marks=[] if b in (3, 24) else pytest.mark.long) for b in FRACTIONS],
 )
 def test_five_bands_are_class_1_at_every_breakpoint(fraction: int, rate: float) -> None:
     index = bands.band_range(LOW, HIGH, fraction)
@@ -91,7 +92,7 @@ def test_five_bands_are_class_1_at_every_breakpoint(fraction: int, rate: float) 
     assert worst_excess(tones[measurable], bandwidth[measurable], rate, (fraction,)) < -0.2
 
 
-@pytest.mark.parametrize("fraction", bands.FRACTIONS)
+@pytest.mark.parametrize("fraction", FRACTIONS)
 @pytest.mark.parametrize("rate", RATES)
 def test_the_effective_bandwidth_is_that_of_the_band(fraction: int, rate: float) -> None:
     # An impulse has the same energy in every hertz. The record is long, since its mean, 1 / n, is taken off.
@@ -109,7 +110,7 @@ def test_the_effective_bandwidth_is_that_of_the_band(fraction: int, rate: float)
     assert np.abs(found.level_dB[0] - expected).max() < 0.12
 
 
-@pytest.mark.parametrize("fraction", bands.FRACTIONS)
+@pytest.mark.parametrize("fraction", FRACTIONS)
 def test_the_grid_is_that_of_two_other_libraries(fraction: int) -> None:
     from acoustics.standards import iec_61260_1_2014 as acoustics
     from pyfar.constants import fractional_octave_frequencies_exact

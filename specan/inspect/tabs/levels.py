@@ -18,6 +18,7 @@ from specan.analysis.section import slow_part
 from specan.data.band_levels import BandLevels
 from specan.data.channel import Channel
 from specan.data.recording import Recording
+from specan.divisions import DIVISIONS
 from specan.dsp.band_history import BandHistoryAccumulator
 from specan.dsp.history_filters import weighting_filter
 from specan.dsp.multirate import LENGTH
@@ -206,7 +207,7 @@ class OctaveTab(Tab):
     def __init__(self, opened: Opened, view: View, change: Change, kept: KeptBands) -> None:
         super().__init__(opened, view, change)
         self._kept = kept
-        self.choice(view, "fraction", "1/N octave", [1, 2, 3, 6, 12, 24, "bark"], 80)
+        self.choice(view, "fraction", "1/N octave", [*DIVISIONS], 80)
         self.choice(view, "weighting", "Weighting", ["Z", "A", "B", "C"], 80)
         self.choice(
             view,
