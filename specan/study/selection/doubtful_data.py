@@ -198,7 +198,9 @@ def rows_of_two_kinds(refit: Refit) -> str:
 def _asks_for(refit: Refit, idle: TableObservation, kinds: str) -> bool:
     """Whether a column that tells the kinds apart would change what the model says of rows without load."""
     one, other = (
-        refit.problem.over([replace(idle, conditions={**idle.conditions, kinds: np.full(idle.n, told)})])
+        refit.problem.over(
+            [replace(idle, conditions={**idle.conditions, kinds: np.full(idle.n, told)}, series=None, position=None)]
+        )
         for told in (1.0, 0.0)
     )
     theta = refit.fit.theta
