@@ -68,9 +68,7 @@ STUDIES = [
     Entry("steps", "All steps", "", "study history gear"),
 ]  # fmt: skip
 MODELS = [
-    Entry("efficiency", "Efficiency of a worm gear", "",
-          "simulate worm-gear sample_data/worm_gear/rig.toml --figure 4"),
-    Entry("efficiency_map", "Efficiency map", "", "simulate worm-gear sample_data/worm_gear/rig.toml --figure 11"),
+    Entry("efficiency_map", "Efficiency map", "", "simulate worm-gear sample_data/worm_gear/rig.toml"),
     Entry("field", "Sound field of a room",
           "Level and phase on a plane; `box.toml` is the first rig file of [the room](room.md).",
           "simulate room box.toml --field z=0.33 --frequency 250", cheap=False),
@@ -112,7 +110,7 @@ def texts_of(figure: Any) -> list[str]:
 
 
 def _option(entry: Entry) -> str:
-    return "-o" if entry.command.startswith("simulate") else "--plot"
+    return "-o" if "--field" in entry.command else "--plot"
 
 
 def _run(command: str) -> None:

@@ -1,4 +1,4 @@
-"""What ``specan simulate worm-gear`` does beside a table: a look-up table, a map, the figures of the article."""
+"""What ``specan simulate worm-gear`` does beside a table: a look-up table and a map."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan.errors import RequestError
 from specan_cli.output import OutputFile, say
 from specan_cli.simulate_table import length, over_limits, simulate, table_options, write
 
@@ -27,15 +26,8 @@ LOOKUP_COLUMNS = ("speed_rpm", "output_torque_Nm", "oil_temperature_C", "efficie
     help="Write a look-up table: speed, torque, temperature -> efficiency, loss.",
 )  # fmt: skip
 @click.option("--plot", type=OutputFile(), help="Draw the efficiency map into this file.")
-@click.option(
-    "--figure", "number", type=int, help="Draw a figure of the model's article into -o: 4, 5, 6, 7 or 11."
-)
-@click.option(
-    "--measurement", type=click.Path(path_type=Path),
-    help="A measured table, drawn over the figure as points.",
-)  # fmt: skip
 def run(model: Model, options: Mapping[str, Any]) -> None:
-    """A table over the limits of the rig unless --grid or --conditions say otherwise; a look-up table, or figures.
+    """A table over the limits of the rig unless --grid or --conditions say otherwise; a look-up table, or a map.
 
     --noise is the standard deviation of one reading, N*m.
 
@@ -46,11 +38,15 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     from specan.worm_gear.model.simulated_table import simulated_table
 
     chosen = choose_model(model, options["effects"], options["without"])
-    if options["number"] is not None or options["plot"]:
-        _draw(chosen, options)
+    if options["plot"]:
+        from specan.report.figure_style import save_figure
+        from specan.worm_gear.figures import efficiency_map
+
+        save_figure(efficiency_map(chosen), options["plot"])
+        say(f"efficiency map written to {options['plot']}")
     if options["lookup"]:
         _look_up(chosen, options["lookup"])
-    if options["number"] is None and (options["output"] or not (options["plot"] or options["lookup"])):
+    if options["output"] or not (options["plot"] or options["lookup"]):
         simulate(model, options, simulated_table, GRID_POINTS)
 
 
@@ -63,24 +59,3 @@ def _look_up(chosen: ChosenModel, path: Path) -> None:
     rows = simulated_table(chosen, grid(model, over_limits(model, LOOKUP_POINTS)))
     write(path, {name: rows[name] for name in LOOKUP_COLUMNS})
     say(f"{length(rows)} rows written to {path}")
-
-
-def _draw(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
-    from specan.report.figure_style import save_figure
-    from specan.worm_gear.figures import figure
-
-    if options["number"] is not None and not options["output"]:
-        raise RequestError("--figure has nowhere to go", remedy="name a file with -o, for example figure.png")
-    measured = None
-    if options["measurement"]:
-        from specan.study.data.table_file import read_table
-
-        frame = read_table(options["measurement"]).frame
-        measured = {name: frame[name].to_numpy() for name in frame}
-    wanted = [(11, options["plot"])] if options["plot"] else []
-    if options["number"] is not None:
-        wanted.append((options["number"], options["output"]))
-    for number, path in wanted:
-        sheet = figure(number, chosen, measured)
-        save_figure(sheet, path)
-        say(f"figure {number} written to {path}")

@@ -110,15 +110,6 @@ def test_conditions_are_taken_from_a_measured_table(tmp_path):
     assert got["output_torque_Nm"][:3] == pytest.approx([5, 10, 15])
 
 
-@pytest.mark.parametrize("number", [4, 5, 6, 7, 11])
-def test_the_articles_figures(tmp_path, number):
-    table = "table_7_idle.csv" if number == 6 else "table_8_loaded.csv"
-    run("--figure", number, "-o", tmp_path / "f.svg", "--measurement", SAMPLE / table)
-    text = (tmp_path / "f.svg").read_text(encoding="utf-8")
-    assert "<svg" in text
-    assert len(text) > 10_000
-
-
 def test_plot_is_the_map(tmp_path):
     run("--plot", tmp_path / "map.png", "--table", tmp_path / "map.csv")
     assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
@@ -143,8 +134,6 @@ def test_rows_outside_the_validity_are_told(tmp_path):
         (("--without", "seal-drag"), "not an effect of the base"),
         (("--grid", "speed=1"), "did you mean 'speed_rpm'"),
         (("--grid", "speed_rpm=fast"), "cannot be read"),
-        (("--figure", "3", "-o", "x.png"), "4, 5, 6, 7, 11"),
-        (("--figure", "4"), "nowhere to go"),
         (("-o", "no/such/place.csv"), "cannot be written"),
         (("--noise", "-1"), "not below zero"),
     ],

@@ -199,7 +199,14 @@ def _asks_for(refit: Refit, idle: TableObservation, kinds: str) -> bool:
     """Whether a column that tells the kinds apart would change what the model says of rows without load."""
     one, other = (
         refit.problem.over(
-            [replace(idle, conditions={**idle.conditions, kinds: np.full(idle.n, told)}, series=None, position=None)]
+            [
+                replace(
+                    idle,
+                    conditions={**idle.conditions, kinds: np.full(idle.n, told)},
+                    series=None,
+                    position=None,
+                )
+            ]
         )
         for told in (1.0, 0.0)
     )
