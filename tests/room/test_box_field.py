@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import j1, spherical_jn
 
-from specan.room.model import box_field, soft_axis
+from specan.room.model import box_field
 from specan.room.model.axis_modes import _AXES, axis_modes
 from specan.room.model.box_field import box
 from specan.room.model.port import Port, ball_mean, disc_mean
@@ -124,7 +124,9 @@ WALLS = [
     pytest.param(np.full((6, 1), 0.01), 24, id="hard"),
     pytest.param(np.array([0.3, 0.02, 0.1 + 0.2j, 0.0, -0.3j, 0.05])[:, None], 24, id="soft"),
     pytest.param(np.array([0.01, WIDE, 0, 0, 0.1, 0], dtype=object)[:, None], 48, id="resonant"),
-    pytest.param(np.array([0.01, LINED, 0, 0, 0.02, 0], dtype=object)[:, None], 96, id="modes change places"),
+    pytest.param(
+        np.array([0.01, LINED, 0, 0, 0.02, 0], dtype=object)[:, None], None, id="modes change places"
+    ),
     pytest.param(np.array([0.01, NARROW, 0, 0, 0.1, 0], dtype=object)[:, None], None, id="narrow"),
 ]
 
@@ -148,14 +150,6 @@ def test_few_lines_tell_the_others_or_are_not_used(beta, few, monkeypatch):
     expected = box(*arguments).coupling(source, receivers)
     size = np.sqrt(np.mean(np.abs(expected) ** 2, axis=0))
     assert np.max(np.abs(got - expected) / size) < 1e-8
-
-
-def test_poles_are_kept_only_where_what_they_leave_is_smooth(monkeypatch):
-    beta = np.array([np.broadcast_to(b, FINE.shape) for b in (0.01, LINED, 0, 0, 0.02, 0)], dtype=complex)
-    arguments = (FINE, LENGTHS, (FINE - 0.01j) ** 2, 1j * FINE * beta, LENGTHS, FINE.max(), (14, 10, 12))
-    once = soft_axis._once
-    monkeypatch.setattr(soft_axis, "_once", lambda *found: tuple(part[1:] for part in once(*found)))
-    assert box(*arguments).resonances is None
 
 
 def test_coupling_is_reciprocal():

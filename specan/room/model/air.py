@@ -56,7 +56,9 @@ def air_dispersion(frequency, sound_speed, air_temperature, air_pressure, relati
     for relaxation_hz, (factor, characteristic) in zip(
         relaxations_hz(air_temperature, air_pressure, relative_humidity), RELAXATIONS, strict=True
     ):
-        strength = factor * np.exp(-characteristic / air_temperature) * (air_temperature / REFERENCE_K) ** -2.5
+        strength = (
+            factor * np.exp(-characteristic / air_temperature) * (air_temperature / REFERENCE_K) ** -2.5
+        )
         x2 = (frequency / relaxation_hz) ** 2
         total += strength * sound_speed / (2 * np.pi) * x2 / (1 + x2)
     return total

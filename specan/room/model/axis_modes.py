@@ -216,12 +216,6 @@ def characteristic(w: Complex, a0: Complex, a1: Complex) -> tuple[Complex, Compl
     return value, sine + (w - a0 * a1) * slope_sine + (a0 + a1) * sine / 2
 
 
-def wall_slopes(w: Complex, a0: Complex, a1: Complex) -> tuple[Complex, Complex]:
-    """Derivatives of the characteristic function by `a0` and `a1`."""
-    cosine, sine = _cos_sinc(w)
-    return -cosine - a1 * sine, -cosine - a0 * sine
-
-
 def norms(w: Complex, a0: Complex) -> Complex:
     """Integral of the squared eigenfunction over the axis, divided by the length."""
     cosine, sine = _cos_sinc(w)

@@ -25,7 +25,6 @@ from specan.room.model.frequency_interpolation import interpolations
 from specan.room.model.modal_sum import Modes
 from specan.room.model.port import Port, beyond, point
 from specan.room.model.resonances import Resonances, resonances
-from specan.room.model.soft_axis import resonances_across
 from specan.room.model.static_correction import StaticCorrection, join, static_correction
 
 Complex = NDArray[np.complex128]
@@ -145,15 +144,6 @@ class BoxField:
         """
         found, numbers = self.resonances, modes.T
         sizes = _mode_sizes(self.lengths, self.modes, numbers)
-        if found is not None and found.orders is not None:
-            driven = np.zeros((len(found.residue), len(self.k2)), dtype=complex)
-            for port, strength in sources:
-                driven += np.outer(found.residue * found.poles.at(port) * found.per_k2, strength)
-            heard = found.poles.at_all(receivers)
-            for order, size in zip(modes, sizes.T, strict=True):
-                own = np.flatnonzero(np.all(order == found.orders.T, axis=1))
-                yield heard[own].T @ (driven[own] * found.curves[:, own].T ** 2), size
-            return
         lacks = self.modes.lacks(numbers) + self.modes.k2[:, None]  # K^2, smooth
         if found is not None:
             lacks = found.few.everywhere(lacks)
@@ -223,23 +213,13 @@ def box(
     """
     k2_max = max(k_max, float(np.sqrt(k2).real.max())) ** 2
     near = near_counts(drawn, k_max)
-    choices = list(interpolations(frequency))
-    for few in choices:
+    for few in interpolations(frequency):
         if few.meets(soft.T):
             axes = _axes(lengths, soft[:, few.chosen], counts)
             some = _moved(Modes(axes, k2[few.chosen]), lengths, modes, shift)
             walls = _dimensionless(lengths, soft)
-            off = [i for i in range(3) if not axes[i].holds(few, near[i], *walls[i])]
-            highest, poles = NEAR * float(np.sqrt(k2_max)), None
-            if not off:
-                poles = resonances(axes, few, k2, near, highest, some.moved)
-            elif (
-                len(off) == 1 and few is choices[-1]
-            ):  # poles far from the band are hard to find, and matter less then
-                poles = resonances_across(axes, few, k2, np.stack(walls[off[0]]), off[0], near, highest)
-                if poles is not None and some.moved is not None:
-                    poles, some = poles.shifted(*some.moved), replace(some, moved=None)
-            if poles is not None:
+            if all(axes[i].holds(few, near[i], *walls[i]) for i in range(3)):
+                poles = resonances(axes, few, k2, near, NEAR * float(np.sqrt(k2_max)), some.moved)
                 return BoxField(lengths, some, k2, soft, drawn, k2_max, counts, poles)
     every = _moved(Modes(_axes(lengths, soft, counts), k2), lengths, modes, shift)
     return BoxField(lengths, every, k2, soft, drawn, k2_max, counts)

@@ -13,7 +13,7 @@ is summed at every line.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -124,37 +124,11 @@ class Resonances:
     curves: Complex
     others: Shapes
     factors: Complex
-    unshifted: Complex | None = None
-    orders: NDArray[np.intp] | None = None
-
-    @property
-    def per_k2(self) -> Complex:
-        """Move of each pole, half-widths of the band, with the squared wave number of its mode, array (modes,)."""
-        found: Complex = -self.residue * self.poles.norm
-        return found
-
-    def shifted(self, modes: NDArray[np.intp], more: Complex) -> Resonances:
-        """The same with other poles; what is left of the sum beside the poles stays as it is.
-
-        Parameters
-        ----------
-        modes : array of int (3, n)
-            Numbers of some modes along the edges.
-        more : array (n,)
-            By how much their squared wave numbers are larger, 1/m^2.
-        """
-        assert self.orders is not None
-        by_order = dict(zip(map(tuple, modes.T.tolist()), more.tolist(), strict=True))
-        part = np.array([by_order.get(tuple(n), 0) for n in self.orders.T.tolist()], dtype=complex)
-        pole = self.few.place[0] - 1 / self.curves[0] + part * self.per_k2
-        curves = 1 / (self.few.place[:, None] - pole)
-        return replace(self, curves=curves, unshifted=self.curves[self.few.chosen])
 
     def everywhere(self, source: Port, receivers: Sequence[Port], exact: Complex) -> Complex:
         """Couplings (lines, receivers) from the exact ones at the few lines (few, receivers)."""
         size = (self.residue * self.poles.at(source))[:, None] * self.poles.at_all(receivers)
-        own_curves = self.curves[self.few.chosen] if self.unshifted is None else self.unshifted
-        smooth = exact - own_curves @ size
+        smooth = exact - self.curves[self.few.chosen] @ size
         if not self.factors.shape[1]:
             return self.curves @ size + self.few.everywhere(smooth)
         own = (self.others.at(source) / self.others.norm)[..., None] * self.others.at_all(receivers)
