@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     "--scaling", ["amplitude", "rms", "psd"],
     "Peak amplitude or RMS of a line (tones), or power spectral density (noise).  [default: amplitude]",
 )  # fmt: skip
-@opt("--lines", int, "Lines up to fs/2.56.  [default: 3200, fewer in a short section]")
+@opt("--lines", int, "Lines up to fs/2.56.  [default: 3200, fewer in a short section or spectrogram]")
 @opt("--whole", bool, "The whole section is one block.")
 @opt(
     "--window",

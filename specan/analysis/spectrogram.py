@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -9,6 +11,8 @@ from pydantic import Field
 from specan.analysis.accumulator import READ_BLOCK
 from specan.analysis.section import section, weightable
 from specan.analysis.spectrum import (
+    DEFAULT_LINES,
+    SAMPLES_PER_LINE,
     BlockSettings,
     block_of,
     correction_of_block,
@@ -26,6 +30,10 @@ from specan.dsp.windows import window
 
 VALUES = 8_000_000
 """Most numbers of a spectrogram: channels times columns times lines, 64 MB."""
+
+
+BLOCKS, LEAST_LINES = 50, 16
+"""Blocks side by side in a section where no number of lines is given, and the fewest lines for that."""
 
 
 class SpectrogramSettings(BlockSettings):
@@ -53,7 +61,11 @@ class SpectrogramSettings(BlockSettings):
         """Read the recording once and return the spectrogram."""
         channels, notes = weightable(recording, self.channels, self.weighting)
         start, stop = section(recording, channels, self.start_s, self.stop_s)
-        block, rate = block_of(recording, self, stop - start), channels[0].sampling_rate
+        rate, lines = channels[0].sampling_rate, self.lines
+        usual = int((stop - start) / SAMPLES_PER_LINE / BLOCKS)
+        if lines is None and usual >= LEAST_LINES:  # a short section has fewer: it has to show what changes
+            lines = DEFAULT_LINES >> max(math.ceil(math.log2(DEFAULT_LINES / usual)), 0)
+        block = block_of(recording, self.model_copy(update={"lines": lines}), stop - start)
         hop = hop_of(block, self.overlap)
         n_blocks = (stop - start - block) // hop + 1
         frequency: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)

@@ -1,19 +1,18 @@
-"""Figures of the page: lines distinguished by every kind of vision, octave ticks, maps of levels."""
+"""What `specan.report.panels` describes, drawn on the page: panels of curves under each other, pictures of levels."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from bokeh.layouts import column
 from bokeh.models import (
     AdaptiveTicker,
     BoxZoomTool,
     ColorBar,
     ColumnDataSource,
     CrosshairTool,
-    DataRange1d,
     FixedTicker,
     HoverTool,
     Legend,
@@ -30,57 +29,14 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from specan.inspect.look import COLOURS
-from specan.report.figure_style import chosen, octave_ticks
+from specan.report.figure_style import octave_ticks
+from specan.report.panels import FEW, Curve, Drawing, Panel, Picture, numbered
 
 _DASHES = ("solid", "dashed", "dotted", "dotdash")
 _HARMONICS = 10
-_DYNAMICS_DB = 100.0
-WRAPPED = (-190.0, 190.0)  # limits of a wrapped phase
-FEW = 8  # lines that have a colour each; of more the outer ones have, and the others are pale
 _PALE = "#9aa3ad"
-
-
-@dataclass(frozen=True)
-class Curve:
-    """One line: its name, and where it runs.
-
-    Attributes
-    ----------
-    hue, dash : int or None
-        Colour and dash by their numbers; otherwise one after the other.
-    """
-
-    name: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    hue: int | None = None
-    dash: int | None = None
-    alpha: float = 1.0
-
-
-@dataclass(frozen=True)
-class Band:
-    """What lies between two lines, in the colour of a curve; nothing where an end is not finite."""
-
-    x: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    hue: int
-    alpha: float = 0.25
-
-    @property
-    def outline(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Closed outlines of its pieces, NaN between them."""
-        known = np.isfinite(self.low) & np.isfinite(self.high)
-        ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-        xs: list[NDArray[np.float64]] = []
-        ys: list[NDArray[np.float64]] = []
-        gap = np.array([np.nan])
-        for first, last in zip(ends[::2], ends[1::2]):
-            x, low, high = (v[first:last] for v in (self.x, self.low, self.high))
-            xs += [x, x[::-1], gap]
-            ys += [low, high[::-1], gap]
-        return (np.concatenate(xs[:-1]), np.concatenate(ys[:-1])) if xs else (np.empty(0), np.empty(0))
+_ROWS, _COLUMNS = 220, 800  # of a picture
+Styles = Mapping[str, tuple[int, int]]  # name of a curve to numbers of its colour and dash; others are pale
 
 
 def plain(text: str) -> str:
@@ -107,30 +63,21 @@ def panel(grows: int, **options: Any) -> Any:
     return sheet
 
 
-def hertz_axis(sheet: Any, axis: Any) -> None:
+def hertz_axis(axis: Any) -> None:
     """A tick at each octave."""
     frequencies, names = octave_ticks()
     axis.ticker = FixedTicker(ticks=frequencies, minor_ticks=[])
     axis.major_label_overrides = dict(zip(frequencies, names))
 
 
-def outer_of(curves: Sequence[Curve]) -> list[int]:
-    """Numbers of the lines that are furthest from the median; of lines on different axes, the first ones."""
-    if any(c.y.size != curves[0].y.size for c in curves):
-        return list(range(min(len(curves), 3)))
-    return chosen(np.array([c.y for c in curves]))
+def styles_of(panels: tuple[Panel, ...]) -> Styles:
+    """As the figures of a report have them; of many channels each line is full."""
+    many, n = any(len(p.curves) > FEW for p in panels), len(COLOURS)
+    return {name: (k % n, 0 if many else k // n) for name, k in numbered(panels).items()}
 
 
 class HarmonicCursor:
-    """Lines at a frequency and its multiples.
-
-    Parameters
-    ----------
-    sheet : figure
-    dimension : {"height", "width"}
-        Along which the lines run.
-    colour : str
-    """
+    """Lines at a frequency and its multiples, along one `dimension`: "height" or "width"."""
 
     def __init__(self, sheet: Any, dimension: str, colour: str = "#808894") -> None:
         self._spans = [
@@ -148,193 +95,129 @@ class HarmonicCursor:
             span.line_alpha = 0.9 if number == 1 else 0.45
 
 
-class Lines:
-    """A figure of lines that are exchanged as a whole.
+class PanelPlot:
+    """The figure of one panel; its curves are exchanged as a whole.
 
     Parameters
     ----------
-    x_label, y_label : str
-    hertz : bool
-        A logarithmic axis of frequency, with a cursor.
-    limits : tuple of float, optional
-        Of the vertical axis; otherwise it follows the lines, over the dynamics of a converter at most.
-    like : Lines, optional
+    share : int
+        Of the height; `height` in pixels instead.
+    like : PanelPlot, optional
         Shares its horizontal axis.
-    height, weight : int
-        Pixels; without them a share of the height that there is.
-    named : bool
-        Ticks of the horizontal axis carry numbers.
-    shades : str
-        Name of the data of the bands.
-    coloured : bool
-        Every line has a colour, however many they are.
+    hertz : bool
+        A logarithmic axis of frequency.
+    tip : tuple of str
+        Names of the values at the mouse.
     """
 
     def __init__(
         self,
-        x_label: str,
-        y_label: str,
+        share: int = 3,
         *,
         hertz: bool = False,
+        like: PanelPlot | None = None,
         height: int | None = None,
-        weight: int = 3,
-        limits: tuple[float, float] | None = None,
-        like: Lines | None = None,
-        legend: bool = True,
         tip: tuple[str, str] = ("x", "y"),
-        dynamics: float | None = None,
-        coloured: bool = False,
-        named: bool = True,
-        shades: str = "bands",
     ) -> None:
-        self._fixed, self._dynamics, self._coloured = limits is not None, dynamics, coloured
-        self._limits: tuple[float, float] | None = None
-        vertical = Range1d(*limits) if limits else DataRange1d() if dynamics is None else Range1d(0, 1)
+        grows = {} if height else {"flex": f"{share + 1} 1 0", "min-height": "0"}
         self.sheet: Any = figure(
-            height=height,
-            min_height=56,
-            sizing_mode="stretch_both" if height is None else "stretch_width",
-            styles={"background": "var(--paper)"}
-            | ({"flex": f"{weight} 1 0", "min-height": "0"} if height is None else {}),
-            x_axis_type="log" if hertz else "linear",
+            height=height, min_height=56, sizing_mode="stretch_width" if height else "stretch_both",
+            styles={"background": "var(--paper)", **grows}, x_axis_type="log" if hertz else "linear",
             x_range=like.sheet.x_range if like else Range1d(20, 20000) if hertz else Range1d(0, 1),
-            y_range=vertical,
-            x_axis_label=x_label,
-            y_axis_label=y_label,
-            tools=[],
-            output_backend="canvas",
-        )
-        self._shades = ColumnDataSource({"x": [], "y": [], "colour": [], "alpha": []}, name=shades)
+            y_range=Range1d(0, 1), tools=[], output_backend="canvas",
+        )  # fmt: skip
+        self._shades = ColumnDataSource({"x": [], "y": [], "colour": []}, name="bands")
         self.sheet.patches(
-            "x", "y", source=self._shades, fill_color="colour", fill_alpha="alpha", line_color=None
+            "x", "y", source=self._shades, fill_color="colour", fill_alpha=0.25, line_color=None
         )
-        self._source = ColumnDataSource(
-            {"x": [], "y": [], "colour": [], "dash": [], "name": [], "alpha": []}, name="curves"
-        )
-        glyph = self.sheet.multi_line(
-            "x",
-            "y",
-            source=self._source,
-            line_color="colour",
-            line_dash="dash",
-            line_width=1.3,
-            line_alpha="alpha",
-        )
-        hover = HoverTool(
-            renderers=[glyph],
-            line_policy="nearest",
-            tooltips=[("", "@name"), (tip[0], "$snap_x{0.[0000]}"), (tip[1], "$snap_y{0.00[00]}")],
-        )
+        names = ("x", "y", "colour", "dash", "name", "alpha")
+        self.source = ColumnDataSource({name: [] for name in names}, name="curves")
+        self._glyph = self.sheet.multi_line(
+            "x", "y", source=self.source, line_color="colour", line_dash="dash", line_width=1.3, line_alpha="alpha"
+        )  # fmt: skip
+        self._dots = ColumnDataSource({"x": [], "y": [], "colour": []}, name="dots")
+        self.sheet.scatter("x", "y", source=self._dots, color="colour", size=3)
         wheel = WheelZoomTool(dimensions="width")
+        tips = [("", "@name"), (tip[0], "$snap_x{0.[0000]}"), (tip[1], "$snap_y{0.00[00]}")]
         self.sheet.add_tools(
-            PanTool(), BoxZoomTool(), wheel, hover, CrosshairTool(line_alpha=0.4), ResetTool(), SaveTool()
-        )
-        self.sheet.toolbar.active_scroll = wheel
-        if tip[1] == "degrees":  # ticks at halves, quarters and eighths of a turn
-            self.sheet.yaxis[0].ticker = AdaptiveTicker(base=10, mantissas=[1.8, 4.5, 9], min_interval=1)
-            self.sheet.ygrid.ticker = self.sheet.yaxis[0].ticker
-        self.sheet.toolbar.logo = None
-        # Figures under one another have their frames in line: the toolbar is inside, two lines of label fit.
+            PanTool(), BoxZoomTool(), wheel, CrosshairTool(line_alpha=0.4), ResetTool(), SaveTool(),
+            HoverTool(renderers=[self._glyph], line_policy="nearest", tooltips=tips),
+        )  # fmt: skip
+        self.sheet.toolbar.update(active_scroll=wheel, logo=None, autohide=True, visible=like is None)
+        # Figures under one another have their frames in line: the toolbar is inside, three lines of label fit.
         self.sheet.update(min_border_left=88, min_border_right=12, toolbar_inner=True)
-        self.sheet.toolbar.autohide = True
-        if not named:
-            self.sheet.xaxis[0].major_label_text_font_size = "0px"
-        if weight < 3:
-            self.sheet.yaxis[0].ticker.desired_num_ticks = 2 * weight
-        if like is not None:
-            self.sheet.toolbar.visible = False
         self._cursor = HarmonicCursor(self.sheet, "height")
         if hertz:
-            hertz_axis(self.sheet, self.sheet.xaxis[0])
+            hertz_axis(self.sheet.xaxis[0])
             self.sheet.xgrid.ticker = self.sheet.xaxis[0].ticker
-        self._glyph = glyph
         self._legend = Legend(
             items=[], click_policy="none", border_line_color=None, label_text_font_size="11px", spacing=10, padding=4,
             margin=0, orientation="horizontal", ncols=8, glyph_width=14, glyph_height=12, label_height=12,
-        ) if legend else None  # fmt: skip
-        if self._legend is not None:
-            self.sheet.add_layout(self._legend, "above")
+        )  # fmt: skip
+        self.sheet.add_layout(self._legend, "above")
 
-    def draw(
-        self,
-        curves: Sequence[Curve],
-        bands: Sequence[Band] = (),
-        outer: Sequence[int] | None = None,
-        first: int = 0,
-    ) -> int:
-        """Exchange the lines, and the bands behind them.
-
-        Parameters
-        ----------
-        outer : sequence of int, optional
-            The lines of many that get a colour.
-        first : int
-            Number of the first colour, for lines that do not name theirs.
-
-        Returns
-        -------
-        int
-            How many lines have a colour.
-        """
-        n = len(COLOURS)
-        outlines = [band.outline for band in bands]
+    def draw(self, shown: Panel, styles: Styles, alpha: float = 1.0) -> None:
+        """Exchange the curves, and the bands behind them."""
+        curves = shown.curves
+        hues = [COLOURS[styles[c.name][0]] if c.name in styles else _PALE for c in curves]
+        banded = [
+            (outline(c.x, c.low, c.high), hue)
+            for c, hue in zip(curves, hues)
+            if c.low is not None and c.high is not None and hue != _PALE
+        ]
         self._shades.data = {
-            "x": [x for x, _ in outlines],
-            "y": [y for _, y in outlines],
-            "colour": [COLOURS[band.hue % n] for band in bands],
-            "alpha": [band.alpha for band in bands],
+            "x": [x for (x, _), _ in banded],
+            "y": [y for (_, y), _ in banded],
+            "colour": [hue for _, hue in banded],
         }
-        apart = None if self._coloured or len(curves) <= FEW else list(outer or outer_of(curves))
-        hues = [first + k if c.hue is None else c.hue for k, c in enumerate(curves)]
-        dashes = [hue // n if c.dash is None else c.dash for hue, c in zip(hues, curves)]
-        self._source.data = {
-            "x": [c.x for c in curves],
-            "y": [np.where(np.isfinite(c.y), c.y, np.nan) for c in curves],
-            "colour": [
-                COLOURS[(first + apart.index(k) if apart and curves[k].hue is None else hue) % n]
-                if apart is None or k in apart
-                else _PALE
-                for k, hue in enumerate(hues)
-            ],
-            "dash": [_DASHES[dash % len(_DASHES) if apart is None else 0] for dash in dashes],
-            "name": [plain(c.name) for c in curves],
-            "alpha": [c.alpha if apart is None or k in apart else 0.35 for k, c in enumerate(curves)],
+        lines = [_line(c) for c in curves] if shown.kind != "dots" else []
+        self.source.data = {
+            "x": [x for x, _ in lines],
+            "y": [np.where(np.isfinite(y), y, np.nan) for _, y in lines],
+            "colour": hues[: len(lines)],
+            "dash": [_DASHES[styles.get(c.name, (0, 0))[1] % len(_DASHES)] for c in curves[: len(lines)]],
+            "name": [plain(c.name) for c in curves[: len(lines)]],
+            "alpha": [alpha if c.name in styles else 0.35 for c in curves[: len(lines)]],
         }
-        if self._legend is not None:
-            named = range(len(curves)) if apart is None else apart
-            self._legend.items = [
-                LegendItem(label={"value": plain(curves[k].name)}, renderers=[self._glyph], index=k)
-                for k in named
-            ]
-        if self._dynamics is not None:
-            self._follow(curves)
-        return len(curves) if apart is None else len(apart)
-
-    def _follow(self, curves: Sequence[Curve]) -> None:
-        values = np.concatenate([c.y[np.isfinite(c.y)] for c in curves] or [np.empty(0)])
-        if not values.size:
-            return
-        top = float(values.max())
-        low = max(float(values.min()), top - (self._dynamics or 0.0))
-        margin = max(0.05 * (top - low), 1.0)
-        limits = (low - margin, top + margin)
-        if limits != self._limits:
-            self._limits = limits
-            self.sheet.y_range.update(
-                start=limits[0], end=limits[1], reset_start=limits[0], reset_end=limits[1]
-            )
+        dots = [
+            (points, hue)
+            for c, hue in zip(curves, hues)
+            if (points := (c.x, c.y) if shown.kind == "dots" else c.dots) is not None
+        ]
+        self._dots.data = {
+            "x": np.concatenate([x for (x, _), _ in dots] or [np.empty(0)]),
+            "y": np.concatenate([y for (_, y), _ in dots] or [np.empty(0)]),
+            "colour": [hue for (x, _), hue in dots for _ in range(len(x))],
+        }
+        self._legend.items = [
+            LegendItem(label={"value": plain(c.name)}, renderers=[self._glyph], index=k)
+            for k, c in enumerate(curves)
+            if shown.leads and c.name in styles
+        ]
+        self.label(shown.label)
+        axis = self.sheet.yaxis[0]
+        if shown.phase:  # ticks at halves, quarters and eighths of a turn
+            axis.ticker = AdaptiveTicker(base=10, mantissas=[1.8, 4.5, 9], min_interval=1)
+            self.sheet.ygrid.ticker = axis.ticker
+        self.limit(*((-190.0, 190.0) if shown.phase else shown.limits or _ends(curves)))
 
     def span(self, low: float, high: float) -> None:
         """Show this part of the horizontal axis, and come back to it on a reset."""
         self.sheet.x_range.update(start=low, end=high, reset_start=low, reset_end=high)
 
     def limit(self, low: float, high: float) -> None:
-        """Show this part of the vertical axis, and come back to it on a reset."""
-        self.sheet.y_range.update(start=low, end=high, reset_start=low, reset_end=high)
+        """Show this part of the vertical axis where it is another one, and come back to it on a reset."""
+        axis = self.sheet.y_range
+        if (axis.reset_start, axis.reset_end) != (low, high):
+            axis.update(start=low, end=high, reset_start=low, reset_end=high)
 
     def label(self, text: str) -> None:
         """Name of the vertical axis."""
-        self.sheet.yaxis[0].axis_label = plain(text)
+        self.sheet.yaxis[0].axis_label = plain(
+            text.partition("\n")[0].replace(" / ", "\n/ ", 1).replace(" over ", "\nover ")
+            if " / " in text
+            else text
+        )
 
     def cursor(self, frequency: float | None, harmonics: bool) -> None:
         """Lines at a frequency and its multiples."""
@@ -345,52 +228,134 @@ class Lines:
         return float(event.x)
 
 
-class HeatMap:
-    """A picture of levels.
+def _line(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Through its points, or along its steps."""
+    if curve.x.size == curve.y.size + 1:
+        return np.repeat(curve.x, 2)[1:-1], np.repeat(curve.y, 2)
+    return curve.x, curve.y
+
+
+def _ends(curves: tuple[Curve, ...]) -> tuple[float, float]:
+    """Of all curves, with a margin."""
+    values = np.concatenate([c.y[np.isfinite(c.y)] for c in curves] or [np.empty(0)])
+    if not values.size:
+        return 0.0, 1.0
+    low, high = float(values.min()), float(values.max())
+    margin = 0.04 * (high - low) or abs(high) or 1.0
+    return low - margin, high + margin
+
+
+def outline(x: Any, low: Any, high: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Closed outlines of the pieces of a band where both ends are known, NaN between them."""
+    known = np.isfinite(low) & np.isfinite(high)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    xs, ys, gap = list[Any](), list[Any](), np.array([np.nan])
+    for first, last in zip(ends[::2], ends[1::2]):
+        xs += [x[first:last], x[first:last][::-1], gap]
+        ys += [low[first:last], high[first:last][::-1], gap]
+    return (np.concatenate(xs[:-1]), np.concatenate(ys[:-1])) if xs else (np.empty(0), np.empty(0))
+
+
+class Plots:
+    """Panels of a drawing under each other over one horizontal axis; figures are used again for the next drawing.
 
     Parameters
     ----------
-    grows : int
-        Share of the height.
-    dynamics_dB : float
-        Below the highest level everything is dark.
-    name : str
-        Of its source of data.
+    made : callable
+        Called with each figure that is made.
     **options
-        Of `bokeh.plotting.figure`: labels, ranges and kinds of the axes.
+        Of `PanelPlot`.
     """
 
-    def __init__(self, grows: int, dynamics_dB: float, name: str, **options: Any) -> None:
-        self._dynamics_dB = dynamics_dB
+    def __init__(self, made: Callable[[PanelPlot], None] = lambda plot: None, **options: Any) -> None:
+        self._options, self._made = options, made
+        self.plots: dict[tuple[int, int], PanelPlot] = {}
+        self.first = self._plot(0, 3)
+        self.body = column(
+            self.first.sheet, sizing_mode="stretch_both", styles={"flex": "3 1 0", "min-height": "0"}
+        )
+
+    def _plot(self, number: int, share: int) -> PanelPlot:
+        key = (number, share)
+        if key not in self.plots:
+            like = self.first if self.plots else None
+            self.plots[key] = PanelPlot(share, like=like, **self._options)
+            self._made(self.plots[key])
+        return self.plots[key]
+
+    def draw(self, drawing: Drawing) -> None:
+        """Exchange everything."""
+        shown, styles = [], styles_of(drawing.panels)
+        for number, one in enumerate(drawing.panels):
+            plot, last = self._plot(number, one.share), number == len(drawing.panels) - 1
+            plot.draw(one, styles)
+            plot.sheet.xaxis[0].axis_label = drawing.x_label if last else ""
+            plot.sheet.xaxis[0].major_label_text_font_size = "11px" if last else "0px"
+            shown.append(plot.sheet)
+        if self.body.children != shown:
+            self.body.children = shown
+        self.first.span(*drawing.span)
+        self.first.sheet.title.text = plain(drawing.facts[0])
+
+
+class HeatMap:
+    """A picture of levels, of one share of the height; `options` are of `bokeh.plotting.figure`."""
+
+    def __init__(self, grows: int, name: str, x_range: Any = None, hertz: bool = False) -> None:
+        self._hertz = hertz
         self._colours = LinearColorMapper(palette="Cividis256", low=0, high=1)
         self._source = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []}, name=name)
-        self.sheet = figure(
-            sizing_mode="stretch_both", styles={"flex": f"{grows} 1 0", "min-height": "0"}, min_height=120,
-            tools="pan,box_zoom,wheel_zoom,reset,save", **{"y_range": Range1d(0, 1), **options},
+        self.sheet = panel(
+            grows, tools="pan,box_zoom,wheel_zoom,reset,save", x_range=x_range or Range1d(0, 1),
+            y_range=Range1d(20, 20000), y_axis_type="log" if hertz else "linear", min_border_left=88,
         )  # fmt: skip
-        self.sheet.toolbar.logo = None
         self.picture = self.sheet.image(
             "image", "x", "y", "dw", "dh", source=self._source, color_mapper=self._colours
         )
+        tips = [("x", "$x{0.000}"), ("y", "$y{0.0}"), ("dB", "@image{0.0}")]
+        self.sheet.add_tools(HoverTool(renderers=[self.picture], tooltips=tips))
+        if hertz:
+            hertz_axis(self.sheet.yaxis[0])
         self._bar = ColorBar(color_mapper=self._colours, title="dB")
         self.sheet.add_layout(self._bar, "right")
 
-    def draw(
-        self,
-        picture: NDArray[np.float64],
-        x: tuple[float, float],
-        y: tuple[float, float],
-        unit: str,
-        title: str,
-    ) -> None:
-        """Show levels (rows upwards, columns) over the spans `x` and `y`."""
-        known = np.isfinite(picture)
-        top = float(picture[known].max()) if known.any() else 0.0
-        self._colours.update(low=top - self._dynamics_dB, high=top)
+    def draw(self, drawing: Drawing) -> None:
+        """Show the first picture of a drawing."""
+        shown = drawing.pictures[0]
+        picture, (left, right), (low, high) = even(shown, self._hertz)
+        top = float(np.nanmax(picture, initial=-np.inf))
+        top = top if np.isfinite(top) else 0.0
+        self._colours.update(low=top - drawing.dynamics_dB, high=top)
         self._source.data = {
-            "image": [np.where(known, picture, np.nan)],
-            "x": [x[0]], "y": [y[0]], "dw": [x[1] - x[0]], "dh": [y[1] - y[0]],
+            "image": [picture], "x": [left], "y": [low], "dw": [right - left], "dh": [high - low],
         }  # fmt: skip
-        self.sheet.y_range.update(start=y[0], end=y[1], reset_start=y[0], reset_end=y[1])
-        self._bar.title = unit
-        self.sheet.title.text = plain(title)
+        self.sheet.y_range.update(start=low, end=high, reset_start=low, reset_end=high)
+        self.sheet.x_range.update(start=left, end=right, reset_start=left, reset_end=right)
+        self.sheet.xaxis[0].axis_label, self.sheet.yaxis[0].axis_label = drawing.x_label, shown.y_label
+        self._bar.title = shown.unit
+        self.sheet.title.text = plain(f"{shown.name}: {drawing.facts[0]}")
+
+
+def even(
+    picture: Picture, hertz: bool
+) -> tuple[NDArray[np.float64], tuple[float, float], tuple[float, float]]:
+    """Levels at even steps, of the logarithm where `hertz`; and the ends of both axes.
+
+    Each row is that of the nearest place in y. Of more columns than the screen has, the highest of its neighbours is
+    shown: a line is never lost.
+    """
+    x, y, values = picture.x, picture.y, np.where(np.isfinite(picture.values), picture.values, np.nan)
+    step = float(x[1] - x[0]) if x.size > 1 else 1.0
+    low, high = float(y[0]), float(y[-1])
+    if hertz:
+        low = max(low, 10.0 if high > 100 else low)
+        wanted = np.geomspace(low, high, _ROWS)
+    else:
+        margin = 0.005 * high if high - low < 0.01 * high else 0.0  # a constant speed is a strip
+        low, high = low - margin, high + margin
+        wanted = low + (high - low) * (np.arange(_ROWS) + 0.5) / _ROWS
+    rows = values[np.searchsorted((y[1:] + y[:-1]) / 2, wanted)]
+    together = -(-rows.shape[1] // _COLUMNS)
+    padded = np.pad(rows, ((0, 0), (0, -rows.shape[1] % together)), constant_values=np.nan)
+    columns = np.fmax.reduce(padded.reshape(_ROWS, -1, together), axis=2)
+    return np.asarray(columns), (float(x[0]) - step / 2, float(x[-1]) + step / 2), (low, high)

@@ -15,7 +15,7 @@ from specan.errors import RequestError, SpecanError
 from specan.inspect.kept_bands import KeptBands
 from specan.inspect.look import KEYS, PANEL, BrowserLink, Busy, Dress, asked_for, header, notice, sheet
 from specan.inspect.opened import Opened
-from specan.inspect.plots import Band, Curve, plain
+from specan.inspect.plots import plain
 from specan.inspect.tabs.info import InfoTab
 from specan.inspect.tabs.levels import LevelsTab, OctaveTab
 from specan.inspect.tabs.orders import OrdersTab
@@ -25,6 +25,7 @@ from specan.inspect.view import View, commands
 from specan.inspect.waveform_view import WaveformView, read_overviews
 from specan.inspect.work import Tell, Work
 from specan.report.figures import figure_of
+from specan.report.panels import Panel
 from specan.result import RecordingResult
 
 if TYPE_CHECKING:
@@ -68,9 +69,6 @@ class RecordingPage:
                 InfoTab(opened, view, self.change),
             )
         }  # fmt: skip
-        levels = self.tabs["levels"]
-        assert isinstance(levels, LevelsTab)
-        levels.partly = lambda found, view: self.work.later(lambda: levels.draw(found, view))
         self.found: Found = []
         self.waveform = WaveformView(opened, view, self._moved, self._chosen)
         self._moving = False
@@ -239,10 +237,10 @@ class RecordingPage:
     def _refresh_waveform(self) -> None:
         view, visible = self.view, self.waveform.visible
 
-        def show(curves: list[Curve | Band]) -> None:
-            self.waveform.draw(curves, view)
+        def show(curves: Panel) -> None:
+            self.waveform.draw(curves)
 
-        def compute(tell: Tell) -> list[Curve | Band]:
+        def compute(tell: Tell) -> Panel:
             waiting = [w for _, w in self.waveform.waveforms(view) if w.needs_overview(*visible)]
             if waiting:
 
@@ -306,7 +304,7 @@ class RecordingPage:
 
     def _numbers(self, number: int, found: Any) -> Any:
         """The result of a tab, as the verb gives it."""
-        return stated(found["numbers"] if isinstance(found, dict) else found, self.opened.recordings[number])
+        return stated(getattr(found, "numbers", found), self.opened.recordings[number])
 
     def _copy_numbers(self) -> None:
         tab = self.tabs[self.view.tab]
@@ -335,7 +333,7 @@ class RecordingPage:
 
 
 def _notes(found: Found) -> tuple[str, str]:
-    results = [r["numbers"] if isinstance(r, dict) else r for _, r in found]
+    results: list[Any] = [getattr(r, "numbers", r) for _, r in found]
     notes = dict.fromkeys(note for r in results for note in getattr(r, "notes", ()))
     warned = [
         f"{name}: {', '.join(words)}"

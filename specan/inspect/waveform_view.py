@@ -1,15 +1,10 @@
-"""The waveform above the tabs: any length pans and zooms; lowest and highest samples are kept for the next time."""
+"""The waveform above the tabs: any length pans and zooms."""
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import os
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
 from threading import Lock
 from typing import Any
 
@@ -18,14 +13,14 @@ from bokeh.events import Reset, SelectionGeometry
 from bokeh.models import BoxAnnotation, BoxSelectTool
 from numpy.typing import NDArray
 
-from specan.analysis.batch.store import Identity, identify
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.dsp.statistics import low_and_high
-from specan.inspect.opened import Opened, WatchedSource
-from specan.inspect.plots import Band, Curve, Lines
+from specan.inspect.look import COLOURS
+from specan.inspect.opened import Opened
+from specan.inspect.plots import PanelPlot
 from specan.inspect.view import View
-from specan.study.user_effects import trust_record
+from specan.report.panels import Curve, Panel
 
 COLUMNS = 1500  # of the screen
 
@@ -50,12 +45,9 @@ class WaveformView:
     ) -> None:
         self._opened = opened
         self._waveforms: dict[str, Waveform] = {}
-        self._reach: dict[str, float] = {}
         self._end = max(opened.duration_s, 1e-3)
-        self.lines = Lines(
-            "Time / s", "", height=150, legend=False, coloured=True, shades="envelopes", tip=("s", "value")
-        )
-        self.sheet = self.lines.sheet
+        self.plot = PanelPlot(height=150, tip=("s", "value"))
+        self.sheet = self.plot.sheet
         select = BoxSelectTool(dimensions="width", description="Choose the time section")
         self.sheet.add_tools(select)
         self.sheet.toolbar.active_drag = select
@@ -96,36 +88,29 @@ class WaveformView:
                 found.append((self._text(number, channel), self._waveforms[key]))
         return found
 
-    def curves(self, view: View, start_s: float, stop_s: float) -> list[Curve | Band]:
+    def curves(self, view: View, start_s: float, stop_s: float) -> Panel:
         """What is to be drawn; reads from the file, so call it beside the page.
 
-        Of many samples the envelope of each channel, of few the samples. Channels with different units are drawn as a
+        Of many samples the extremes of each column, of few the samples. Channels with different units are drawn as a
         part of the largest magnitude of their unit.
         """
         parts = [
             (name, w.channel.unit, *w.part(start_s, stop_s, COLUMNS)) for name, w in self.waveforms(view)
         ]
-        self._reach = {}
+        reach: dict[str, float] = {}
         for _, unit, _, y in parts:
-            self._reach[unit] = max(self._reach.get(unit, 0.0), float(np.nanmax(np.abs(y), initial=0.0)))
-        found: list[Curve | Band] = []
-        for hue, (name, unit, x, y) in enumerate(parts):
-            scaled = y / (self._reach[unit] or 1.0) if len(self._reach) > 1 else y
-            if x.size > 1 and x[0] == x[1]:  # lowest and highest of each column
-                low, high = np.minimum(scaled[::2], scaled[1::2]), np.maximum(scaled[::2], scaled[1::2])
-                found.append(Band(x[::2], low, high, hue, 0.3))
-                found += [Curve(name, x[::2], end, hue, 0, 0.7) for end in (low, high)]
-            else:
-                found.append(Curve(name, x, scaled, hue, 0, 0.8))
-        return found
+            reach[unit] = max(reach.get(unit, 0.0), float(np.nanmax(np.abs(y), initial=0.0)))
+        scales = {unit: end or 1.0 if len(reach) > 1 else 1.0 for unit, end in reach.items()}
+        label = "\n".join(f"{end:.3g} {unit}" for unit, end in reach.items())
+        return Panel(
+            f"1 = {label}" if len(reach) > 1 else next(iter(reach), ""),
+            tuple(Curve(name, x, y / scales[unit]) for name, unit, x, y in parts),
+            leads=False,
+        )
 
-    def draw(self, drawn: list[Curve | Band], view: View) -> None:
+    def draw(self, shown: Panel) -> None:
         """Exchange the lines."""
-        self.lines.draw([d for d in drawn if isinstance(d, Curve)], [d for d in drawn if isinstance(d, Band)])
-        if len(self._reach) > 1:
-            self.lines.label("1 = " + "\n".join(f"{end:.3g} {unit}" for unit, end in self._reach.items()))
-        else:
-            self.lines.label(next(iter(self._reach), ""))
+        self.plot.draw(shown, {c.name: (k % len(COLOURS), 0) for k, c in enumerate(shown.curves)}, 0.7)
 
     def show_section(self, view: View) -> None:
         """Mark the time section."""
@@ -144,10 +129,7 @@ LOOKS = 750
 
 @dataclass
 class Overview:
-    """Lowest and highest sample of every `STEP` samples of one channel, as far as they were read.
-
-    That of a long channel is kept; see `specan.inspect.waveform_view`.
-    """
+    """Lowest and highest sample of every `STEP` samples of one channel, as far as they were read."""
 
     recording: Recording
     channel: Channel
@@ -156,11 +138,6 @@ class Overview:
         count = -(-self.channel.n_samples // STEP)
         self.low, self.high = np.full(count, np.nan), np.full(count, np.nan)
         self.read_to = 0
-        self._place = place_of(self.recording, self.channel, STEP)
-        kept = None if self._place is None else load(self._place, count)
-        if kept is not None:
-            self.low, self.high = kept
-            self.read_to = self.channel.n_samples
         self._lock = Lock()
 
     @property
@@ -193,8 +170,6 @@ class Overview:
             self.low[pairs] = np.fmin.reduceat(samples, edges)
             self.high[pairs] = np.fmax.reduceat(samples, edges)
             self.read_to = stop
-            if self._place is not None and self.finished:
-                keep(self._place, self.low, self.high)
 
 
 class Waveform:
@@ -264,63 +239,3 @@ def read_overviews(waveforms: list[Waveform], tell: Callable[[float], bool]) -> 
             waveform.overview.read_on()
         if not tell(sum(w.overview.read_to for w in waveforms) / total):
             return
-
-
-# Overviews of long channels, kept for the next time that the same file is opened.
-#
-# They lie in the user's configuration directory: recordings are often where nothing may be written. A file is known by
-# its size, its time, its metadata and samples all over it, a channel by its first samples as they are read now, so that
-# another calibration has another overview. What is damaged is as if it were not there.
-
-LEAST = 20_000_000  # samples; fewer are read within a second
-MOST_FILES = 104  # of four recordings with all their channels; the oldest go
-_DIGEST = hashlib.sha256().digest_size
-
-Real = NDArray[np.float64]
-
-
-def folder() -> Path:
-    """Where they lie."""
-    return trust_record().parent / "overviews"
-
-
-def place_of(recording: Recording, channel: Channel, step: int) -> Path | None:
-    """The file of a channel's overview; None for what is short, or is not a file."""
-    source = recording.source
-    if channel.n_samples < LEAST or not isinstance(source, WatchedSource):
-        return None
-    with contextlib.suppress(OSError):
-        known = _identity(str(source.path), source.stamp)
-        about = (known.digest, known.mtime_ns, channel.group, channel.name, channel.n_samples, step)
-        digest = hashlib.sha256(repr(about).encode())
-        digest.update(np.ascontiguousarray(recording.read([channel], 0, step)).tobytes())
-        return folder() / digest.hexdigest()
-    return None
-
-
-@lru_cache(maxsize=4)
-def _identity(path: str, stamp: tuple[int, int]) -> Identity:
-    return identify(path)
-
-
-def load(place: Path, count: int) -> tuple[Real, Real] | None:
-    """Lowest and highest samples of `count` steps; None where they are not kept, or not whole."""
-    with contextlib.suppress(OSError):
-        content = place.read_bytes()
-        pairs = content[_DIGEST:]
-        if len(pairs) == 16 * count and hashlib.sha256(pairs).digest() == content[:_DIGEST]:
-            low, high = np.frombuffer(pairs, dtype="<f8").reshape(2, count).astype(np.float64)
-            return low, high
-    return None
-
-
-def keep(place: Path, low: Real, high: Real) -> None:
-    """Keep an overview; where nothing can be written nothing is kept."""
-    pairs = np.stack([low, high]).astype("<f8").tobytes()
-    part = place.with_name(f"{place.name}.{os.getpid()}.part")
-    with contextlib.suppress(OSError):
-        place.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(hashlib.sha256(pairs).digest() + pairs)
-        part.replace(place)
-        for old in sorted(place.parent.iterdir(), key=lambda p: p.stat().st_mtime)[:-MOST_FILES]:
-            old.unlink()

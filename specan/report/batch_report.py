@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from itertools import islice
 from pathlib import Path
@@ -15,23 +15,9 @@ from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.run import BatchReport
 from specan.analysis.batch.settings import BatchSettings
 from specan.io.results_text import cells, plain
-from specan.report.figure_style import (
-    Styles,
-    draw_thin,
-    grouped,
-    heading,
-    legend_above,
-    level_label,
-    level_limits,
-    new_figure,
-    octave_axis,
-    outer_lines,
-    phase_axis,
-    styled,
-    with_gaps,
-)
-from specan.report.figures_bands import draw_bands
+from specan.report.figure_style import level_limits, micro, with_gaps
 from specan.report.html_page import bullets, page, picture, table
+from specan.report.panels import Curve, Drawing, Panel, figure_of_panels, grouped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -148,63 +134,49 @@ def _number(text: str) -> float:
         return float("nan")
 
 
-@styled
 def transfer_figure(
     name: str, channels: Mapping[str, np.ndarray], units: Mapping[str, str], facts: Sequence[str]
 ) -> Figure:
     """Magnitudes with one pair of axes a unit, phases, and the coherence; from rows of ``noise.txt``."""
-    groups = _grouped(channels, units)
-    figure = new_figure(3.0 + 1.9 * len(groups))
-    axes = figure.subplots(len(groups) + 2, 1, sharex=True, height_ratios=[*[3] * len(groups), 2, 1])
-    drawn: dict[str, dict[str, Any]] = {}
-    for panel, (unit, names) in zip(axes, groups.items(), strict=False):
-        x = channels[names[0]][0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            level = np.array([20 * np.log10(channels[n][1]) for n in names])
-        styles: Styles = {}
-        for row in outer_lines(panel, x, level, range(len(names)), styles):
-            panel.plot(x, level[row], label=names[row], linewidth=0.9, **styles[row])
-            drawn[names[row]] = styles[row]
-        panel.set_ylabel(f"Magnitude / dB re 1 {unit}" if unit else "Magnitude / dB")
-        legend_above(panel)
-    if len(drawn) < len(channels):
-        for values in channels.values():
-            draw_thin(axes[-2], values[0], with_gaps(values[2])[None])
-    for channel, style in drawn.items():
-        values = channels[channel]
-        axes[-2].plot(values[0], with_gaps(values[2]), linewidth=0.9, **style)
-        axes[-1].plot(values[0], values[3], linewidth=0.9, **style)
-    phase_axis(axes[-2])
-    axes[-1].set(ylabel="Coherence", ylim=(0, 1.05))
-    x = np.concatenate([values[0] for values in channels.values()])
-    return _finished(figure, list(axes), x, name, facts)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        level = [20 * np.log10(values[1]) for values in channels.values()]
+    panels = _level_panels(
+        channels, [values[0] for values in channels.values()], level, units, "Magnitude / dB re 1 {}", 100.0
+    )
+    phases = tuple(Curve(n, values[0], with_gaps(values[2])) for n, values in channels.items())
+    coherences = tuple(Curve(n, values[0], values[3]) for n, values in channels.items())
+    panels.append(Panel("Phase / degrees", phases, share=2, leads=False, phase=True, kind="thin"))
+    panels.append(Panel("Coherence", coherences, (0.0, 1.05), share=1, leads=False))
+    return figure_of_panels(Drawing(name, tuple(facts), "Frequency / Hz", tuple(panels), hertz=True))
 
 
-@styled
 def band_figure(
     name: str, channels: Mapping[str, np.ndarray], units: Mapping[str, str], facts: Sequence[str]
 ) -> Figure:
     """Band levels with one pair of axes a level reference; from rows of ``bands.txt``."""
-    groups = _grouped(channels, units)
-    figure = new_figure(1.5 + 2.1 * len(groups))
-    axes = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, (reference, names) in zip(axes, groups.items(), strict=True):
-        x, level = channels[names[0]][0], np.array([channels[n][1] for n in names])
-        draw_bands(panel, _edges(x), level, names)
-        if np.isfinite(level).any():
-            panel.set_ylim(*level_limits(level, 90.0, above=4.0))
-        panel.set_ylabel(level_label(reference) if reference else "Level / dB")
-        legend_above(panel)
-    edges = np.concatenate([_edges(values[0]) for values in channels.values()])
-    return _finished(figure, list(axes), edges, name, facts)
+    edges, level = [_edges(values[0]) for values in channels.values()], [v[1] for v in channels.values()]
+    panels = _level_panels(channels, edges, level, units, "Level / dB re {}", 90.0)
+    return figure_of_panels(Drawing(name, tuple(facts), "Frequency / Hz", tuple(panels), hertz=True))
 
 
-def _grouped(channels: Mapping[str, np.ndarray], units: Mapping[str, str]) -> dict[str, list[str]]:
-    """Channels of each unit."""
-    names = list(channels)
-    return {
-        unit: [names[row] for row in rows] for unit, rows in grouped(units.get(n, "") for n in names).items()
-    }
+def _level_panels(
+    names: Iterable[str],
+    xs: Sequence[np.ndarray],
+    levels: Sequence[np.ndarray],
+    units: Mapping[str, str],
+    label: str,
+    dynamics_dB: float,
+) -> list[Panel]:
+    """A panel for each unit, or reference of levels."""
+    curves = [Curve(name, x, y) for name, x, y in zip(names, xs, levels, strict=True)]
+    return [
+        Panel(
+            label.format(micro(unit)) if unit else label.partition(" re ")[0],
+            tuple(curves[k] for k in rows),
+            level_limits(np.concatenate([curves[k].y for k in rows]), dynamics_dB, above=4.0),
+        )
+        for unit, rows in grouped(units.get(curve.name, "") for curve in curves).items()
+    ]
 
 
 def _edges(mid_hz: np.ndarray) -> np.ndarray:
@@ -213,17 +185,6 @@ def _edges(mid_hz: np.ndarray) -> np.ndarray:
     if not inner.size:
         return np.array([mid_hz[0] / 1.2, mid_hz[0] * 1.2])
     return np.concatenate([[mid_hz[0] ** 2 / inner[0]], inner, [mid_hz[-1] ** 2 / inner[-1]]])
-
-
-def _finished(
-    figure: Figure, axes: Sequence[Any], frequencies: np.ndarray, name: str, facts: Sequence[str]
-) -> Figure:
-    positive = frequencies[frequencies > 0]
-    octave_axis(axes[-1], float(positive.min()), max(float(positive.max()), 1.01 * float(positive.min())))
-    axes[-1].set_xlabel("Frequency / Hz")
-    figure.align_ylabels(axes)
-    heading(figure, name, *facts)
-    return figure
 
 
 def _skipped(report: BatchReport) -> list[str]:

@@ -8,6 +8,8 @@ from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
 from specan.errors import RequestError
+from specan.report.figure_style import remark
+from specan.report.panels import Drawing, figure_of_panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,8 +25,8 @@ FIGURES = {
     "Spectrogram": "specan.report.figures_spectra:figure_spectrogram",
     "FrequencyResponse": "specan.report.figures_spectra:figure_frequency_response",
     "SignalLevels": "specan.report.figures_bands:figure_levels",
-    "OrderSpectrum": "specan.report.figures_orders:figure_orders",
-    "OrderSpectrum map": "specan.report.figures_orders:figure_order_map",
+    "OrderSpectrum": "specan.report.figures_spectra:figure_orders",
+    "OrderSpectrum map": "specan.report.figures_spectra:figure_order_map",
     "ImpulseResponses": "specan.report.figures_waveforms:figure_impulse_responses",
     "DecayTimes": "specan.report.figures_bands:figure_decay",
     "Calibration": "specan.report.figures_calibration:figure_calibration",
@@ -52,20 +54,19 @@ def figure_of(result: Any, view: str = "", **options: Any) -> Figure:
             expected="one of " + ", ".join(FIGURES),
             remedy="use its data frame",
         )
-    figure = draw(result, **options)
+    drawn = draw(result, **options)
+    figure = figure_of_panels(drawn) if isinstance(drawn, Drawing) else drawn
     if said := getattr(result, "settings", {}).get("calibration"):
-        from specan.report.figure_style import remark
-
         remark(figure, f"Calibration: {said}")
     return figure
 
 
-def figure_named(kind: str) -> Callable[..., Figure] | None:
+def figure_named(kind: str) -> Callable[..., Any] | None:
     """What draws a class, or a view of it: here, or of an installed package."""
     own = {point.name.replace(".", " "): point.value for point in entry_points(group=ENTRY_POINTS)}
     place = FIGURES.get(kind) or own.get(kind)
     if place is None:
         return None
     module, _, function = place.partition(":")
-    draw: Callable[..., Figure] = getattr(importlib.import_module(module), function)
+    draw: Callable[..., Any] = getattr(importlib.import_module(module), function)
     return draw

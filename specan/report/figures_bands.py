@@ -14,11 +14,6 @@ from specan.data.levels import SignalLevels
 from specan.divisions import division_name
 from specan.report.figure_style import (
     COLOURS,
-    FEW,
-    Styles,
-    chosen,
-    draw_range,
-    grouped,
     heading,
     legend_above,
     legend_below,
@@ -27,9 +22,20 @@ from specan.report.figure_style import (
     micro,
     new_figure,
     octave_axis,
-    outer_lines,
     styled,
-    styles_of,
+)
+from specan.report.panels import (
+    Curve,
+    Drawing,
+    Panel,
+    Picture,
+    draw_panels,
+    draw_picture,
+    finish,
+    grouped,
+    level_panels,
+    numbered,
+    style_of,
 )
 
 if TYPE_CHECKING:
@@ -41,77 +47,56 @@ _BARS = 2  # channels up to which bands are filled; more are outlines
 _DYNAMICS_DB = 90.0  # that a figure shows at most
 
 
+def band_panels(found: BandLevels) -> Drawing:
+    """Band levels of every channel as steps, one pair of axes a level reference.
+
+    Of more than eight channels the range is drawn, the median, and the channels that are furthest from it.
+    """
+    labels = [level_label(reference.text) for reference in found.references]
+    edges = np.append(found.lower_hz, found.upper_hz[-1])
+    panels = level_panels(labels, found.channels, edges, found.level_dB, _DYNAMICS_DB, above=4.0)
+    return Drawing(
+        found.label or "Band levels", (*_facts(found), _loudest(found)), "Mid-band frequency / Hz", tuple(panels),
+        hertz=True,
+    )  # fmt: skip
+
+
 @styled
 def figure_band_levels(found: BandLevels) -> Figure:
-    """Band levels of every channel, and the overall levels beside them; one pair of axes a level reference.
+    """The bands, and the overall levels beside them.
 
-    The bar on a filled level is one standard deviation of stationary noise (`BandLevels.u_dB`). Of more than eight
-    channels the range is drawn, the median, and the channels that are furthest from it.
+    The bar on a filled level is one standard deviation of stationary noise (`BandLevels.u_dB`).
     """
-    texts = grouped(reference.text for reference in found.references)
-    figure = new_figure(1.9 + 2.5 * len(texts))
-    sheet = figure.subplots(len(texts), 2, sharex="col", sharey="row", width_ratios=[6, 1], squeeze=False)
-    edges = np.append(found.lower_hz, found.upper_hz[-1])
-    for (axes, totals), (text, rows) in zip(sheet, texts.items()):
-        names = [found.channels[r] for r in rows]
-        colours = draw_bands(axes, edges, found.level_dB[rows], names)
+    drawing = band_panels(found)
+    figure = new_figure(1.9 + 2.5 * len(drawing.panels))
+    sheet = figure.subplots(
+        len(drawing.panels), 2, sharex="col", sharey="row", width_ratios=[6, 1], squeeze=False
+    )
+    draw_panels(list(sheet[:, 0]), drawing.panels)
+    numbers = numbered(drawing.panels)
+    for (axes, totals), rows in zip(sheet, grouped(r.text for r in found.references).values(), strict=True):
         if len(rows) <= _BARS:
-            _bars(axes, found, rows)
+            for row in rows:
+                level = np.where(np.isneginf(found.level_dB[row]), np.nan, found.level_dB[row])
+                axes.errorbar(found.exact_hz, level, found.u_dB, fmt="none", ecolor="0.35", elinewidth=0.8)
+        colours = [
+            style_of(numbers[name])["color"] if (name := found.channels[row]) in numbers else "0.75" for row in rows
+        ]  # fmt: skip
         _draw_totals(totals, found, rows, colours)
-        _limit(axes, found, rows)
-        axes.set_ylabel(level_label(text))
-    octave_axis(sheet[-1, 0], float(found.lower_hz[0]), float(found.upper_hz[-1]))
-    sheet[-1, 0].set_xlabel("Mid-band frequency / Hz")
+        shown = np.concatenate([found.level_dB[rows].ravel(), *(v[rows] for v in found.overall_dB.values())])
+        if np.isfinite(shown).any():
+            axes.set_ylim(*level_limits(shown, _DYNAMICS_DB, above=4.0))
     sheet[-1, 1].set_xlabel("Overall")
-    _legends(figure, list(sheet[:, 0]))
-    figure.align_ylabels(sheet[:, 0])
-    heading(figure, found.label or "Band levels", *_facts(found), _loudest(found))
+    finish(figure, list(sheet[:, 0]), drawing)
     return figure
 
 
-def _legends(figure: Figure, panels: Sequence[Axes]) -> None:
-    """One under the figure for a single level reference; in the axes where there are several."""
-    if len(panels) == 1:
-        legend_below(figure, panels[0])
-        return
-    for axes in panels:
-        legend_above(axes)
-
-
-def draw_bands(
-    axes: Axes, edges: NDArray[np.float64], level_dB: NDArray[np.float64], names: Sequence[str]
-) -> dict[int, str]:
-    """Levels of channels with one reference as steps; returns the colours of the rows that have their own."""
-    level = np.where(np.isneginf(level_dB), np.nan, level_dB)
-    filled = len(level) <= _BARS
-    styles: Styles = {}
-    outer_lines(axes, edges, level, range(len(level)), styles)
-    for row, style in styles.items():
-        axes.stairs(
-            level[row],
-            edges,
-            baseline=-999.0 if filled else None,
-            fill=filled,
-            alpha=0.45 if filled else 1.0,
-            label=names[row],
-            **style,
-        )
-    return {row: style["color"] for row, style in styles.items()}
-
-
-def _bars(axes: Axes, found: BandLevels, rows: Sequence[int]) -> None:
-    for row in rows:
-        level = np.where(np.isneginf(found.level_dB[row]), np.nan, found.level_dB[row])
-        axes.errorbar(found.exact_hz, level, found.u_dB, fmt="none", ecolor="0.35", elinewidth=0.8)
-
-
-def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: dict[int, str]) -> None:
-    for number, row in enumerate(rows):
-        colour = colours.get(number, "0.75")
+def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: Sequence[str]) -> None:
+    for row, colour in zip(rows, colours, strict=True):
         for place, values in enumerate(found.overall_dB.values()):
             axes.plot(
                 place, values[row], marker="_", markersize=16, markeredgewidth=1.6, color=colour,
-                zorder=3 if number in colours else 2,
+                zorder=2 if colour == "0.75" else 3,
             )  # fmt: skip
             if len(rows) == 1 and np.isfinite(values[row]):
                 axes.annotate(f"{values[row]:.1f}", (place, values[row]), (0, 3), textcoords="offset points",
@@ -121,10 +106,21 @@ def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: di
     axes.grid(False, axis="x")
 
 
-def _limit(axes: Axes, found: BandLevels, rows: Sequence[int]) -> None:
-    shown = np.concatenate([found.level_dB[rows].ravel(), *(v[rows] for v in found.overall_dB.values())])
-    if np.isfinite(shown).any():
-        axes.set_ylim(*level_limits(shown, _DYNAMICS_DB, above=4.0))
+def history_panels(found: BandLevels, weighting: str) -> Drawing:
+    """Overall levels of all channels against time; Z for what has no such weighting.
+
+    A reading is drawn over the interval that it ends: it holds what happened there.
+    """
+    history = found.history
+    if history is None:
+        raise ValueError("a linear average has no history")
+    weighted = history.overall_dB[weighting] if weighting in history.overall_dB else history.overall_dB["Z"]
+    levels = np.where(np.isfinite(weighted).any(axis=1, keepdims=True), weighted, history.overall_dB["Z"])
+    times = np.append(history.time_s[:1] - history.interval_s, history.time_s)
+    labels = [level_label(reference.text) for reference in found.references]
+    panels = level_panels(labels, found.channels, times, levels, _DYNAMICS_DB)
+    about = f"{found.averaging} time weighting, {weighting} weighting for Pa"
+    return Drawing(found.label, (about,), "Time / s", tuple(panels))
 
 
 @styled
@@ -149,14 +145,12 @@ def figure_level_history(found: BandLevels, channel: int = 0) -> Figure:
     above.set_ylabel(level_label(text))
     legend_above(above)
     edges = np.append(found.lower_hz, found.upper_hz[-1])
-    level = history.level_dB[channel]
-    low, high = level_limits(level, _DYNAMICS_DB, below=0.0, above=0.0)
-    mesh = below.pcolormesh(times, edges, level, cmap="cividis", vmin=low, vmax=high, rasterized=True)
+    draw_picture(
+        figure, below, Picture("", times, edges, history.level_dB[channel], "", level_label(text)), _DYNAMICS_DB
+    )  # fmt: skip
     octave_axis(below, float(edges[0]), float(edges[-1]), "y")
     below.set_ylabel("Mid-band frequency / Hz")
     below.set_xlabel("Time / s")
-    below.grid(False)
-    figure.colorbar(mesh, ax=below, label=level_label(text))
     heading(figure, f"{found.label}, {found.channels[channel]}", *_facts(found))
     return figure
 
@@ -243,33 +237,22 @@ def _draw(axes: Axes, found: SignalLevels, rows: list[int]) -> None:
     axes.grid(False, axis="y")
 
 
-@styled
-def figure_decay(found: DecayTimes) -> Figure:
+def figure_decay(found: DecayTimes) -> Drawing:
     """Reverberation time T20 with its standard deviation, and clarity C80, of every channel."""
-    figure = new_figure(5.8)
-    times, clarity = figure.subplots(2, 1, sharex=True)
-    many = len(found.channels) > FEW
-    if many:
-        draw_range(times, found.exact_hz, found.t20_s)
-        draw_range(clarity, found.exact_hz, found.c80_dB)
-    for row, style in styles_of(chosen(found.t20_s), many).items():
-        times.errorbar(
-            found.exact_hz, found.t20_s[row], found.u_t20_s[row], marker="o", markersize=4, capsize=3,
-            label=found.channels[row], **style,
-        )  # fmt: skip
-        clarity.plot(found.exact_hz, found.c80_dB[row], marker="o", markersize=4, **style)
-    times.set_ylabel("Reverberation time T20 / s")
-    clarity.set_ylabel("Clarity C80 / dB")
-    times.set_ylim(bottom=0.0)
-    edge = 10 ** (0.15 / found.fraction)
-    octave_axis(clarity, float(found.exact_hz[0] / edge), float(found.exact_hz[-1] * edge))
-    clarity.set_xlabel("Mid-band frequency / Hz")
-    figure.align_ylabels()
+    x, top = found.exact_hz, float(np.nanmax(found.t20_s + found.u_t20_s, initial=0.0)) or 1.0
+    rows = list(enumerate(found.channels))
+    t20, u = found.t20_s, found.u_t20_s
+    times = tuple(Curve(name, x, t20[r], t20[r] - u[r], t20[r] + u[r]) for r, name in rows)
+    clarity = tuple(Curve(name, x, found.c80_dB[r]) for r, name in rows)
+    panels = (
+        Panel("Reverberation time T20 / s", times, (0.0, 1.05 * top)),
+        Panel("Clarity C80 / dB", clarity, leads=False),
+    )
     known = found.t20_s[np.isfinite(found.t20_s)]
     result = f"T20 {known.min():.3g} to {known.max():.3g} s" if known.size else "No band has a decay of 20 dB"
-    heading(
-        figure, found.label or "Decay times",
-        f"1/{found.fraction} octave, ISO 3382-1; bars: one standard deviation", result,
+    facts = f"1/{found.fraction} octave, ISO 3382-1; bands: one standard deviation", result
+    edge = 10 ** (0.15 / found.fraction)
+    return Drawing(
+        found.label or "Decay times", facts, "Mid-band frequency / Hz", panels, hertz=True,
+        x_limits=(float(x[0] / edge), float(x[-1] * edge)),
     )  # fmt: skip
-    legend_below(figure, times)
-    return figure

@@ -12,7 +12,6 @@ from specan.errors import RequestError
 from specan.report.figure_style import (
     COLOURS,
     GREY,
-    draw_range,
     heading,
     legend_above,
     new_figure,
@@ -22,6 +21,7 @@ from specan.report.figure_style import (
 from specan.report.figures import figure_named
 from specan.report.figures_study import readings
 from specan.report.figures_study_frf import measured_transfer
+from specan.report.panels import draw_range
 from specan.report.residual_map import axis_text, map_axes
 from specan.report.study_words import fall_text, history_sentence, state_of
 from specan.study.history import History, Step, error_pairs
@@ -97,7 +97,7 @@ def _residuals(axes: Axes, study: Study, after: bool) -> float:
         return _level_errors(axes, observation, predicted)
     own = figure_named(f"Residuals {observation.kind}")
     if own is not None:
-        return own(axes, observation, predicted)  # type: ignore[return-value]
+        return own(axes, observation, predicted)
     return _table_residuals(axes, observation, predicted, study, after)  # type: ignore[arg-type]
 
 
@@ -139,7 +139,7 @@ def _groups(observation: TableObservation, rows: NDArray[np.bool_], order: Seque
 def _level_errors(axes: Axes, observation: FrfObservation, predicted: NDArray[np.float64]) -> float:
     found = measured_transfer(observation, predicted)
     error = found.error_dB
-    draw_range(axes, found.frequency_hz, error)
+    draw_range(axes, found.frequency_hz, np.where(np.isfinite(error), error, np.nan))
     low, high = found.band_dB()
     known = np.isfinite(error).any(axis=0)
     half = np.full(error.shape[1], np.nan)

@@ -1,59 +1,28 @@
-"""Figures of spectra, spectrograms and transfer functions."""
+"""Figures of spectra, spectrograms, transfer functions and orders, as what they show."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.frequency_response import FrequencyResponse
+from specan.data.orders import OrderSpectrum
 from specan.data.spectrum import Spectrogram, Spectrum
-from specan.report.figure_style import (
-    FEW,
-    Styles,
-    band_about,
-    draw_range,
-    draw_thin,
-    grouped,
-    heading,
-    legend_above,
-    legend_below,
-    level_limits,
-    micro,
-    new_figure,
-    octave_axis,
-    outer_lines,
-    phase_axis,
-    styled,
-    with_gaps,
-)
+from specan.report.figure_style import band_about, level_label, micro, with_gaps
+from specan.report.panels import Curve, Drawing, Panel, Picture, grouped, level_panels
 from specan.result import counted
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from specan.units import level_reference
 
 _DYNAMICS_DB = 100.0  # that a figure shows at most
+_ORDERS_DB = 90.0
 _PHASE_DB = 40.0  # below its highest line a spectrum's phase is not drawn
 _KNOWN = 0.5  # relative uncertainty of a magnitude up to which it sets the limits of the axis
+_MOST_MAPS = 8
 
 
-def _sheet(rows: Sequence[float], height: float) -> tuple[Figure, list[Axes]]:
-    figure = new_figure(height)
-    axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False, height_ratios=list(rows))[:, 0]
-    return figure, list(axes)
-
-
-def _frequency_axis(axes: Sequence[Axes], frequency_hz: NDArray[np.float64]) -> None:
-    positive = frequency_hz[frequency_hz > 0]
-    octave_axis(axes[-1], float(positive[0]), float(positive[-1]))
-    axes[-1].set_xlabel("Frequency / Hz")
-
-
-@styled
-def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = False) -> Figure:
+def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = False) -> Drawing:
     """Magnitude with its 95 % band, phase, and a coherence strip under them.
 
     Each unit has its own axis of magnitude. Of more than eight channels the range is drawn, the median, and the
@@ -69,71 +38,23 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     -----
     The band is twice the standard uncertainty, random and common parts in quadrature.
     """
-    with_coherence = bool(np.isfinite(found.coherence).any())
-    units = grouped(found.units)
-    figure, axes = _sheet([*[3] * len(units), 2, *([1] if with_coherence else [])], 4.7 + 1.7 * len(units))
     f, level = found.frequency_hz, found.level_dB
     relative = 2 * np.hypot(found.u_magnitude_percent, found.u_common_percent) / 100
-    styles: Styles = {}
-    for panel, (unit, rows) in zip(axes, units.items(), strict=False):
-        outer = outer_lines(panel, f, level, rows, styles)
-        _magnitudes(panel, found, outer, relative, styles)
-        panel.set_ylabel(f"Magnitude / dB re 1 {unit}")
-        known = np.where(relative[rows] <= _KNOWN, level[rows], np.nan)
-        panel.set_ylim(*level_limits(known if np.isfinite(known).any() else level[rows], _DYNAMICS_DB))
-        if len(units) > 1:
-            legend_above(panel)
-    _phases(axes[len(units)], found, styles, unwrapped)
-    if with_coherence:
-        if len(level) > FEW:
-            draw_range(axes[-1], f, found.coherence)
-        for row, style in styles.items():
-            axes[-1].plot(f, found.coherence[row], **style, linewidth=0.8)
-        axes[-1].set(ylabel="Coherence", ylim=(0, 1.05))
-    heading(
-        figure,
-        found.label or "Transfer functions",
-        f"{found.estimator} over {found.reference}",
-        _worth(found, relative),
-    )
-    if len(units) == 1:
-        legend_below(figure, axes[0])
-    _frequency_axis(axes, f)
-    figure.align_ylabels(axes)
-    return figure
-
-
-def _magnitudes(
-    axes: Axes,
-    found: FrequencyResponse,
-    rows: Sequence[int],
-    relative: NDArray[np.float64],
-    styles: Styles,
-) -> None:
-    f, level = found.frequency_hz, found.level_dB
+    known = np.where(relative <= _KNOWN, level, np.nan)
     low, high = band_about(level, relative)
-    marker = "." if len(f) < 60 else ""
-    for row in rows:
-        axes.fill_between(f, low[row], high[row], color=styles[row]["color"], alpha=0.2, linewidth=0)
-        axes.plot(f, level[row], label=found.channels[row], linewidth=1.0, marker=marker, **styles[row])
-
-
-def _phases(axes: Axes, found: FrequencyResponse, styles: Styles, unwrapped: bool) -> None:
-    f = found.frequency_hz
+    labels = [f"Magnitude / dB re 1 {unit}" for unit in found.units]
+    panels = level_panels(labels, found.channels, f, level, _DYNAMICS_DB, decisive=known, low=low, high=high)
     # A wrapped phase gets a gap where it jumps, not a vertical line.
     phases = found.unwrapped_phase_deg if unwrapped else np.array([with_gaps(row) for row in found.phase_deg])
     turn = 2 * np.hypot(found.u_phase_deg, found.u_common_phase_deg)
-    if len(phases) > len(styles):
-        draw_thin(axes, f, phases)
-    for row, style in styles.items():
-        axes.fill_between(
-            f, phases[row] - turn[row], phases[row] + turn[row], color=style["color"], alpha=0.2, linewidth=0
-        )
-        axes.plot(f, phases[row], linewidth=1.0, marker="." if len(f) < 60 else "", **style)
-    if unwrapped:
-        axes.set_ylabel("Phase / degrees")
-    else:
-        phase_axis(axes)
+    named = list(zip(found.channels, phases, turn, found.coherence, strict=True))
+    curves = tuple(Curve(name, f, phase, phase - reach, phase + reach) for name, phase, reach, _ in named)
+    panels.append(Panel("Phase / degrees", curves, share=2, leads=False, phase=not unwrapped, kind="thin"))
+    if np.isfinite(found.coherence).any():
+        curves = tuple(Curve(name, f, coherence) for name, *_, coherence in named)
+        panels.append(Panel("Coherence", curves, (0.0, 1.05), share=1, leads=False))
+    facts = f"{found.estimator} over {found.reference}", _worth(found, relative)
+    return Drawing(found.label or "Transfer functions", facts, "Frequency / Hz", tuple(panels), hertz=True)
 
 
 def _worth(found: FrequencyResponse, relative: NDArray[np.float64]) -> str:
@@ -150,42 +71,25 @@ def _worth(found: FrequencyResponse, relative: NDArray[np.float64]) -> str:
     return ", ".join(texts)
 
 
-@styled
-def figure_spectrum(found: Spectrum) -> Figure:
+def figure_spectrum(found: Spectrum) -> Drawing:
     """Levels of every channel, one pair of axes a level reference, and the phase where there is one."""
-    references = grouped(found.scale.level_text(u) for u in found.units)
-    with_phase = found.phase_deg is not None
-    figure, axes = _sheet(
-        [*[3] * len(references), *([2] if with_phase else [])], 2.2 + 2.2 * (len(references) + with_phase)
-    )
-    level, f = found.level_dB, found.frequency_hz
-    styles: Styles = {}
-    for panel, (text, rows) in zip(axes, references.items(), strict=False):
-        for row in outer_lines(panel, f, level, rows, styles):
-            panel.plot(f, level[row], label=found.channels[row], linewidth=1.0, **styles[row])
-        panel.set_ylim(*level_limits(level[rows], _DYNAMICS_DB))
-        panel.set_ylabel(f"Level / {micro(text)}")
-        if len(references) > 1:
-            legend_above(panel)
+    level, f, scale = found.level_dB, found.frequency_hz, found.scale
+    labels = [f"Level / {micro(scale.level_text(unit))}" for unit in found.units]
+    panels = level_panels(labels, found.channels, f, level, _DYNAMICS_DB)
     if found.phase_deg is not None:
-        for row, style in styles.items():
-            strong = level[row] > np.nanmax(level[row], initial=-np.inf) - _PHASE_DB
-            phase = np.where(strong, found.phase_deg[row], np.nan)
-            axes[-1].plot(f, phase, ".", color=style["color"], markersize=3)
+        strong = level > np.nanmax(level, axis=1, initial=-np.inf)[:, None] - _PHASE_DB
+        phases = np.where(strong, found.phase_deg, np.nan)
         over = f" over {found.phase_reference}" if found.phase_reference else ""
-        phase_axis(axes[-1], f"Phase{over} / degrees\nwithin {_PHASE_DB:.0f} dB of the peak")
-    scale = found.scale
-    heading(
-        figure, found.label or "Spectrum",
+        label = f"Phase{over} / degrees\nwithin {_PHASE_DB:.0f} dB of the peak"
+        curves = tuple(Curve(name, f, phase) for name, phase in zip(found.channels, phases, strict=True))
+        panels.append(Panel(label, curves, share=2, leads=False, phase=True, kind="dots"))
+    about = (
         f"{scale.scaling}, {scale.window}, {found.averaging} averaging of {counted(found.n_blocks, 'block')}, "
-        f"line spacing {scale.line_spacing_hz:.4g} Hz, noise bandwidth {scale.enbw_hz:.4g} Hz",
-        _strongest(found),
-    )  # fmt: skip
-    if len(references) == 1:
-        legend_below(figure, axes[0])
-    _frequency_axis(axes, f)
-    figure.align_ylabels(axes)
-    return figure
+        f"line spacing {scale.line_spacing_hz:.4g} Hz, noise bandwidth {scale.enbw_hz:.4g} Hz"
+    )
+    return Drawing(
+        found.label or "Spectrum", (about, _strongest(found)), "Frequency / Hz", tuple(panels), hertz=True
+    )
 
 
 def _strongest(found: Spectrum) -> str:
@@ -200,30 +104,59 @@ def _strongest(found: Spectrum) -> str:
     return "Highest line: " + "; ".join(texts) if texts else ""
 
 
-@styled
-def figure_spectrogram(found: Spectrogram) -> Figure:
+def figure_spectrogram(found: Spectrogram) -> Drawing:
     """Level against time and frequency, one panel a channel."""
-    figure, axes = _sheet(
-        [1] * len(found.channels), 1.4 + max(2.4, 4.2 / len(found.channels)) * len(found.channels)
-    )
-    level = found.level_dB
-    positive = found.frequency_hz > 0
-    f = found.frequency_hz[positive]
-    for row, (name, unit, one) in enumerate(zip(found.channels, found.units, axes)):
-        picture = level[row][:, positive].T
-        low, high = level_limits(picture, _DYNAMICS_DB)
-        mesh = one.pcolormesh(
-            found.time_s, f, picture, vmin=low, vmax=high, cmap="cividis", shading="nearest", rasterized=True
-        )
-        octave_axis(one, float(f[0]), float(f[-1]), "y")
-        one.set_ylabel(f"{name}\nFrequency / Hz")
-        one.grid(False)
-        figure.colorbar(mesh, ax=one, label=f"Level / {micro(found.scale.level_text(unit))}")
-    scale = found.scale
-    heading(
-        figure, found.label or "Spectrogram",
+    scale, positive = found.scale, found.frequency_hz > 0
+    pictures = [
+        Picture(name, found.time_s, found.frequency_hz[positive], level[:, positive].T, "Frequency / Hz",
+                f"Level / {micro(scale.level_text(unit))}")
+        for name, unit, level in zip(found.channels, found.units, found.level_dB, strict=True)
+    ]  # fmt: skip
+    about = (
         f"{scale.scaling}, {scale.window}, line spacing {scale.line_spacing_hz:.4g} Hz, noise bandwidth "
-        f"{scale.enbw_hz:.4g} Hz, blocks averaged in a column: {found.blocks_per_column}",
+        f"{scale.enbw_hz:.4g} Hz, blocks averaged in a column: {found.blocks_per_column}"
+    )
+    return Drawing(
+        found.label or "Spectrogram", (about,), "Time / s", pictures=tuple(pictures), hertz=True,
+        dynamics_dB=_DYNAMICS_DB,
     )  # fmt: skip
-    axes[-1].set_xlabel("Time / s")
-    return figure
+
+
+def figure_orders(found: OrderSpectrum) -> Drawing:
+    """Levels against order, with the given lines as dots; one pair of axes a level reference."""
+    references = [level_reference(unit) for unit in found.units]
+    labels = [level_label(reference.text) for reference in references]
+    more: dict[str, Any] = {}
+    if (lines := found.lines) is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values = [
+                20 * np.log10(np.abs(amplitude) / np.sqrt(2) / reference.value)
+                for amplitude, reference in zip(lines.amplitude, references, strict=True)
+            ]
+        more["dots"] = [(lines.order, one) for one in values]
+    order, level = found.order[found.order > 0], found.level_dB[:, found.order > 0]
+    panels = level_panels(labels, found.channels, order, level, _ORDERS_DB, above=5.0, **more)
+    facts = _about_orders(found), "Dots: the lines that were given" if found.lines else ""
+    return Drawing(found.label, facts, "Order of the shaft", tuple(panels))
+
+
+def figure_order_map(found: OrderSpectrum) -> Drawing:
+    """Levels against order and speed, one panel a channel; columns in the order of speed."""
+    place, positive = np.argsort(found.speed_hz, kind="stable"), found.order > 0
+    pictures = [
+        Picture(name, found.order[positive], found.speed_hz[place], found.map_level_dB[place, row][:, positive],
+                "Speed / Hz", level_label(level_reference(unit).text))
+        for row, (name, unit) in enumerate(zip(found.channels[:_MOST_MAPS], found.units, strict=False))
+    ]  # fmt: skip
+    left_out = len(found.channels) - len(pictures)
+    more = f"{counted(left_out, 'more channel')} not drawn" if left_out else ""
+    facts = _about_orders(found), more
+    return Drawing(found.label, facts, "Order of the shaft", pictures=tuple(pictures), dynamics_dB=_ORDERS_DB)
+
+
+def _about_orders(found: OrderSpectrum) -> str:
+    low, mean, high = found.tacho.speed_hz
+    speed = f"{mean:.4g} Hz" if high - low < 0.01 * mean else f"{low:.4g} to {high:.4g} Hz"
+    source = f"by {found.tacho.channel}" if found.tacho.channel else "as stated"
+    turns = counted(found.turns, "turn")
+    return f"Shaft at {speed} {source}, {turns}, blocks of {counted(found.block_turns, 'turn')}"

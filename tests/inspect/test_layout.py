@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,11 @@ from click.testing import CliRunner
 
 pytest.importorskip("bokeh")
 
-from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.opened import Opened
-from specan.inspect.plots import Curve
+from specan.inspect.plots import Plots
 from specan.inspect.view import View, commands
 from specan.io.open import open_recording
+from specan.report.panels import Curve, Drawing, Panel
 from specan_cli.main import main
 
 ROOT = Path(__file__).parents[2]
@@ -51,24 +52,25 @@ def test_the_command_of_a_view_runs_and_takes_its_settings(view, tmp_path):
 
 def test_each_unit_has_a_figure_and_many_lines_have_few_colours():
     made = []
-    group = GroupedLines("Frequency / Hz", made.append, hertz=True, dynamics=90.0)
+    plots = Plots(made.append, hertz=True)
     x = np.array([100.0, 200.0])
-    many = [Curve(f"Mic {k}", x, np.array([60.0 + k, 61.0 + k])) for k in range(12)]
-    group.draw({"dB re 20 µPa": many, "dB re 1 nm/s": [Curve("Laser", x, np.array([140.0, 141.0]))]})
-    assert [panel.sheet.yaxis[0].axis_label for panel in made] == ["dB re 20 µPa", "dB re 1 nm/s"]
+    many = tuple(Curve(f"Mic {k}", x, np.array([60.0 + k, 61.0 + k])) for k in range(12))
+    pressure = Panel("Level / dB re 20 µPa", many)
+    laser = Panel("Level / dB re 1 nm/s", (Curve("Laser", x, np.array([140.0, 141.0])),))
+    drawing = Drawing("a", ("",), "Frequency / Hz", (pressure, laser), hertz=True)
+    plots.draw(drawing)
+    assert [p.sheet.yaxis[0].axis_label for p in made] == ["Level\n/ dB re 20 µPa", "Level\n/ dB re 1 nm/s"]
     assert made[0].sheet.x_range is made[1].sheet.x_range
-    first, second = (panel.sheet.y_range for panel in made)
+    first, second = (plot.sheet.y_range for plot in made)
     assert first.end < 80 < 130 < second.start
-    data = made[0].sheet.select_one({"name": "curves"}) or made[0]._source
-    coloured = [
-        name for name, alpha in zip(data.data["name"], data.data["alpha"], strict=True) if alpha == 1.0
-    ]
-    assert set(coloured) == {"Mic 0", "Mic 11", "Mic 1"} or set(coloured) == {"Mic 0", "Mic 11", "Mic 10"}
-    used = {c for c, a in zip(data.data["colour"], data.data["alpha"], strict=True) if a == 1.0}
+    data = made[0].source.data
+    coloured = [name for name, alpha in zip(data["name"], data["alpha"], strict=True) if alpha == 1.0]
+    assert set(coloured) in ({"Mic 0", "Mic 11", "Mic 1"}, {"Mic 0", "Mic 11", "Mic 10"})
+    used = {c for c, a in zip(data["colour"], data["alpha"], strict=True) if a == 1.0}
     assert len(used) == 3
-    assert made[1]._source.data["colour"][0] not in used
-    group.draw({"dB re 1 nm/s": [Curve("Laser", x, np.array([140.0, 141.0]))]})
-    assert group.body.children == [made[0].sheet]
+    assert made[1].source.data["colour"][0] not in used
+    plots.draw(replace(drawing, panels=(laser,)))
+    assert plots.body.children == [made[0].sheet]
 
 
 @pytest.mark.long

@@ -14,9 +14,11 @@ from specan.data.calibration import stated
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
 from specan.inspect.opened import Opened, watched
-from specan.inspect.tabs.orders import OrdersTab, picture_of_map
+from specan.inspect.plots import even
+from specan.inspect.tabs.orders import OrdersTab
 from specan.inspect.tabs.tab import text_of
 from specan.inspect.view import View, commands
+from specan.report.figures_spectra import figure_order_map
 from specan_cli.main import main
 
 RATE, N = 12800.0, 12800 * 8
@@ -49,7 +51,7 @@ def drawn(one: Opened, view: View, told: list[dict]) -> tuple[OrdersTab, list]:
 def test_an_order_stands_at_its_level_and_the_tacho_is_left_out():
     tab, found = drawn(opened(), View(tab="orders", channel=KEYS, max_order=60.0), [])
     assert found[0][1].channels == ("Acc",)
-    curves = tab.levels.first._source.data
+    curves = tab.levels.first.source.data
     assert curves["name"] == ["Acc"]
     place = int(np.argmax(curves["y"][0]))
     assert curves["x"][0][place] == 24.0
@@ -68,7 +70,7 @@ def test_a_cursor_in_hertz_stands_at_its_order_at_the_mean_speed():
     assert text.startswith("order 24: 3")
     (figure,) = tab.figures
     figure.cursor(24 * tab.speed_hz, False)
-    assert figure._lines._cursor._spans[0].location == pytest.approx(24.0)
+    assert figure._plot._cursor._spans[0].location == pytest.approx(24.0)
     event = type("Tap", (), {"x": 12.0})()
     assert figure.frequency_at(event) == pytest.approx(12 * tab.speed_hz)
 
@@ -94,7 +96,7 @@ def test_a_line_is_not_lost_where_the_picture_has_fewer_columns():
     _, found = drawn(opened(), view, [])
     result = found[0][1]
     assert result.order.size > 1600
-    picture = picture_of_map(result, 10.0, 18.0)
+    picture, *_ = even(figure_order_map(result).pictures[0], False)
     assert picture.shape[1] <= 800
     assert np.nanmax(picture) == np.nanmax(result.map_level_dB[:, 0, 1:])
 
@@ -108,7 +110,7 @@ def test_without_a_tacho_the_page_asks_for_a_speed_and_takes_it():
     assert tab.speed_hz == 12.5
     assert found[0][1].order[np.argmax(found[0][1].amplitude[0])] == 40.0  # 500 Hz
     named, _ = drawn(one, view.but(tacho="Other", pulses=1.0, channel=("G/Acc", "G/Other")), [])
-    assert named.levels.first._source.data["name"] == ["Acc"]
+    assert named.levels.first.source.data["name"] == ["Acc"]
 
 
 def test_a_tacho_alone_is_nothing_to_analyse():

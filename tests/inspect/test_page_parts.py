@@ -23,7 +23,6 @@ from specan.inspect.look import notice, sheet
 from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import plain
 from specan.inspect.server import start_server
-from specan.inspect.tabs.levels import LevelCurves
 from specan.inspect.tabs.tab import text_of
 from specan.inspect.view import View
 from specan.inspect.waveform_view import DIRECT, LOOKS, STEP, Waveform, read_overviews
@@ -191,22 +190,19 @@ def test_zeros_and_a_tenth_of_a_second():
 # --- level against time ---------------------------------------------------------------------------
 
 
-def test_pieces_of_a_level_history_are_those_of_the_whole():
-    n = int(65 * RATE)
-    loud = NOISE.standard_normal(n) * np.where(np.arange(n) < 18 * RATE, 1e4, 1.0)
-    channel = Channel("Mic", "G", unit="Pa", sampling_rate=RATE, n_samples=n)
-    one = Recording("a.tdms", (channel,), ArraySource([loud]))
-    curves = LevelCurves(one, one.channels, "A", "fast")
-    assert len(curves.pieces) > 2
-    order = []
-    fill = curves._piece
-    curves._piece = lambda piece: order.append(piece.start) or fill(piece)
-    curves.fill(45.0, 50.0, go_on)
-    assert order[0] == curves.pieces[2].start  # what is on screen comes first
-    whole = Octave(averaging="fast", band=1000.0, interval_s=float(curves.times[0]))(one)
-    expected = whole.history.overall_dB["A"][0][: curves.times.size]
-    # The last block feels the step that the mean of the loud beginning, taken off the whole, leaves at its end.
-    assert np.abs(curves.levels[0] - expected)[:-8].max() < 1e-6
+def test_the_level_against_time_is_that_of_the_verb():
+    from specan.inspect.tabs.levels import LevelsTab
+
+    opened = Opened((recording(2.0, 2),))
+    view = View(tab="levels", channel=("G/Mic 0", "G/Mic 1"), level_weighting="C", level_averaging="slow")
+    tab = LevelsTab(opened, view, lambda **changes: None)
+    found = tab.compute(view, go_on)
+    tab.draw(found, view)
+    interval = float(tab.plots.first.source.data["x"][0][2])
+    whole = Octave(averaging="slow", interval_s=interval)(opened.recordings[0]).history
+    for row, drawn in enumerate(tab.plots.first.source.data["y"]):
+        np.testing.assert_allclose(drawn[1::2], whole.overall_dB["C"][row], atol=1e-9)
+    assert "Mic 1" in tab.numbers.text
 
 
 # --- safety ---------------------------------------------------------------------------------------

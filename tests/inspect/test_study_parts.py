@@ -11,7 +11,7 @@ from click.testing import CliRunner
 pytest.importorskip("bokeh")
 
 from specan.errors import InputError, RequestError
-from specan.inspect.plots import Band
+from specan.inspect.plots import outline
 from specan.inspect.study_views.errors import FailingMap, Staircase
 from specan.inspect.study_views.ranking import Ranking, uses_of
 from specan.inspect.trial import KeptStudy, as_it_is, candidates_of, try_effects
@@ -201,10 +201,10 @@ def test_many_candidates_stand_in_a_list_to_choose_from():
 
 def test_a_band_has_a_gap_where_an_end_is_missing():
     low = np.array([0.0, 0.0, np.nan, 0.0, -np.inf])
-    x, y = Band(np.arange(5.0), low, np.ones(5), 0).outline
+    x, y = outline(np.arange(5.0), low, np.ones(5))
     assert np.array_equal(x, [0, 1, 1, 0, np.nan, 3, 3], equal_nan=True)
     assert np.array_equal(y, [0, 0, 1, 1, np.nan, 0, 1], equal_nan=True)
-    assert Band(np.arange(2.0), np.full(2, np.nan), np.ones(2), 0).outline[0].size == 0
+    assert outline(np.arange(2.0), np.full(2, np.nan), np.ones(2))[0].size == 0
 
 
 def test_reading_is_told_and_can_be_ended():
@@ -276,22 +276,22 @@ def test_a_tried_effect_stands_beside_the_model_as_it_is_and_the_measurement():
     view.show(Tried(problem, stacked([1.0, 2.0])))
 
     def names():
-        return list(view.magnitude._source.data["name"])
+        return list(view.magnitude.source.data["name"])
 
     # The microphone that the model misses most is shown first; its name is text.
     assert view.microphones.value == ["0/Mic <b>2</b>"]
     assert names() == ["Mic <b>2</b> measured", "Mic <b>2</b> model"]
-    level = view.magnitude._source.data["y"]
+    level = view.magnitude.source.data["y"]
     assert level[1] - level[0] == pytest.approx(20 * np.log10(2) * np.ones(40))
     low, high = (f(view.magnitude._shades.data["y"][0]) for f in (np.nanmin, np.nanmax))
     assert low == pytest.approx(20 * np.log10(5 * 0.98))
     assert high == pytest.approx(20 * np.log10(5 * 1.02))
     view.show(Tried(problem, stacked([1.0, 1.0]), ("leak@x0",)))
     assert names()[1:] == ["Mic <b>2</b> model", "Mic <b>2</b> model before"]
-    assert view.error._source.data["y"][0] == pytest.approx(np.zeros(40), abs=1e-12)
-    assert view.error._source.data["y"][1] == pytest.approx(20 * np.log10(2) * np.ones(40))
+    assert view.error.source.data["y"][0] == pytest.approx(np.zeros(40), abs=1e-12)
+    assert view.error.source.data["y"][1] == pytest.approx(20 * np.log10(2) * np.ones(40))
     view.show(Tried(problem, stacked([1.0, 3.0]), ("scatterer",)))  # before is still the model as it is
-    assert view.error._source.data["y"][1] == pytest.approx(20 * np.log10(2) * np.ones(40))
+    assert view.error.source.data["y"][1] == pytest.approx(20 * np.log10(2) * np.ones(40))
     view.microphones.value = ["0/Mic 1", "0/Mic <b>2</b>"]
     assert len(names()) == 6
     view.show(Tried(problem, stacked([1.0, 1.0])))

@@ -17,7 +17,6 @@ WORDS = re.compile(
 OWN = {
     "figures_worm_gear.py", "figures_room.py",
     "simulate_planetary_gear.py", "simulate_worm_gear.py", "simulate_room.py", "study_impedance.py",
-    "figures_orders.py",
 }  # fmt: skip
 
 

@@ -11,11 +11,7 @@ from specan.analysis.transfer_function import TransferFunction
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, figure_format, line_styles, save_figure
-from specan.report.figures_spectra import (
-    figure_frequency_response,
-    figure_spectrogram,
-    figure_spectrum,
-)
+from specan.report.figures import figure_of
 
 RATE, N = 8000.0, 16000
 NOISE = np.random.default_rng(6).standard_normal((12, N))
@@ -36,7 +32,7 @@ def recording(channels=3):
 
 def test_transfer_function_with_coherence_strip_and_bands():
     found = TransferFunction(lines=200)(recording())
-    magnitude, phase, coherence = figure_frequency_response(found).axes
+    magnitude, phase, coherence = figure_of(found).axes
     assert [line.get_label() for line in magnitude.lines] == ["Ch 1", "Ch 2"]
     np.testing.assert_allclose(magnitude.lines[0].get_ydata(), found.level_dB[0])
     assert coherence.get_ylabel() == "Coherence"
@@ -49,7 +45,7 @@ def test_transfer_function_with_coherence_strip_and_bands():
 
 
 def test_frequency_axis_is_logarithmic_with_octaves():
-    axes = figure_frequency_response(TransferFunction(lines=200)(recording())).axes[-1]
+    axes = figure_of(TransferFunction(lines=200)(recording())).axes[-1]
     assert axes.get_xscale() == "log"
     assert [t.get_text() for t in axes.get_xticklabels()] == [
         "16",
@@ -65,15 +61,15 @@ def test_frequency_axis_is_logarithmic_with_octaves():
 
 def test_wrapped_phase_has_gaps_and_unwrapped_has_none():
     found = TransferFunction(lines=200)(recording())
-    wrapped = figure_frequency_response(found).axes[1].lines[0].get_ydata()
+    wrapped = figure_of(found).axes[1].lines[0].get_ydata()
     assert np.isnan(wrapped).any()
-    straight = figure_frequency_response(found, unwrapped=True).axes[1].lines[0].get_ydata()
+    straight = figure_of(found, unwrapped=True).axes[1].lines[0].get_ydata()
     assert np.isfinite(straight).all()
     assert straight.min() < -360
 
 
 def test_many_channels_have_their_legend_outside():
-    figure = figure_frequency_response(TransferFunction(lines=100)(recording(12)))
+    figure = figure_of(TransferFunction(lines=100)(recording(12)))
     assert len(figure.legends) == 1
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert texts[:2] == ["range of 11 channels", "median"]
@@ -81,16 +77,16 @@ def test_many_channels_have_their_legend_outside():
 
 
 def test_spectrum_with_and_without_phase():
-    plain = figure_spectrum(FourierSpectrum(lines=100)(recording()))
+    plain = figure_of(FourierSpectrum(lines=100)(recording()))
     assert len(plain.axes) == 1
     assert plain.axes[0].get_ylabel() == "Level / dB re 20 µPa"
-    with_phase = figure_spectrum(FourierSpectrum(lines=100, reference="Ch 0")(recording()))
+    with_phase = figure_of(FourierSpectrum(lines=100, reference="Ch 0")(recording()))
     assert "over Ch 0" in with_phase.axes[1].get_ylabel()
 
 
 def test_spectrogram_has_a_panel_a_channel():
     found = SpectrogramSettings(lines=100, channels=("Ch 1", "Ch 2"))(recording())
-    figure = figure_spectrogram(found)
+    figure = figure_of(found)
     assert sum("Frequency" in axes.get_ylabel() for axes in figure.axes) == 2
 
 
@@ -107,6 +103,6 @@ def test_places_are_checked(tmp_path):
     with pytest.raises(RequestError, match="does not exist"):
         figure_format(tmp_path / "nowhere" / "figure.png")
     (tmp_path / "taken.png").mkdir()
-    figure = figure_spectrum(FourierSpectrum(lines=100)(recording()))
+    figure = figure_of(FourierSpectrum(lines=100)(recording()))
     with pytest.raises(RequestError, match="cannot be written"):
         save_figure(figure, tmp_path / "taken.png")

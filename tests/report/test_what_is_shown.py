@@ -52,3 +52,11 @@ def test_what_the_page_does_not_write_into_its_command_is_what_the_verb_takes(ta
     for setting, value in settings_of(View(), tab).items():
         default = getattr(kind(), setting)
         assert value == (usual.get(setting) if default is None else default)
+
+
+def test_a_spectrogram_shows_what_changes_unless_lines_are_given(thud):
+    found = specan.spectrogram(thud)
+    assert len(found.time_s) > 50
+    column = np.argmax(found.density[0][:, found.frequency_hz > 1000].sum(axis=1))
+    assert found.time_s[column] == pytest.approx(0.5, abs=found.time_s[1] - found.time_s[0])
+    assert len(specan.spectrogram(thud, lines=1600).time_s) < 10

@@ -11,11 +11,12 @@ from bokeh.models import ColumnDataSource, DataRange1d, HoverTool, MultiSelect, 
 from bokeh.plotting import figure
 
 from specan.inspect.look import COLOURS
-from specan.inspect.plots import WRAPPED, Band, Curve, Lines, plain
+from specan.inspect.plots import PanelPlot, plain
 from specan.inspect.trial import Trial
-from specan.report.figure_style import with_gaps
+from specan.report.figure_style import level_limits, with_gaps
 from specan.report.figures_study import readings
 from specan.report.figures_study_frf import MeasuredTransfer, level_dB, measured_transfer, phase_deg
+from specan.report.panels import Curve, Panel
 from specan.report.residual_map import axis_text, map_axes
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.table import TableObservation
@@ -201,17 +202,12 @@ class TransferAgreement:
         )  # fmt: skip
         self.microphones.on_change("value", lambda a, old, new: self._chosen_anew())
         self.changed: Callable[[tuple[str, ...]], None] = lambda chosen: None  # the page writes its address
-        self.magnitude = Lines(
-            "", "Magnitude\n/ dB", hertz=True, tip=("Hz", "dB"), dynamics=80.0, weight=3, named=False
-        )
-        self.phase = Lines(
-            "", "Phase\n/ degrees", hertz=True, like=self.magnitude, limits=WRAPPED, weight=2, legend=False,
-            named=False, tip=("Hz", "degrees"),
-        )  # fmt: skip
-        self.error = Lines(
-            "Frequency / Hz", "Error\n/ dB", hertz=True, like=self.magnitude, weight=2, legend=False,
-            tip=("Hz", "dB"), dynamics=40.0,
-        )  # fmt: skip
+        self.magnitude = PanelPlot(3, hertz=True, tip=("Hz", "dB"))
+        self.phase = PanelPlot(2, hertz=True, like=self.magnitude, tip=("Hz", "degrees"))
+        self.error = PanelPlot(2, hertz=True, like=self.magnitude, tip=("Hz", "dB"))
+        for plot in (self.magnitude, self.phase):
+            plot.sheet.xaxis[0].major_label_text_font_size = "0px"
+        self.error.sheet.xaxis[0].axis_label = "Frequency / Hz"
         grows = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
         sheets = column(
             self.magnitude.sheet, self.phase.sheet, self.error.sheet, sizing_mode="stretch_both", styles=grows
@@ -223,7 +219,7 @@ class TransferAgreement:
         self.changed(tuple(self.microphones.value))
 
     def choose(self, wanted: Sequence[str]) -> None:
-        """Show these microphones; unknown ones are passed over."""
+        """Show these microphones; unknown ones are ignored."""
         self.microphones.value = [key for key, _ in self._keys if key in wanted]
 
     def show(self, trial: Trial) -> None:
@@ -253,48 +249,33 @@ class TransferAgreement:
     def _draw(self) -> None:
         if not self._found:
             return
-        levels: list[Curve] = []
-        phases: list[Curve] = []
-        errors: list[Curve] = []
-        bands: list[tuple[Band, Band, Band]] = []
+        levels, phases, errors = list[Curve](), list[Curve](), list[Curve]()
+        styles: dict[str, tuple[int, int]] = {}
         shown = [(key, text) for key, text in self._keys if key in self.microphones.value]
         for place, (key, text) in enumerate(shown):
             number, _, name = key.partition("/")
             one = self._found[int(number)]
-            k = one.channels.index(name)
+            k, f = one.channels.index(name), one.frequency_hz
             hues = _ALONE if len(shown) == 1 else (place,) * 3
-            bands.append(_bands(one, k, hues[0]))
-            models = [("model", one, 1)]
-            if self._before is not None:
-                models.append(("model before", self._before[int(number)], 2))
-            responses = [("measured", one.measured[k], 0), *((what, o.model[k], d) for what, o, d in models)]
-            for what, response, dash in responses:
-                label = f"{text} {what}"
-                levels.append(Curve(label, one.frequency_hz, level_dB(response), hues[dash], dash))
-                phases.append(
-                    Curve(label, one.frequency_hz, with_gaps(phase_deg(response)), hues[dash], dash)
-                )
-            errors += [
-                Curve(f"{text} {what}", o.frequency_hz, o.error_dB[k], hues[d], d) for what, o, d in models
-            ]
-        shades = list(zip(*bands)) or [(), (), ()]
-        for lines, curves, shaded in zip(
-            (self.magnitude, self.phase, self.error), (levels, phases, errors), shades
-        ):
-            lines.draw(curves, shaded)
-        self.magnitude.label(f"Magnitude\n/ dB re 1 {printed_unit(self._unit)}")
+            (low, high), level = one.band_dB(), level_dB(one.measured[k])
+            phase, reach = with_gaps(phase_deg(one.measured[k])), 2 * one.u_phase_deg[k]
+            measured, model, before = (f"{text} {what}" for what in ("measured", "model", "model before"))
+            styles |= {measured: (hues[0], 0), model: (hues[1], 1), before: (hues[2], 2)}
+            # Two standard uncertainties about what was measured, and about no error.
+            levels.append(Curve(measured, f, level, low[k], high[k]))
+            phases.append(Curve(measured, f, phase, phase - reach, phase + reach))
+            others = [(model, one)] + ([] if self._before is None else [(before, self._before[int(number)])])
+            for label, other in others:
+                levels.append(Curve(label, f, level_dB(other.model[k])))
+                phases.append(Curve(label, f, with_gaps(phase_deg(other.model[k]))))
+                band = (low[k] - level, high[k] - level) if other is one else (None, None)
+                errors.append(Curve(label, f, other.error_dB[k], *band))
+        text = f"Magnitude / dB re 1 {printed_unit(self._unit)}"
+        every = np.concatenate([curve.y for curve in levels] or [np.empty(0)])
+        self.magnitude.draw(Panel(text, tuple(levels), level_limits(every, 80.0)), styles)
+        self.phase.draw(Panel("Phase / degrees", tuple(phases), leads=False, phase=True), styles)
+        self.error.draw(Panel("Error / dB", tuple(errors), leads=False), styles)
         self.magnitude.sheet.title.text = plain(self._title)
-
-
-def _bands(one: MeasuredTransfer, k: int, hue: int) -> tuple[Band, Band, Band]:
-    """Two standard uncertainties about the measured level and phase, and about no error."""
-    f, (low, high), level = one.frequency_hz, one.band_dB(), level_dB(one.measured[k])
-    phase, reach = with_gaps(phase_deg(one.measured[k])), 2 * one.u_phase_deg[k]
-    return (
-        Band(f, low[k], high[k], hue),
-        Band(f, phase - reach, phase + reach, hue),
-        Band(f, low[k] - level, high[k] - level, hue),
-    )
 
 
 class Agreement(Protocol):

@@ -2,39 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from bokeh.models import Div, ScrollBox
-from numpy.typing import NDArray
 
-from specan.analysis.band_results import level
 from specan.analysis.levels import Levels
 from specan.analysis.octave import Octave
 from specan.analysis.octave_settings import READINGS_PER_TIME_CONSTANT
-from specan.analysis.section import slow_part
 from specan.data.band_levels import BandLevels
-from specan.data.channel import Channel
+from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
 from specan.divisions import DIVISIONS
-from specan.dsp.band_history import BandHistoryAccumulator
-from specan.dsp.history_filters import weighting_filter
-from specan.dsp.multirate import LENGTH
-from specan.dsp.slow_part import SlowPart
 from specan.dsp.time_weighting import FAST, SLOW
-from specan.dsp.weighting import Weighting
-from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.kept_bands import KeptBands
 from specan.inspect.look import sheet
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Curve
-from specan.inspect.tabs.tab import Change, Found, Tab, Tell
+from specan.inspect.plots import Plots
+from specan.inspect.tabs.tab import Change, Found, Tab
 from specan.inspect.view import View
-from specan.inspect.work import Superseded
-from specan.report.figure_style import level_label, micro
-from specan.units import level_reference
+from specan.inspect.work import Tell
+from specan.report.figure_style import micro
+from specan.report.figures_bands import band_panels, history_panels
+from specan.report.panels import Drawing
+
+_MOST = 2000  # readings of a history
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Numbers of the section, and the level over the whole recording."""
+
+    numbers: SignalLevels
+    history: BandLevels
 
 
 class LevelsTab(Tab):
@@ -46,154 +48,51 @@ class LevelsTab(Tab):
         super().__init__(opened, view, change)
         self.choice(view, "level_weighting", "Weighting", ["A", "B", "C", "Z"], 80)
         self.choice(view, "level_averaging", "Time weighting", ["fast", "slow"])
-        self.history = GroupedLines("Time / s", tip=("s", "dB"), dynamics=90.0)
+        self.plots = Plots(tip=("s", "dB"))
         self.numbers = Div(sizing_mode="stretch_width", name="levels")
         below = ScrollBox(
             child=self.numbers, sizing_mode="stretch_both", styles={"flex": "2 1 0", "min-height": "0"}
         )
-        self.body = [self.history.body, below]
-        self.partly: Any = lambda found, view: None  # the page shows what is known so far
-        self._curves: dict[tuple[Any, ...], LevelCurves] = {}
+        self.body = [self.plots.body, below]
+        self._kept: dict[tuple[Any, ...], BandLevels] = {}
 
     def compute(self, view: View, tell: Tell) -> Found:
-        """Numbers of the section, then the level against time: what the waveform shows first."""
+        """Numbers of the section, and the level against time."""
 
-        def analyse(chosen: Chosen, recording: Recording) -> dict[str, Any]:
-            found = self.settings(view, chosen, Levels)(recording)
-            return {"numbers": found, "curves": self._of(chosen, view)}
+        def analyse(chosen: Chosen, recording: Recording) -> _Found:
+            key = (chosen.number, chosen.patterns, view.level_averaging)
+            if key not in self._kept:
+                self._kept = {**dict(list(self._kept.items())[-20:]), key: _history(chosen, recording, view)}
+            return _Found(self.settings(view, chosen, Levels)(recording), self._kept[key])
 
-        results = self.of_each(view, tell, analyse)
-        low = view.start if view.low is None else view.low
-        high = self.opened.duration_s if view.high is None else view.high
-        for _, result in results:
+        return self.of_each(view, tell, analyse)
 
-            def told(part: float) -> bool:
-                self.partly(results, view)
-                return tell(part)
-
-            if not result["curves"].fill(low, high, told):
-                raise Superseded
-        return results
-
-    def _of(self, chosen: Chosen, view: View) -> LevelCurves:
-        key = (chosen.number, chosen.patterns, view.level_weighting, view.level_averaging)
-        if key not in self._curves:
-            if len(self._curves) > 20:
-                self._curves.clear()
-            self._curves[key] = LevelCurves(
-                chosen.recording, chosen.channels, view.level_weighting, view.level_averaging
-            )
-        return self._curves[key]
+    def drawing(self, result: _Found, view: View) -> Drawing:
+        """The level against time."""
+        return history_panels(result.history, view.level_weighting)
 
     def draw(self, found: Found, view: View) -> None:
-        """Level against time, and the table."""
-        groups: dict[str, list[Curve]] = {}
-        rows = []
-        for number, result in found:
-            history, r = result["curves"], result["numbers"]
-            for row, channel in enumerate(history.channels):
-                name = self.opened.text(number, channel.label)
-                label = level_label(level_reference(channel.unit).text)
-                groups.setdefault(label, []).append(Curve(name, history.times, history.levels[row]))
-                rows.append([
-                    name, r.units[row], f"{r.rms[row]:.5g}", _decibels(r.level_dB[row]), r.references[row].text,
-                    f"{r.peak[row]:.5g}", _decibels(r.crest_factor[row]), f"{r.mean[row]:.4g}",
-                    _decibels(r.equivalent_dB["A"][row]), _decibels(r.max_dB[row]), _decibels(r.min_dB[row]),
-                    *(_decibels(v[row]) for v in r.percentile_dB.values()), " ".join(r.flags[row]),
-                ])  # fmt: skip
-        self.history.draw(groups)
-        self.history.span(0.0, max(self.opened.duration_s, 1e-3))
-        first = found[0][1]["numbers"]
-        percent = [f"L{n:g}" for n in first.percentile_dB]
-        header = ["Channel", "unit", "RMS", "level dB", "re", "peak", "crest", "mean", "Leq A", "max", "min"]
-        self.numbers.text = sheet([*header, *percent, ""], rows) + (
-            f"<p>Section {first.start_s:g} s to {first.start_s + first.duration_s:g} s; max, min and percentiles of "
-            f"the level with {first.averaging} time weighting.</p>"
-        )
+        """Level against time, and the tables."""
+        self.plots.draw(self.drawn(found, view))
+        text = partial(self.opened.text)
+        tables = [
+            (one.title, one.header, [[text(number, row[0]), *row[1:]] for row in one.rows])
+            for number, result in found
+            for one in result.numbers.sheets()
+        ]
+        self.numbers.text = "".join(f"<p>{title}</p>{sheet(header, rows)}" for title, header, rows in tables)
 
 
-def _decibels(value: float) -> str:
-    return f"{value:.2f}" if np.isfinite(value) else ""
-
-
-_BLOCK = 1 << 16
-_PIECE_S = 20.0
-# Before a piece this many time constants are read: what lies further back has decayed by 130 dB.
-_LEAD = 30.0
-_MOST = 2000  # readings
-
-
-@dataclass
-class LevelCurves:
-    """Time-weighted levels of channels of one rate, as far as they are known; NaN elsewhere.
-
-    Channels are taken as they were measured; those that are no sound pressure have the Z weighting.
-
-    Attributes
-    ----------
-    times : array (n,)
-        From the beginning of the recording, in s.
-    levels : array (channels, n)
-    """
-
-    recording: Recording
-    channels: tuple[Channel, ...]
-    weighting: Weighting
-    averaging: str
-
-    def __post_init__(self) -> None:
-        duration = min(c.duration_s for c in self.channels)
-        self.time_constant = {"fast": FAST, "slow": SLOW}[self.averaging]
-        interval = max(self.time_constant / READINGS_PER_TIME_CONSTANT, duration / _MOST)
-        self.times = np.arange(1, max(int(duration / interval + 1e-9), 1) + 1) * min(interval, duration)
-        self._slow: SlowPart | None = None
-        self.levels = np.full((len(self.channels), self.times.size), np.nan)
-        per_piece = max(int(max(_PIECE_S, _LEAD * self.time_constant) / interval), 1)
-        self.pieces = [slice(k, k + per_piece) for k in range(0, self.times.size, per_piece)]
-
-    def fill(self, start_s: float, stop_s: float, tell: Callable[[float], bool]) -> bool:
-        """Fill the pieces that touch a part of the recording, then the others; False if told to stop."""
-
-        def apart(piece: slice) -> bool:
-            seen = self.times[piece]
-            return bool(seen[-1] < start_s or seen[0] > stop_s)
-
-        ordered = sorted(self.pieces, key=apart)
-        for number, piece in enumerate(ordered, 1):
-            if np.isnan(self.levels[:, piece]).any() or number == 1:
-                self.levels[:, piece] = self._piece(piece)
-            if not tell(number / len(ordered)):
-                return False
-        return True
-
-    def _piece(self, piece: slice) -> NDArray[np.float64]:
-        rate = self.channels[0].sampling_rate
-        times = self.times[piece]
-        before = self.times[piece.start - 1] if piece.start else 0.0
-        # On the grid of the transform's blocks, so that a piece has the numbers of the whole.
-        first = max(int((before - _LEAD * self.time_constant) * rate), 0) // LENGTH * LENGTH
-        end = -(-(int(np.ceil(times[-1] * rate)) + 1) // LENGTH) * LENGTH
-        last = min(end, *(c.n_samples for c in self.channels))
-        if self._slow is None:
-            length = min(c.n_samples for c in self.channels)
-            self._slow = slow_part(self.recording, self.channels, 0, length)
-        history = BandHistoryAccumulator(
-            len(self.channels),
-            rate,
-            last - first,
-            [weighting_filter(self.weighting), weighting_filter("Z")],
-            self.time_constant,
-            None,
-            np.asarray(times - first / rate, dtype=np.float64),
-            slow=self._slow,
-        )
-        with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
-            for samples in self.recording.blocks(self.channels, _BLOCK, first, last):
-                history.add(samples)
-            readings = history.result().readings
-        pressure = np.array([[c.unit == "Pa"] for c in self.channels])
-        zero = np.array([[level_reference(c.unit).value ** 2] for c in self.channels])
-        return np.asarray(level(np.where(pressure, readings[:, 0], readings[:, 1]), zero))
+def _history(chosen: Chosen, recording: Recording, view: View) -> BandLevels:
+    """Levels against time, with all weightings: of few bands, since none is shown."""
+    duration = min(c.duration_s for c in chosen.channels)
+    constant = {"fast": FAST, "slow": SLOW}[view.level_averaging]
+    settings = Octave(
+        channels=chosen.patterns, averaging=view.level_averaging, fraction=1,
+        band=min(1000.0, chosen.channels[0].sampling_rate / 5),
+        interval_s=min(max(constant / READINGS_PER_TIME_CONSTANT, duration / _MOST), duration),
+    )  # fmt: skip
+    return settings(recording)
 
 
 _AVERAGING = ("linear", "fast", "slow", "impulse")
@@ -218,11 +117,9 @@ class OctaveTab(Tab):
         self.choice(view, "hold", "Hold", [("", "none"), "max", "min"], 80)
         self.number(view, "fmin", "From / Hz")
         self.number(view, "fmax", "To / Hz")
-        self.levels = GroupedLines(
-            "Mid-band frequency / Hz", self.add_figure, hertz=True, tip=("Hz", "dB"), dynamics=90.0
-        )
+        self.plots = Plots(self.add_figure, hertz=True, tip=("Hz", "dB"))
         self.overall = Div(sizing_mode="stretch_width", name="overall")
-        self.body, self.side = [self.levels.body], [self.overall]
+        self.body, self.side = [self.plots.body], [self.overall]
 
     def compute(self, view: View, tell: Tell) -> Found:
         """Band levels; linear ones from kept power spectra."""
@@ -244,18 +141,13 @@ class OctaveTab(Tab):
 
         return self.of_each(view, tell, analyse)
 
+    def drawing(self, result: Any, view: View) -> Drawing:
+        """Steps from edge to edge of each band."""
+        return band_panels(result)
+
     def draw(self, found: Found, view: View) -> None:
-        """Steps from edge to edge of each band, and the table of overall levels."""
-        groups: dict[str, list[Curve]] = {}
-        for number, result in found:
-            edges = np.append(result.lower_hz, result.upper_hz[-1])
-            x = np.repeat(edges, 2)[1:-1]
-            for row, name in enumerate(result.channels):
-                curves = groups.setdefault(level_label(result.references[row].text), [])
-                curves.append(Curve(self.opened.text(number, name), x, np.repeat(result.level_dB[row], 2)))
-        self.levels.draw(groups)
-        results = [result for _, result in found]
-        self.levels.span(min(r.lower_hz[0] for r in results), max(r.upper_hz[-1] for r in results))
+        """The bands, and the table of overall levels."""
+        self.plots.draw(self.drawn(found, view))
         self.overall.text = _overall(self.opened, found)
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from specan.analysis.orders import Orders
-from specan.data.orders import OrderSpectrum
-from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.opened import Opened
-from specan.inspect.plots import Curve, HeatMap, Lines, plain
-from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
+from specan.inspect.plots import HeatMap, PanelPlot, Plots
+from specan.inspect.tabs.tab import Change, Found, Tab, nearest_line
 from specan.inspect.view import View
-from specan.report.figure_style import level_label
-from specan.result import counted
-from specan.units import level_reference
-
-_ROWS, _COLUMNS = 200, 800  # of the picture, at most
-_DYNAMICS_DB = 90.0
+from specan.inspect.work import Tell
+from specan.report.figures_spectra import figure_order_map, figure_orders
+from specan.report.panels import Drawing
 
 
 class OrdersTab(Tab):
@@ -38,16 +31,8 @@ class OrdersTab(Tab):
         self.number(view, "turns", "Turns", 70, mode="int")
         self.choice(view, "order_map", "Show", [("False", "spectrum"), ("True", "with the map")], 120)
         self._speed_hz = 1.0
-        self.levels = GroupedLines(
-            "Order of the shaft",
-            lambda lines: self.add_figure(_AtSpeed(lines, self)),
-            tip=("order", "dB"),
-            dynamics=_DYNAMICS_DB,
-        )
-        self.map = HeatMap(
-            3, _DYNAMICS_DB, "order_picture", x_range=self.levels.first.sheet.x_range,
-            x_axis_label="Order of the shaft", y_axis_label="Speed / Hz", min_border_left=88,
-        )  # fmt: skip
+        self.levels = Plots(lambda plot: self.add_figure(_AtSpeed(plot, self)), tip=("order", "dB"))
+        self.map = HeatMap(3, "order_picture", self.levels.first.sheet.x_range)
         self.body = [self.levels.body]
 
     @property
@@ -65,21 +50,17 @@ class OrdersTab(Tab):
             "a channel that is no tacho",
         )
 
+    def drawing(self, result: Any, view: View) -> Drawing:
+        """Levels over order."""
+        return figure_orders(result)
+
     def draw(self, found: Found, view: View) -> None:
         """Levels of all channels, and the map of the first one where it is wanted."""
-        first = found[0][1]
+        number, first = found[0]
         self._speed_hz, self.figure_view = first.tacho.mean_hz, "map" if view.order_map else ""
-        groups: dict[str, list[Curve]] = {}
-        for number, r in found:
-            for row, name in enumerate(r.channels):
-                label = level_label(level_reference(r.units[row]).text)
-                curve = Curve(self.opened.text(number, name), r.order[1:], r.level_dB[row, 1:])
-                groups.setdefault(label, []).append(curve)
-        self.levels.draw(groups)
-        self.levels.span(0.0, max(float(r.order[-1]) for _, r in found))
-        self.levels.title(_facts(first))
+        self.levels.draw(self.drawn(found, view))
         if view.order_map:
-            self._draw_map(first, self.opened.text(found[0][0], first.channels[0]))
+            self.map.draw(figure_order_map(first).named(partial(self.opened.text, number)))
         self.body = [self.levels.body, *([self.map.sheet] if view.order_map else [])]
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
@@ -94,55 +75,20 @@ class OrdersTab(Tab):
                 rows.append((self.opened.text(number, name), hertz, text))
         return rows
 
-    def _draw_map(self, r: OrderSpectrum, name: str) -> None:
-        low, high = float(r.speed_hz.min()), float(r.speed_hz.max())
-        margin = 0.005 * high if high - low < 0.01 * high else 0.0  # a constant speed is a strip
-        low, high = low - margin, high + margin
-        step = float(r.order[1])
-        self.map.draw(
-            picture_of_map(r, low, high), (step / 2, step * (r.order.size - 0.5)), (low, high),
-            level_label(level_reference(r.units[0]).text), f"{name}: orders against speed",
-        )  # fmt: skip
-
 
 class _AtSpeed:
     """A figure over orders whose cursor is given in hertz."""
 
-    def __init__(self, lines: Lines, tab: OrdersTab) -> None:
-        self._lines, self._tab, self.sheet = lines, tab, lines.sheet
+    def __init__(self, plot: PanelPlot, tab: OrdersTab) -> None:
+        self._plot, self._tab, self.sheet = plot, tab, plot.sheet
 
     def cursor(self, frequency: float | None, harmonics: bool) -> None:
         """Show the cursor at its order."""
-        self._lines.cursor(None if frequency is None else frequency / self._tab.speed_hz, harmonics)
+        self._plot.cursor(None if frequency is None else frequency / self._tab.speed_hz, harmonics)
 
     def frequency_at(self, event: Any) -> float:
         """Of a click: its order at the mean speed; left of zero there is none."""
-        return max(self._lines.frequency_at(event), 1e-6) * self._tab.speed_hz
-
-
-def picture_of_map(r: OrderSpectrum, low: float, high: float) -> NDArray[np.float64]:
-    """Levels of the first channel at even steps of speed, (speeds, orders); each speed has its nearest column.
-
-    Of more orders than the picture has columns, the highest of its neighbours is shown: a line is never lost.
-    """
-    place = np.argsort(r.speed_hz, kind="stable")
-    speeds = r.speed_hz[place]
-    level = r.map_level_dB[place, 0, 1:]
-    wanted = low + (high - low) * (np.arange(_ROWS) + 0.5) / _ROWS
-    rows = level[np.searchsorted((speeds[1:] + speeds[:-1]) / 2, wanted)]
-    together = -(-rows.shape[1] // _COLUMNS)
-    short = -rows.shape[1] % together
-    padded = np.pad(rows, ((0, 0), (0, short)), constant_values=np.nan)
-    return np.asarray(np.fmax.reduce(padded.reshape(_ROWS, -1, together), axis=2))
-
-
-def _facts(r: OrderSpectrum) -> str:
-    low, mean, high = r.tacho.speed_hz
-    speed = f"{mean:.4g} Hz" if high - low < 0.01 * mean else f"{low:.4g} to {high:.4g} Hz"
-    source = f"by {r.tacho.channel}" if r.tacho.channel else "as stated"
-    return plain(
-        f"Shaft at {speed} {source}, {counted(r.turns, 'turn')}, blocks of {counted(r.block_turns, 'turn')}"
-    )
+        return max(self._plot.frequency_at(event), 1e-6) * self._tab.speed_hz
 
 
 def _tachos_first(entry: tuple[int, Any]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -15,6 +16,7 @@ from specan.errors import RequestError
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.view import View, settings_of
 from specan.inspect.work import Heard, Tell
+from specan.report.panels import Drawing, joined
 from specan.result import RecordingResult
 from specan.schema import Kind, parse
 
@@ -69,8 +71,16 @@ class Tab:
         """The result; runs beside the page and may take a while."""
         raise NotImplementedError
 
+    def drawing(self, result: Any, view: View) -> Drawing:
+        """What the figures show of one result: what ``--plot`` of the verb shows."""
+        raise NotImplementedError
+
+    def drawn(self, found: Found, view: View) -> Drawing:
+        """What they show of all results, with the names of the channels on the page."""
+        return joined([self.drawing(r, view).named(partial(self.opened.text, n)) for n, r in found])
+
     def draw(self, found: Found, view: View) -> None:
-        """Show a result."""
+        """Show results."""
         raise NotImplementedError
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
@@ -152,6 +162,3 @@ def text_of(result: RecordingResult) -> bytes:
         path = Path(place) / "numbers.txt"
         write_result(result, path)
         return path.read_bytes()
-
-
-__all__ = ["Change", "Found", "Tab", "Tell", "nearest_line", "text_of"]

@@ -1,0 +1,332 @@
+"""What a figure shows, apart from how it is drawn: panels of curves, and pictures of levels.
+
+The same description is drawn by matplotlib here, and on the page by `specan.inspect.plots`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.report.figure_style import (
+    heading,
+    legend_above,
+    legend_below,
+    level_limits,
+    line_styles,
+    new_figure,
+    octave_axis,
+    phase_axis,
+    styled,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Real = NDArray[np.float64]
+FEW = 8  # channels that are drawn each in its own colour
+APART = 3  # of many: those that are drawn over the range
+_SPARSE = 60  # points up to which a line has marks
+_BARS = 2  # channels up to which steps are filled; more are outlines
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line of one channel.
+
+    Attributes
+    ----------
+    name : str
+    x, y : arrays
+        `x` with one value more holds the edges of steps.
+    low, high : array or None
+        Ends of a band about it, such as 95 %.
+    dots : tuple of array, or None
+        Places and values of further points in its colour.
+    """
+
+    name: str
+    x: Real
+    y: Real
+    low: Real | None = None
+    high: Real | None = None
+    dots: tuple[Real, Real] | None = None
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Curves over one vertical axis.
+
+    Attributes
+    ----------
+    label : str
+        Of the vertical axis.
+    curves : tuple of Curve
+    limits : tuple of float, or None
+        Of the vertical axis.
+    share : int
+        Of the height of the figure.
+    leads : bool
+        It has a legend, and of many channels it decides which have a colour; the panels below follow.
+    phase : bool
+        A whole turn, with ticks at quarters.
+    kind : {"line", "dots", "thin"}
+        Of many curves a range is drawn; of "thin" ones, such as phases, all of them in grey.
+    """
+
+    label: str
+    curves: tuple[Curve, ...]
+    limits: tuple[float, float] | None = None
+    share: int = 3
+    leads: bool = True
+    phase: bool = False
+    kind: str = "line"
+
+    @property
+    def values(self) -> Real | None:
+        """Of all curves, (curves, points); None where they do not have the same points."""
+        same = len({(c.x.size, c.y.size) for c in self.curves}) == 1
+        return np.array([np.where(np.isfinite(c.y), c.y, np.nan) for c in self.curves]) if same else None
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Levels over two axes: `values` (places in y, places in x)."""
+
+    name: str
+    x: Real
+    y: Real
+    values: Real
+    y_label: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure: panels, or pictures, under each other over one horizontal axis."""
+
+    title: str
+    facts: tuple[str, ...]
+    x_label: str
+    panels: tuple[Panel, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    hertz: bool = (
+        False  # the axis of frequency, horizontal of panels and vertical of pictures, is logarithmic
+    )
+    dynamics_dB: float = 90.0
+    x_limits: tuple[float, float] | None = None
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Ends of the horizontal axis of its panels."""
+        if self.x_limits is not None:
+            return self.x_limits
+        xs = [x[x > 0] if self.hertz else x for panel in self.panels for x in (c.x for c in panel.curves)]
+        ends = [(float(x[0]), float(x[-1])) for x in xs if x.size] or [(1.0, 2.0)]
+        low, high = min(low for low, _ in ends), max(high for _, high in ends)
+        return low, max(high, 1.01 * low if self.hertz else low + 1e-9)
+
+    def named(self, name: Any) -> Drawing:
+        """With other names of the channels: `name` is called with each."""
+        panels = (
+            replace(p, curves=tuple(replace(c, name=name(c.name)) for c in p.curves)) for p in self.panels
+        )
+        pictures = (replace(p, name=name(p.name)) for p in self.pictures)
+        return replace(self, panels=tuple(panels), pictures=tuple(pictures))
+
+
+def joined(drawings: Sequence[Drawing]) -> Drawing:
+    """Several in one: curves of panels with the same label over one axis."""
+    panels: dict[tuple[bool, str], Panel] = {}
+    for panel in (panel for drawing in drawings for panel in drawing.panels):
+        key = (not panel.leads, panel.label)
+        if (known := panels.get(key)) is not None:
+            ends = [limits for limits in (known.limits, panel.limits) if limits]
+            limits = (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
+            panel = replace(known, curves=known.curves + panel.curves, limits=limits)
+        panels[key] = panel
+    ordered = sorted(panels.items(), key=lambda item: item[0][0])  # levels above phases
+    pictures = tuple(p for drawing in drawings for p in drawing.pictures)
+    return replace(drawings[0], panels=tuple(panel for _, panel in ordered), pictures=pictures)
+
+
+def numbered(panels: Iterable[Panel]) -> dict[str, int]:
+    """Number of the colour of each channel that has one: all of a few, of many those furthest from the median."""
+    numbers: dict[str, int] = {}
+    for panel in panels:
+        for k in outer(panel) if panel.leads else ():
+            numbers.setdefault(panel.curves[k].name, len(numbers))
+    return numbers
+
+
+def outer(panel: Panel) -> list[int]:
+    """Curves that get a colour: all of a few; of many those that are furthest from the median, on average over x."""
+    values = panel.values
+    if len(panel.curves) <= FEW:
+        return list(range(len(panel.curves)))
+    if values is None or not (known := np.isfinite(values).any(axis=0)).any():
+        return list(range(APART))
+    off = np.abs(values[:, known] - np.nanmedian(values[:, known], axis=0))
+    distance = np.nansum(off, axis=1) / np.maximum(np.isfinite(off).sum(axis=1), 1)
+    return np.argsort(-distance, kind="stable")[:APART].tolist()
+
+
+def grouped(kinds: Iterable[str]) -> dict[str, list[int]]:
+    """Rows of each unit or level reference.
+
+    Examples
+    --------
+    >>> grouped(["Pa", "m/s", "Pa"])
+    {'Pa': [0, 2], 'm/s': [1]}
+    """
+    found: dict[str, list[int]] = {}
+    for row, kind in enumerate(kinds):
+        found.setdefault(kind, []).append(row)
+    return found
+
+
+def level_panels(
+    labels: Iterable[str],
+    names: Sequence[str],
+    x: Real,
+    levels: Real,
+    dynamics_dB: float,
+    *,
+    above: float = 3.0,
+    decisive: Real | None = None,
+    **more: Any,
+) -> list[Panel]:
+    """A panel for each label of an axis.
+
+    `decisive` are the levels that set its limits, where there are any; `more` are further arrays of the curves.
+    """
+    panels = []
+    for label, rows in grouped(labels).items():
+        deciding = levels[rows] if decisive is None else decisive[rows]
+        deciding = deciding if np.isfinite(deciding).any() else levels[rows]
+        curves = tuple(Curve(names[r], x, levels[r], **{key: v[r] for key, v in more.items()}) for r in rows)
+        panels.append(Panel(label, curves, level_limits(deciding, dynamics_dB, above=above)))
+    return panels
+
+
+@styled
+def figure_of_panels(drawing: Drawing) -> Figure:
+    """Drawn by matplotlib."""
+    if drawing.pictures:
+        return _pictures(drawing)
+    shares = [panel.share for panel in drawing.panels]
+    figure = new_figure(2.0 + 0.72 * sum(shares))
+    sheet = figure.subplots(len(shares), 1, sharex=True, squeeze=False, height_ratios=shares)[:, 0]
+    draw_panels(list(sheet), drawing.panels)
+    finish(figure, list(sheet), drawing)
+    return figure
+
+
+def finish(figure: Figure, sheet: Sequence[Axes], drawing: Drawing) -> None:
+    """Horizontal axis, legend and heading."""
+    leading = [axes for axes, panel in zip(sheet, drawing.panels, strict=True) if panel.leads]
+    if len(leading) == 1:
+        legend_below(figure, leading[0])
+    else:
+        for axes in leading:
+            legend_above(axes)
+    if drawing.hertz:
+        octave_axis(sheet[-1], *drawing.span)
+    else:
+        sheet[-1].set_xlim(*drawing.span)
+    sheet[-1].set_xlabel(drawing.x_label)
+    figure.align_ylabels(sheet)
+    heading(figure, drawing.title, *drawing.facts)
+
+
+def draw_panels(sheet: Sequence[Axes], panels: Sequence[Panel]) -> None:
+    """Panels, each into its axes; a channel has the same colour in all of them."""
+    numbers = numbered(panels)
+    for axes, panel in zip(sheet, panels, strict=True):
+        many = len(panel.curves) > FEW
+        if many and panel.kind == "line" and (values := panel.values) is not None:
+            draw_range(axes, panel.curves[0].x, values)
+        for curve in sorted(panel.curves, key=lambda c: numbers.get(c.name, len(numbers))):
+            if curve.name in numbers:
+                _draw(axes, panel, curve, style_of(numbers[curve.name], many))
+            elif many and panel.kind == "thin":
+                axes.plot(curve.x, curve.y, color="0.72", linewidth=0.4, zorder=1.5)
+        if panel.phase:
+            phase_axis(axes, panel.label)
+        else:
+            axes.set_ylabel(panel.label)
+        if panel.limits is not None:
+            axes.set_ylim(*panel.limits)
+
+
+def _draw(axes: Axes, panel: Panel, curve: Curve, style: dict[str, Any]) -> None:
+    label = curve.name if panel.leads else None
+    if curve.low is not None and curve.high is not None:
+        axes.fill_between(curve.x, curve.low, curve.high, color=style["color"], alpha=0.2, linewidth=0)
+    if curve.x.size == curve.y.size + 1:
+        filled = len(panel.curves) <= _BARS
+        values = np.where(np.isneginf(curve.y), np.nan, curve.y)
+        axes.stairs(
+            values, curve.x, baseline=-999.0 if filled else None, fill=filled, alpha=0.45 if filled else 1.0,
+            label=label, **style,
+        )  # fmt: skip
+    elif panel.kind == "dots":
+        axes.plot(curve.x, curve.y, ".", color=style["color"], markersize=3)
+    else:
+        marker = "." if curve.x.size < _SPARSE else ""
+        axes.plot(curve.x, curve.y, label=label, linewidth=1.0, marker=marker, **style)
+    if curve.dots is not None:
+        axes.plot(*curve.dots, linestyle="", marker="o", markersize=3, color=style["color"])
+
+
+def style_of(number: int, many: bool = False) -> dict[str, Any]:
+    """Colour and dash of a line by its number; beside a range each line is full."""
+    style = next(style for k, style in enumerate(line_styles()) if k == number)
+    return {**style, "linestyle": "-"} if many else style
+
+
+def draw_range(axes: Axes, x: Real, values: Real) -> None:
+    """From the lowest to the highest of all channels, and their median; as steps where `x` holds edges."""
+    known = np.isfinite(values).any(axis=0)
+    low, middle, high = (np.full(values.shape[1], np.nan) for _ in range(3))
+    low[known], high[known] = np.nanmin(values[:, known], axis=0), np.nanmax(values[:, known], axis=0)
+    middle[known] = np.nanmedian(values[:, known], axis=0)
+    label = f"range of {len(values)} channels"
+    pale: dict[str, Any] = {"color": "0.82", "linewidth": 0, "label": label}
+    if x.size == values.shape[1] + 1:
+        axes.stairs(high, x, baseline=low, fill=True, **pale)
+        axes.stairs(middle, x, baseline=None, color="0.4", linewidth=1.3, label="median")
+    else:
+        axes.fill_between(x, low, high, **pale)
+        axes.plot(x, middle, color="0.4", linewidth=1.3, label="median")
+
+
+def _pictures(drawing: Drawing) -> Figure:
+    count = len(drawing.pictures)
+    figure = new_figure(1.4 + max(2.5, 4.2 / count) * count)
+    sheet = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    for axes, picture in zip(sheet, drawing.pictures, strict=True):
+        draw_picture(figure, axes, picture, drawing.dynamics_dB)
+        if drawing.hertz:
+            octave_axis(axes, float(picture.y[0]), float(picture.y[-1]), "y")
+        axes.set_ylabel(f"{picture.name}\n{picture.y_label}")
+    sheet[-1].set_xlabel(drawing.x_label)
+    heading(figure, drawing.title, *drawing.facts)
+    return figure
+
+
+def draw_picture(figure: Figure, axes: Axes, picture: Picture, dynamics_dB: float) -> None:
+    """A picture with its scale of colours; its axes hold the middles of the cells, or their edges."""
+    low, high = level_limits(picture.values, dynamics_dB, below=0.0, above=0.0)
+    shading: Any = "nearest" if picture.x.size == picture.values.shape[1] else "flat"
+    mesh = axes.pcolormesh(
+        picture.x, picture.y, np.ma.masked_invalid(picture.values), vmin=low, vmax=high, cmap="cividis",
+        shading=shading, rasterized=True,
+    )  # fmt: skip
+    axes.grid(False)
+    figure.colorbar(mesh, ax=axes, label=picture.unit)
