@@ -6,9 +6,10 @@ They come from recordings, through the analyser, or from files that other progra
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,27 +35,12 @@ KIND = "transfer"
 REFERENCES = ("force", "vibrometer", "generator")  # roles of a reference that nobody names
 
 Complex = NDArray[np.complex128]
+_Maker = Callable[..., FrfObservation]
 
 
 def reads(path: Path) -> bool:
     """Whether a file is a recording, a universal file, or text with a column of frequencies."""
     return is_transfer_file(path) or is_recording(path)
-
-
-@dataclass(frozen=True, eq=False)
-class _Lines:
-    """Transfer functions of one file over one reference, in the units of the observables."""
-
-    observables: tuple[Observable, ...]
-    frequency_hz: Array
-    line_hz: float
-    response: Complex
-    sigma: Array
-    known: bool
-    folding: Folding
-    common_relative: Array  # (responses,), of the calibration
-    common_rad: Array
-    line_correlation: tuple[float, ...]
 
 
 def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
@@ -73,10 +59,9 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     statements: list[str] = []
     known = True
     for file in (*wanted.measurements, *wanted.validations):
-        for lines, said in _read(model, frequency, file, wanted.calibration):
-            whole = _observation(model, frequency, file, lines)
+        for whole, said, told in _read(model, frequency, file, wanted.calibration):
             statements.append(said)
-            known &= lines.known
+            known &= told
             if file not in wanted.measurements:
                 held_out.append(whole)
                 continue
@@ -111,46 +96,53 @@ def _frequency_of(model: Model) -> str:
     return found[0]
 
 
-def _band(model: Model, frequency: str) -> tuple[float, float]:
-    low, high = model.rig.limits.get(frequency, (0.0, np.inf))
-    unit = model.conditions[frequency].unit
-    return float(convert(low, unit, "Hz")), float(convert(high, unit, "Hz"))
+def _observation(
+    model: Model,
+    frequency: str,
+    file: DataFile,
+    observables: Sequence[Observable],
+    common: tuple[Array, Array],
+    **lines: Any,
+) -> FrfObservation:
+    """Transfer functions of one file over one reference, in the units of the observables.
 
-
-def _observation(model: Model, frequency: str, file: DataFile, lines: _Lines) -> FrfObservation:
+    Parameters
+    ----------
+    common : pair of array (responses,)
+        Standard uncertainties of the calibration, relative and in rad.
+    lines
+        Fields of the observation.
+    """
+    response, folding = lines["response"], lines["folding"]
     condition = model.conditions[frequency]
-    at = {frequency: np.asarray(convert(lines.folding.nodes, "Hz", condition.unit), dtype=float)}
-    for name, value in _constants(model, file).items():
-        at[name] = np.full(lines.folding.nodes.size, value)
-    lacking = [
-        c.column
-        for c in model.conditions.values()
-        if c.name not in at and c.default is None and c.name != frequency
-    ]
+    at = {frequency: np.asarray(convert(folding.nodes, "Hz", condition.unit), dtype=float)}
+    at |= {name: np.full(folding.nodes.size, value) for name, value in _constants(model, file).items()}
+    lacking = [c.column for c in model.conditions.values() if c.name not in at and c.default is None]
     if lacking:
         raise InputError(
             f"{file.name}: nothing says at which {lacking[0]} it was measured",
             remedy=f"write conditions = {{{lacking[0]} = ...}} below the measurement in study.toml",
         )
-    names = tuple(o.response for o in lines.observables)
-    percent = model.rig.discrepancy_percent / 100
+    errors = [turn * response * size[:, None] for turn, size in zip((1, 1j), common) if np.any(size)]
+    if model.rig.discrepancy_percent:
+        size = model.rig.discrepancy_percent / 100
+        errors += [
+            p * size * t * response for p in piecewise_linear_basis(lines["frequency_hz"]) for t in (1, 1j)
+        ]
     return FrfObservation(
         name=file.name,
         recording=file.name,
         quantity="",
-        quantities=tuple(o.quantity for o in lines.observables),
-        frequency_hz=lines.frequency_hz,
-        line_hz=lines.line_hz,
-        channels=names,
-        response=lines.response,
-        noise=lines.sigma,
-        random=lines.sigma,
-        folding=lines.folding,
+        quantities=tuple(o.quantity for o in observables),
+        channels=tuple(o.response for o in observables),
+        random=lines["noise"],
         conditions_at_nodes=at,
-        shared=_shared(lines, percent),
-        kept=np.isfinite(lines.response),
-        observables=tuple(o.name for o in lines.observables),
-        line_correlation=lines.line_correlation,
+        shared=np.nan_to_num(np.stack(errors, axis=-1))
+        if errors
+        else np.empty((*response.shape, 0), complex),
+        kept=np.isfinite(response),
+        observables=tuple(o.name for o in observables),
+        **lines,
     )
 
 
@@ -168,36 +160,26 @@ def _constants(model: Model, file: DataFile) -> dict[str, float]:
     return found
 
 
-def _shared(lines: _Lines, discrepancy: float) -> Complex:
-    """Errors of calibration, and of the model itself, common to a channel's lines; one standard deviation a column."""
-    columns = []
-    if np.any(lines.common_relative):
-        columns.append(lines.response * lines.common_relative[:, None])
-    if np.any(lines.common_rad):
-        columns.append(1j * lines.response * lines.common_rad[:, None])
-    if discrepancy:
-        for part in piecewise_linear_basis(lines.frequency_hz):
-            columns += [part * discrepancy * turn * lines.response for turn in (1, 1j)]
-    if not columns:
-        return np.empty((*lines.response.shape, 0), dtype=complex)
-    return np.nan_to_num(np.stack(columns, axis=-1))
-
-
-def _read(model: Model, frequency: str, file: DataFile, calibration: Path | None) -> list[tuple[_Lines, str]]:
+def _read(
+    model: Model, frequency: str, file: DataFile, calibration: Path | None
+) -> list[tuple[FrfObservation, str, bool]]:
     observables = [o for o in model.observables.values() if o.kind == KIND]
-    band = _band(model, frequency)
+    low, high = model.rig.limits.get(frequency, (0.0, np.inf))
+    unit = model.conditions[frequency].unit
+    band = float(convert(low, unit, "Hz")), float(convert(high, unit, "Hz"))
+    made = partial(_observation, model, frequency, file)
     if is_transfer_file(file.path):
-        return _from_file(model, observables, file, band)
+        return _from_file(model, observables, file, band, made)
     recording = open_recording(file.path, calibration=calibration, label=file.name)
-    return _from_recording(observables, recording, band, file.estimator or "H1")
+    return _from_recording(observables, recording, band, file.estimator or "H1", made)
 
 
 # --- files of transfer functions ----------------------------------------------------------------------
 
 
 def _from_file(
-    model: Model, observables: Sequence[Observable], file: DataFile, band: tuple[float, float]
-) -> list[tuple[_Lines, str]]:
+    model: Model, observables: Sequence[Observable], file: DataFile, band: tuple[float, float], made: _Maker
+) -> list[tuple[FrfObservation, str, bool]]:
     found = read_transfer_file(file.path)
     chosen = [(o, one) for o in observables if (one := find(found, o.response, o.reference)) is not None]
     if not chosen:
@@ -207,38 +189,44 @@ def _from_file(
             expected=" or ".join(f"{o.response} over {o.reference or 'a reference'}" for o in observables),
             remedy='name what the file holds in the model: Frf("um/N", response="2Z", reference="1Z")',
         )
-    return [_lines_of_file(model, file, observable, one, band) for observable, one in chosen]
+    return [_lines_of_file(model, file, observable, one, band, made) for observable, one in chosen]
 
 
 def _lines_of_file(
-    model: Model, file: DataFile, observable: Observable, one: MeasuredFrf, band: tuple[float, float]
-) -> tuple[_Lines, str]:
+    model: Model,
+    file: DataFile,
+    observable: Observable,
+    one: MeasuredFrf,
+    band: tuple[float, float],
+    made: _Maker,
+) -> tuple[FrfObservation, str, bool]:
     inside = (one.frequency_hz >= band[0]) & (one.frequency_hz <= band[1])
     if not inside.any():
         raise InputError(
             f"{file.name}: {one.said} has no line between {band[0]:g} and {band[1]:g} Hz",
             expected=f"a band within {one.frequency_hz[0]:g} to {one.frequency_hz[-1]:g} Hz",
         )
-    frequency, values = one.frequency_hz[inside], one.values[inside]
+    frequency = one.frequency_hz[inside]
     factor, unit_said = _factor(file.name, one.said, one.unit, observable)
+    response = factor * one.values[inside]
     sigma, how = _sigma_of(model, observable, one, inside, factor)
-    lines = _Lines(
-        (observable,), frequency, float(np.min(np.diff(frequency), initial=np.inf)), (factor * values)[None],
-        (np.full(values.shape, np.nan) if sigma is None else sigma)[None], sigma is not None,
-        Folding.none(frequency), np.array([one.common]), np.zeros(1),
-        LINE_CORRELATION if one.windowed else (1.0,),
-    )  # fmt: skip
+    known = sigma is not None
     if sigma is None:
         # something to divide by, so that errors can be shown: all lines alike
-        level = float(np.sqrt(np.mean(np.abs(lines.response) ** 2)))
-        lines = replace(lines, sigma=np.full((1, values.size), level))
+        sigma = np.full(response.shape, float(np.sqrt(np.mean(np.abs(response) ** 2))))
     elif not np.all(sigma > 0):
         raise InputError(f"{file.name}: {one.said} has lines with no uncertainty above zero")
-    return lines, (
+    found = made(
+        [observable], frequency_hz=frequency, line_hz=float(np.min(np.diff(frequency), initial=np.inf)),
+        response=response[None], noise=sigma[None], folding=Folding.none(frequency),
+        common=(np.array([one.common]), np.zeros(1)), line_correlation=LINE_CORRELATION if one.windowed else (1.0,),
+    )  # fmt: skip
+    said = (
         f"{file.name}: {observable.name} is {one.said}, {frequency.size} lines from {frequency[0]:g} to "
         f"{frequency[-1]:g} Hz{unit_said}; uncertainty {how}"
         + ("" if one.windowed else "; lines count as independent")
     )
+    return found, said, known
 
 
 def _sigma_of(
@@ -281,8 +269,12 @@ def _factor(name: str, said: str, unit: str, observable: Observable) -> tuple[fl
 
 
 def _from_recording(
-    observables: Sequence[Observable], recording: Recording, band: tuple[float, float], estimator: str
-) -> list[tuple[_Lines, str]]:
+    observables: Sequence[Observable],
+    recording: Recording,
+    band: tuple[float, float],
+    estimator: str,
+    made: _Maker,
+) -> list[tuple[FrfObservation, str, bool]]:
     from specan.analysis.section import aligned
 
     by_reference: dict[str, list[tuple[Observable, Channel]]] = {}
@@ -306,7 +298,7 @@ def _from_recording(
             remedy='name it in the model: Frf("um/N", response=CHANNEL, reference=CHANNEL)',
         )
     return [
-        _lines_of_recording(recording, references[name], pairs, band, estimator)
+        _lines_of_recording(recording, references[name], pairs, band, estimator, made)
         for name, pairs in by_reference.items()
     ]
 
@@ -334,7 +326,8 @@ def _lines_of_recording(
     pairs: Sequence[tuple[Observable, Channel]],
     band: tuple[float, float],
     estimator: str,
-) -> tuple[_Lines, str]:
+    made: _Maker,
+) -> tuple[FrfObservation, str, bool]:
     from specan.analysis.transfer_function import TransferFunction, quotient
 
     responses = [channel for _, channel in pairs]
@@ -367,16 +360,17 @@ def _lines_of_recording(
         said = f"{channel.label} over {reference.label}"
         factors.append(_factor(recording.label, said, "" if unit == "1" else unit, observable))
     factor = np.array([size for size, _ in factors])
-    found = _Lines(
-        tuple(o for o, _ in pairs), f, rate / block, factor[:, None] * seen.response[order],
-        factor[:, None] * gain * noise, True, folding,
-        seen.u_common_percent[order].max(axis=1) / 100, np.radians(seen.u_common_phase_deg[order].max(axis=1)),
-        LINE_CORRELATION,
+    found = made(
+        [o for o, _ in pairs], frequency_hz=f, line_hz=rate / block, response=factor[:, None] * seen.response[order],
+        noise=factor[:, None] * gain * noise, folding=folding, line_correlation=LINE_CORRELATION,
+        common=(seen.u_common_percent[order].max(axis=1) / 100,
+                np.radians(seen.u_common_phase_deg[order].max(axis=1))),
     )  # fmt: skip
     names = ", ".join(f"{o.name} is {c.label} over {reference.label}{text}"
                       for (o, c), (_, text) in zip(pairs, factors, strict=True))  # fmt: skip
-    return found, (
+    said = (
         f"{recording.label}: {names}; {f.size} lines of {rate / block:.3g} Hz, {estimator}, blocks of "
         f"{block / rate:.3g} s; the model filters the recorded {reference.label} and goes through the same blocks"
         + "".join(f"; {note}" for note in seen.notes if note.startswith("leakage"))
     )
+    return found, said, True
