@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Use, varying
 from specan.models.effect import ParameterName
-from specan.study.estimation.linear import chosen_stencil, usual_stencil
+from specan.study.estimation.linear import STEP, stencil
 from specan.study.observation import Array, Observation, Strategy, joined
 
 SHARE = 0.25  # standard deviation of a tail over the range
@@ -333,10 +333,9 @@ class Problem:
             return [np.empty((o.n, 0)) for o in self.observations]
         low, high = self.bounds()
         if steps is None:
-            exact = self.strategy.exact_minimum and not self.one_sided
-            points, weights = usual_stencil(theta, self.scale, low, high, exact)
-        else:
-            points, weights = chosen_stencil(theta, steps, low, high, order)
+            steps = STEP * np.maximum(self.scale, np.abs(theta))
+            order = 2 if self.strategy.exact_minimum and not self.one_sided else 1
+        points, weights = stencil(theta, steps, low, high, order)
         many = [self.values_at(p) for p in points]
         return [
             o.predict_many(self.assembly, [self.seen_by(o, v) for v in many]) @ weights
