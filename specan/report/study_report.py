@@ -18,7 +18,7 @@ from specan.report.figures_study import figure_compare, figure_map
 from specan.report.html_page import bullets, page, picture, table
 from specan.report.residual_map import map_axes
 from specan.report.study_words import fall_text
-from specan.study.history import History, Step, diagnosis_of, error_pairs
+from specan.study.history import History, Step, error_pairs
 from specan.study.study_file import NAME
 from specan.study.verdict import headline, headline_of, placed, reason
 from specan.units import axis_label, printed_unit
@@ -95,7 +95,7 @@ def _steps(study: Study) -> list[str]:
         parts.append(f"<h3>Step {after.step}: {escape(f'{after.action} {after.effect}')}</h3>")
         if after.because:
             parts.append(f"<p>Reason given: {escape(after.because)}</p>")
-        parts += _led_to(diagnosis_of(study.directory, before.hashes), before)
+        parts += _led_to(after.diagnosis, before)
     return ["<h2>How each step came about</h2>", *parts] if parts else []
 
 

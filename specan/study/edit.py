@@ -131,7 +131,7 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
         else:
             text.add_effect(effect_entry(use))
         changed, held = hold_undetermined(Study(study.directory, draft=text))
-        after = _kept(changed, by_hand, "add", use, because)
+        after = _kept(changed, by_hand, "add", use, because, study)
         intervals = _intervals(changed, use)
         remarks = _remarks_on_adding(study, changed, before, after, use, held)
         _commit(changed, by_hand, after)
@@ -153,7 +153,7 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
         else:
             text.drop_effect(use)
         changed = Study(study.directory, draft=text)
-        after = _kept(changed, by_hand, "drop", use, because)
+        after = _kept(changed, by_hand, "drop", use, because, study)
         _commit(changed, by_hand, after)
     remarks = [f"{use} is constrained by its certificate again"] if has_prior else []
     remarks += _on_errors(before, after, expected_to_fall=False)
@@ -232,11 +232,11 @@ def _as_it_stands(study: Study) -> Study:
     return study if same_file and same_history else Study(study.directory)
 
 
-def _kept(changed: Study, by_hand: Step | None, action: str, use: Use, because: str) -> Step:
+def _kept(changed: Study, by_hand: Step | None, action: str, use: Use, because: str, study: Study) -> Step:
     """The step that a change makes, numbered after a change by hand that is kept with it."""
     if by_hand is not None:
         changed.history.append(by_hand)
-    return changed.step(action, str(use), because)
+    return changed.step(action, str(use), because, study.diagnosed)
 
 
 def _commit(changed: Study, by_hand: Step | None, after: Step) -> None:

@@ -1,8 +1,8 @@
-"""What a study keeps: its steps, its diagnoses, and its fits.
+"""What a study keeps: its steps, and its fits and diagnoses.
 
-Steps are one line of JSON each, only ever appended to. Diagnoses are kept beside them, so that why each step was taken
-can be read later. Fits are kept by the hash of everything that they depend on: the study, its data, its own files, the
-last step, and the programs that computed it. What is damaged, or of another state, is as if it were not there. See
+Steps are one line of JSON each, only ever appended to, with the diagnosis that led to them. Fits and diagnoses are kept
+by the hash of everything that they depend on: the study, its data, its own files, the last step, and the programs that
+computed them. What is damaged, or of another state, is as if it were not there. See
 docs/decisions/study_data.md.
 
 Study file and history are replaced together, by one process at a time. What is to be written is first kept whole in a
@@ -25,24 +25,19 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import entry_points, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 import specan
-from specan import __version__
 from specan.errors import RequestError
 from specan.io.output_file import is_the_file, try_lock
 from specan.models.catalogue import ENTRY_POINTS, MODEL_ENTRY_POINTS
 from specan.result import Result, counted, finite
 from specan.study.study_file import NAME as STUDY_FILE
 
-if TYPE_CHECKING:
-    from specan.study.verdict import Diagnosis
-
 NAME = "history.jsonl"
 
-DIAGNOSES = "diagnoses.jsonl"
 LOCK = ".lock"
 PENDING = ".pending.json"
 # A change that is being written takes milliseconds; a longer wait means a process that hangs.
@@ -55,7 +50,6 @@ _ASIDE = ("report", "inspect", "api")
 _PACKAGES = {"site-packages", "dist-packages"}
 _ARRAY = "float64 array"
 Kept = TypeVar("Kept")
-STATE = ("study", "rig", "files", "effect_files")
 
 
 @dataclass(frozen=True)
@@ -79,6 +73,8 @@ class Step:
         ``{"effect.parameter": {"value", "low", "high", "unit"}}``.
     hashes : mapping
         Of the study's content, the rig, every file.
+    diagnosis : mapping or None
+        What was diagnosed before the step, as ``study diagnose --json`` prints it.
     """
 
     step: int
@@ -97,6 +93,7 @@ class Step:
     at_bound: tuple[str, ...] = ()
     model_discrepancy_percent: float = 0.0
     version: str = ""
+    diagnosis: Mapping[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values."""
@@ -403,42 +400,3 @@ def _built(hint: Any, value: Any) -> Any:
     if isinstance(hint, type) and issubclass(hint, str):
         return hint(value)
     return value
-
-
-def keep_diagnosis(directory: Path, hashes: Mapping[str, Any], found: Diagnosis) -> None:
-    """Append a diagnosis, with the state of the study that it is about, to `DIAGNOSES` in the study's directory.
-
-    Nothing is kept in a directory that cannot be written to, or that another command is changing.
-    """
-    diagnosis = found.to_json()
-    if diagnosis_of(directory, hashes) == diagnosis:
-        return
-    content = {"version": __version__, "hashes": hashes, "diagnosis": diagnosis}
-    line = json.dumps(content, ensure_ascii=False, sort_keys=True) + "\n"
-    with (
-        contextlib.suppress(OSError, RequestError),
-        changing(directory),
-        (directory / DIAGNOSES).open("a", encoding="utf-8") as file,
-    ):
-        file.write(line)
-
-
-def diagnosis_of(directory: Path, hashes: Mapping[str, Any]) -> dict[str, Any] | None:
-    """What was last diagnosed of a state of the study, as ``study diagnose --json`` prints it; None if nothing was.
-
-    Parameters
-    ----------
-    hashes : mapping
-        The state: those of a step of the history, or of the study as it is.
-    """
-    path = directory / DIAGNOSES
-    if not path.exists():
-        return None
-    wanted = {name: hashes[name] for name in STATE}
-    found = None
-    for line in path.read_text(encoding="utf-8").splitlines():
-        with contextlib.suppress(ValueError, KeyError, TypeError):  # a line that was cut off tells nothing
-            content = json.loads(line)
-            if {name: content["hashes"][name] for name in STATE} == wanted:
-                found = dict(content["diagnosis"])
-    return found

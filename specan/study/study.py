@@ -35,7 +35,6 @@ from specan.study.history import (
     Step,
     changing,
     commit,
-    keep_diagnosis,
     line_of,
     recover,
 )
@@ -371,8 +370,14 @@ class Study:
             if self.problem.strategy.linearised_covariance:
                 found = self._as_shown(found)
             self.kept.keep(name, found)
-        keep_diagnosis(self.directory, self.hashes, found)
         return found
+
+    @property
+    def diagnosed(self) -> dict[str, Any] | None:
+        """What was diagnosed of the study as it is, as ``study diagnose --json`` prints it; None if nothing was."""
+        kept = (self.kept.find(name, Diagnosis) for name in ("diagnosis", "probabilities", "bootstrap"))
+        found = next(filter(None, kept), None)
+        return None if found is None else found.to_json()
 
     def _keep_stopped(self, content: Mapping[str, Any]) -> None:
         """Write what a stopped diagnosis had found into the study, where its directory can be written to."""
@@ -418,8 +423,10 @@ class Study:
                 ),
             )
 
-    def step(self, action: str, effect: str = "", because: str = "") -> Step:
-        """The state of the study as a step of its history."""
+    def step(
+        self, action: str, effect: str = "", because: str = "", diagnosis: Mapping[str, Any] | None = None
+    ) -> Step:
+        """The state of the study as a step of its history; `diagnosis` is that of the state before."""
         known, held = self.data.known, self.held_out
         return Step(
             step=len(self.history.steps),
@@ -441,6 +448,7 @@ class Study:
             model_discrepancy_percent=self.data.discrepancy_percent,
             hashes=self.hashes,
             version=__version__,
+            diagnosis=diagnosis,
         )
 
     def record_changes(self) -> Step | None:

@@ -1,7 +1,6 @@
 """What the figures and the report of a study say about a change: before and after, and why it was made."""
 
 import csv
-import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +14,7 @@ from specan.report.figures_study import _curve, _panels
 from specan.report.study_report import study_report
 from specan.study.create import begin
 from specan.study.edit import add_effect
-from specan.study.history import DIAGNOSES, diagnosis_of
+from specan.study.history import History
 from specan.study.verdict import headline
 
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
@@ -71,19 +70,11 @@ def test_the_staircase_carries_every_error(story):
     assert {s.held_out_error["value"] for s in steps} <= heights
 
 
-def test_a_diagnosis_is_found_again_by_the_state_that_it_is_about(story):
-    study, found, change = story
-    before, after = change.study.history.steps
-    assert diagnosis_of(study.directory, before.hashes)["reason"] == found.reason
-    assert diagnosis_of(study.directory, after.hashes) is None
-    path = study.directory / DIAGNOSES
-    whole = path.read_text(encoding="utf-8")
-    try:
-        path.write_text(whole + '{"cut": ', encoding="utf-8")  # as a power cut leaves it
-        assert diagnosis_of(study.directory, before.hashes)["verdict"] == "effect"
-    finally:
-        path.write_text(whole, encoding="utf-8")
-    assert json.loads(whole)["hashes"]["study"] == before.hashes["study"]
+def test_a_step_keeps_the_diagnosis_that_led_to_it(story):
+    study, found, _change = story
+    before, after = History(study.directory).steps
+    assert before.diagnosis is None
+    assert after.diagnosis["reason"] == found.reason
 
 
 def test_the_report_begins_with_the_story_and_ends_with_what_was_rejected(story):
