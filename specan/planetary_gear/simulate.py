@@ -79,23 +79,15 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     write_tdms(
         path, names, np.stack(volts), RATE, channels=described, group=_described(rig), samples="float32"
     )
-    balance = f"energy balanced to {motion.energy_error:.1e}"
-    halved = "" if error is None else f", forces change by {error:.1e} when the step is halved"
+    halved = "" if error is None else f": forces change by {error:.1e} when it is halved"
     say(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")
-    say(f"step {1e6 * motion.step_s:.3g} us: {balance}{halved}")
+    say(f"step {1e6 * motion.step_s:.3g} us{halved}")
     rows = [
         {"channel": c.name, "unit": c.unit, "mean": float(c.samples.mean()), "rms": float(c.samples.std())}
         for c in channels
     ]
     if options["as_json"]:
-        emit_json(
-            {
-                "step_s": motion.step_s,
-                "energy_error": motion.energy_error,
-                "step_error": error,
-                "channels": rows,
-            }
-        )
+        emit_json({"step_s": motion.step_s, "step_error": error, "channels": rows})
     else:
         cells = [[r["channel"], f"{r['mean']:.4g}", f"{r['rms']:.4g}", str(r["unit"])] for r in rows]
         table("", ["channel", "mean", "rms about it", "unit"], cells)

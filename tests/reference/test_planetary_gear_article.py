@@ -1,4 +1,4 @@
-"""The article's gear pair and planetary gear: positions of lines by arithmetic, forces by statics, energy."""
+"""The article's gear pair and planetary gear: positions of lines by arithmetic, forces by statics."""
 
 import math
 import tomllib
@@ -110,14 +110,5 @@ def test_the_ring_shows_passing_planets_about_the_mesh_only(planetary):
     assert np.all(np.isclose(offset % 3, 0))
 
 
-def test_energy_is_balanced_and_the_step_is_small_enough(planetary, pair):
-    assert planetary.energy_error < 1e-8
-    assert pair.energy_error < 1e-8
+def test_the_step_is_small_enough(planetary):
     assert step_error(planetary.rig) < 1e-3
-
-
-def test_energy_that_is_lost_comes_from_the_change_of_contact(planetary):
-    given, taken, lost, changed, _, _ = planetary.energy
-    assert lost[-1] > lost[0]
-    assert given[-1] - given[0] == pytest.approx(taken[-1] - taken[0], rel=1e-4)
-    assert changed[-1] - changed[0] == pytest.approx(-(lost[-1] - lost[0]), rel=0.05)

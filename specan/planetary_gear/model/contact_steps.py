@@ -23,7 +23,7 @@ import numpy as np
 
 from specan.planetary_gear.model.compiled import HAS_NUMBA, compiled
 
-SLOPES = 8  # that mesh_contact gives
+SLOPES = 3  # that mesh_contact gives
 
 
 def _numbers(values: Any) -> Any:
@@ -79,28 +79,27 @@ def mesh_contact(phase, frequency, x, v, law, mesh, slopes):
     mesh : array
         Base pitch (mm), contact ratio, gap coefficients before and after contact (1/mm).
     slopes : array (SLOPES)
-        Is filled with the derivatives of the force by x, v and time, of the power lost by the same, and of the power of
-        the change of contact by x and time.
+        Is filled with the derivatives of the force by x, v and time.
 
     Returns
     -------
-    force, lost, changed, stored : float
-        Force, N; power lost and power of the change of contact, W; energy held, J.
+    float
+        Force, N.
     """
     base = phase - math.floor(phase)
-    force, lost, changed, stored = 0.0, 0.0, 0.0, 0.0
+    force = 0.0
     for k in range(len(slopes)):
         slopes[k] = 0.0
     speed = mesh[0] * frequency
     for j in range(-1, 4):
         place = base + j
-        gap, opening, widening = 0.0, 0.0, 0.0  # of the flanks, its first and second derivative
+        gap, opening = 0.0, 0.0  # of the flanks, and its derivative
         if place < 0.0:
             u = -place * mesh[0]
-            gap, opening, widening = mesh[2] * u * u, -2.0 * mesh[2] * u * speed, 2.0 * mesh[2] * speed**2
+            gap, opening = mesh[2] * u * u, -2.0 * mesh[2] * u * speed
         elif place > mesh[1]:
             u = (place - mesh[1]) * mesh[0]
-            gap, opening, widening = mesh[3] * u * u, 2.0 * mesh[3] * u * speed, 2.0 * mesh[3] * speed**2
+            gap, opening = mesh[3] * u * u, 2.0 * mesh[3] * u * speed
         if gap > 1.0:
             continue
         if x - gap > 0.0:
@@ -115,26 +114,18 @@ def mesh_contact(phase, frequency, x, v, law, mesh, slopes):
         c = law[2] * (3.0 - 2.0 * part) * part * part
         rise = law[2] * 6.0 * (1.0 - part) * part / law[3]
         force += side * f + c * v
-        lost += 1e-3 * c * v * v
-        changed += 1e-3 * f * opening
-        stored += 1e-3 * f * depth / (law[1] + 1.0)
         slopes[0] += stiffness + side * rise * v
         slopes[1] += c
         slopes[2] -= opening * (side * stiffness + rise * v)
-        slopes[3] += 1e-3 * side * rise * v * v
-        slopes[4] += 2e-3 * c * v
-        slopes[5] -= 1e-3 * opening * rise * v * v
-        slopes[6] += 1e-3 * side * stiffness * opening
-        slopes[7] += 1e-3 * (f * widening - stiffness * opening * opening)
-    return force, lost, changed, stored
+    return force
 
 
 @compiled
-def rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, state, change, forces, slopes):
+def rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, load, state, change, forces, slopes):
     """Derivative of the state, the forces, and the derivatives of the contacts (sun meshes, then ring meshes)."""
     rb_s, rb_p, rb_r = sizes[0], sizes[1], sizes[2]
     carrier, carrier_rate = state[0], state[n + 1]
-    torque_carrier, torque_sun, dissipated, changed, stored = 0.0, 0.0, 0.0, 0.0, 0.0
+    torque_carrier, torque_sun = 0.0, 0.0
     mesh = sizes[5] * time
     for i in range(n):
         planet, planet_rate = state[1 + i], state[n + 2 + i]
@@ -143,16 +134,11 @@ def rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, sta
         v_s = 1e3 * (-(rb_s + rb_p) * carrier_rate + rb_p * planet_rate)
         x_r = 1e3 * ((rb_p - rb_r) * carrier - rb_p * planet)
         v_r = 1e3 * ((rb_p - rb_r) * carrier_rate - rb_p * planet_rate)
-        f_s, d_s, c_s, e_s = mesh_contact(mesh + phases[0][i], sizes[5], x_s, v_s, law, sun_mesh, slopes[i])
-        f_r, d_r, c_r, e_r = 0.0, 0.0, 0.0, 0.0
+        f_s = mesh_contact(mesh + phases[0][i], sizes[5], x_s, v_s, law, sun_mesh, slopes[i])
+        f_r = 0.0
         if rb_r > 0.0:  # a pair has no ring
-            f_r, d_r, c_r, e_r = mesh_contact(
-                mesh + phases[1][i], sizes[5], x_r, v_r, law, ring_mesh, slopes[n + i]
-            )
+            f_r = mesh_contact(mesh + phases[1][i], sizes[5], x_r, v_r, law, ring_mesh, slopes[n + i])
         forces[i], forces[n + i] = f_s, f_r
-        dissipated += d_s + d_r
-        changed += c_s + c_r
-        stored += e_s + e_r
         torque_carrier += f_s * (rb_s + rb_p) + f_r * (rb_r - rb_p)
         torque_sun += f_s * rb_s
         change[1 + i] = planet_rate
@@ -160,15 +146,10 @@ def rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, sta
     change[0] = carrier_rate
     change[n + 1] = (torque_carrier - load) / sizes[3]
     forces[2 * n] = torque_sun
-    forces[2 * n + 1] = stored
-    change[2 * n + 2] = torque_sun * sun_speed
-    change[2 * n + 3] = load * (sizes[6] + carrier_rate)
-    change[2 * n + 4] = dissipated
-    change[2 * n + 5] = changed
 
 
 @compiled
-def time_slope(n, sizes, sun_speed, slopes, slope):
+def time_slope(n, sizes, slopes, slope):
     """Derivative of the rates by time alone."""
     rb_s, rb_p, rb_r = sizes[0], sizes[1], sizes[2]
     for k in range(len(slope)):
@@ -177,9 +158,6 @@ def time_slope(n, sizes, sun_speed, slopes, slope):
         f_s, f_r = slopes[i][2], slopes[n + i][2]
         slope[n + 1] += (f_s * (rb_s + rb_p) + f_r * (rb_r - rb_p)) / sizes[3]
         slope[n + 2 + i] = (f_r - f_s) * rb_p / sizes[4]
-        slope[2 * n + 2] += f_s * rb_s * sun_speed
-        slope[2 * n + 4] += slopes[i][5] + slopes[n + i][5]
-        slope[2 * n + 5] += slopes[i][7] + slopes[n + i][7]
 
 
 @compiled
@@ -201,7 +179,7 @@ def factor(n, sizes, slopes, span, matrix):
 
 
 @compiled
-def solve(n, sizes, sun_speed, load, slopes, span, matrix, right):
+def solve(n, sizes, slopes, span, matrix, right):
     """Solve (1/span - J) u = right in place."""
     rb_s, rb_p, rb_r = sizes[0], sizes[1], sizes[2]
     a_s, a_r = -(rb_s + rb_p), rb_p - rb_r
@@ -216,47 +194,16 @@ def solve(n, sizes, sun_speed, load, slopes, span, matrix, right):
     carrier /= matrix[0][n]
     right[n + 1] = carrier
     right[0] = span * (right[0] + carrier)
-    given, lost, changed = 0.0, 0.0, 0.0
     for i in range(n):
         planet = (right[n + 2 + i] - matrix[1][i] * carrier) / matrix[0][i]
         right[n + 2 + i] = planet
         right[1 + i] = span * (right[1 + i] + planet)
-        x_s, v_s = a_s * right[0] + rb_p * right[1 + i], a_s * carrier + rb_p * planet
-        x_r, v_r = a_r * right[0] - rb_p * right[1 + i], a_r * carrier - rb_p * planet
-        s, r = slopes[i], slopes[n + i]
-        given += rb_s * (s[0] * x_s + s[1] * v_s)
-        lost += s[3] * x_s + s[4] * v_s + r[3] * x_r + r[4] * v_r
-        changed += s[6] * x_s + r[6] * x_r
-    right[2 * n + 2] = span * (right[2 * n + 2] + 1e3 * sun_speed * given)
-    right[2 * n + 3] = span * (right[2 * n + 3] + load * carrier)
-    right[2 * n + 4] = span * (right[2 * n + 4] + 1e3 * lost)
-    right[2 * n + 5] = span * (right[2 * n + 5] + 1e3 * changed)
 
 
-@compiled
-def store(n, sizes, state, forces, row):
-    """Fill a row of the output."""
-    for j in range(2 * n):
-        row[j] = forces[j]
-    row[2 * n] = state[0]
-    row[2 * n + 1] = state[n + 1]
-    row[2 * n + 2] = forces[2 * n]
-    for j in range(4):
-        row[2 * n + 3 + j] = state[2 * n + 2 + j]
-    row[2 * n + 7] = forces[2 * n + 1]
-    kinetic = 0.5 * sizes[3] * (sizes[6] + state[n + 1]) ** 2
-    for j in range(n):
-        kinetic += 0.5 * sizes[4] * (sizes[8] + state[n + 2 + j]) ** 2
-    row[2 * n + 8] = kinetic
-
-
-def advance(
-    steps, every, dt, start, planets, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, state, out
-):
+def advance(steps, every, dt, start, planets, sizes, law, sun_mesh, ring_mesh, phases, load, state, out):
     """Integrate and store every so many steps.
 
-    Unknowns are the small angles of carrier and planets beside the steady rotation, and their rates; energy that was
-    brought in, taken out, dissipated and taken up by the change of contact are integrated with them.
+    Unknowns are the small angles of carrier and planets beside the steady rotation, and their rates.
 
     Parameters
     ----------
@@ -266,61 +213,45 @@ def advance(
     planets : int
     sizes : array
         Base radii of sun, planet, ring (m), inertia of carrier with its planets' masses, of a planet (kg m^2);
-        mesh frequency (Hz), steady speed of the carrier (rad/s), driver's base radius (m), planet's speed (rad/s).
+        mesh frequency (Hz).
     law : array
         K (N/mm^e), e, C (N s/mm), depth (mm), backlash (mm).
     sun_mesh, ring_mesh : arrays
         Base pitch (mm), contact ratio, gap coefficients before and after contact (1/mm).
     phases : array (2, planets)
-    sun_speed : float
-        Of the sun in the steady state, rad/s.
     load : float
         Torque on the carrier, N m.
     state : array
-        Carrier angle, planet angles, their rates, four energies; changed in place.
-    out : array (stored, 2 planets + 9)
-        Forces of sun meshes, of ring meshes, carrier angle and rate, torque of the sun, six energies.
+        Carrier angle, planet angles, their rates; changed in place.
+    out : array (stored, 2 planets + 2)
+        Forces of sun meshes, of ring meshes, carrier angle, torque of the sun.
     """
     n, size = planets, len(state)
     moving = _numbers(state)
     given = (sizes, law, sun_mesh, ring_mesh, phases)
-    work = (
-        size,
-        size,
-        size,
-        (len(_M), size),
-        2 * n + 2,
-        2 * n + 2,
-        (2 * n, SLOPES),
-        (2 * n, SLOPES),
-        (2, n + 1),
-    )
-    _advance(
-        steps, every, dt, start, n, *map(_numbers, given), sun_speed, load, moving, out, *map(_zeros, work)
-    )
+    contacts = (2 * n, SLOPES)
+    work = (size, size, size, (len(_M), size), 2 * n + 1, 2 * n + 1, contacts, contacts, (2, n + 1))
+    zeros = (_numbers(np.zeros(shape)) for shape in work)
+    _advance(steps, every, dt, start, n, *map(_numbers, given), load, moving, out, *zeros)
     state[:] = moving
-
-
-def _zeros(shape: Any) -> Any:
-    return _numbers(np.zeros(shape))
 
 
 @compiled
 def _advance(
-    steps, every, dt, start, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, state, out,
+    steps, every, dt, start, n, sizes, law, sun_mesh, ring_mesh, phases, load, state, out,
     change, slope, trial, u, forces, unused, slopes, other, matrix,
 ):  # fmt: skip
     size, stages, span = len(state), len(_M), dt * _GAMMA
     row = 0
     for step in range(steps):
         time = start + step * dt
-        rates(
-            time, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, state, change, forces, slopes
-        )
+        rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, load, state, change, forces, slopes)
         if step % every == 0:
-            store(n, sizes, state, forces, out[row])
+            for j in range(2 * n):
+                out[row][j] = forces[j]
+            out[row][2 * n], out[row][2 * n + 1] = state[0], forces[2 * n]
             row += 1
-        time_slope(n, sizes, sun_speed, slopes, slope)
+        time_slope(n, sizes, slopes, slope)
         factor(n, sizes, slopes, span, matrix)
         for i in range(stages):
             if i > 0:
@@ -330,7 +261,7 @@ def _advance(
                         value += _A[i][k] * u[k][j]
                     trial[j] = value
                 rates(
-                    time + _ALPHA_I[i] * dt, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load,
+                    time + _ALPHA_I[i] * dt, n, sizes, law, sun_mesh, ring_mesh, phases, load,
                     trial, change, unused, other,
                 )  # fmt: skip
             for j in range(size):
@@ -338,7 +269,7 @@ def _advance(
                 for k in range(i):
                     value += _C[i][k] / dt * u[k][j]
                 u[i][j] = value
-            solve(n, sizes, sun_speed, load, slopes, span, matrix, u[i])
+            solve(n, sizes, slopes, span, matrix, u[i])
         for j in range(size):
             value = state[j]
             for i in range(stages):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,9 +50,6 @@ class Motion:
     sun_angle : array
     torque_in : array
         That the driver gives, N m.
-    energy : array (6, samples)
-        Brought in, taken out, dissipated, taken up by the change of contact, held in the contacts, kinetic,
-        J from the start of the integration.
     step_s : float
     """
 
@@ -61,32 +59,29 @@ class Motion:
     carrier_angle: Real
     sun_angle: Real
     torque_in: Real
-    energy: Real
     step_s: float
     rig: Rig
-
-    @property
-    def energy_error(self) -> float:
-        """What is missing in the balance of energy over what went through."""
-        given, taken, lost, changed, held, kinetic = self.energy
-        gap = (given - taken - lost - changed) - (held + kinetic)
-        return float(np.abs(gap - gap[0]).max() / max(abs(given[-1] - given[0]), 1e-300))
 
 
 @dataclass(frozen=True)
 class _System:
-    """Numbers of one machine in the form that the integrator takes."""
+    """One machine as the integrator takes it: `contact_steps.advance` gets `machine` from its number of planets on.
 
-    planets: int
-    sizes: Real
-    law: Real
-    sun_mesh: Real
-    ring_mesh: Real
-    phases: Real
-    sun_speed: float
-    load: float
+    The driver turns at `driver_speed`, its torque is `lever` times that of the sun's base circle.
+    """
+
+    machine: tuple[Any, ...]
+    carrier_speed: float
+    driver_speed: float
+    lever: float
     step: float
-    static: Real
+    state: Real
+
+    def advance(self, rows: int, every: int, dt: float, start: float) -> Real:
+        """Forces of sun and ring meshes, angle of the carrier and torque, every so many steps; goes on from there."""
+        out = np.zeros((rows, 2 * self.machine[0] + 2))
+        contact_steps.advance(rows * every, every, dt, start, *self.machine, self.state, out)
+        return out
 
 
 def simulate(rig: Rig, duration_s: float, *, sampling_rate: float = _STORED_RATE, refine: int = 1) -> Motion:
@@ -112,19 +107,12 @@ def simulate(rig: Rig, duration_s: float, *, sampling_rate: float = _STORED_RATE
     every = math.ceil(1.0 / (fine * system.step)) * refine
     dt = 1.0 / (fine * every)
     settle, count = math.ceil(SETTLE_S * sampling_rate), round(duration_s * sampling_rate)
-    n = system.planets
-    state = np.zeros(2 * (n + 1) + 4)
-    state[: n + 1] = system.static
     taps = _low_pass()
-    held = np.empty((0, 2 * n + 9))
+    held = np.empty((0, 2 * system.machine[0] + 2))
     stored: list[Real] = []
     rows, done, guard = 0, 0, (taps.size - 1) // (2 * OVERSAMPLED) + 1
     while rows < settle + count + guard:
-        out = np.zeros((_CHUNK, 2 * n + 9))
-        contact_steps.advance(
-            _CHUNK * every, every, dt, done / fine, n, system.sizes, system.law, system.sun_mesh, system.ring_mesh,
-            system.phases, system.sun_speed, system.load, state, out,
-        )  # fmt: skip
+        out = system.advance(_CHUNK, every, dt, done / fine)
         if not np.all(np.isfinite(out)):
             raise ComputationError(
                 "the equations of motion became infinite", remedy="check [contact] and the torque"
@@ -135,10 +123,19 @@ def simulate(rig: Rig, duration_s: float, *, sampling_rate: float = _STORED_RATE
         stored.append(windows @ taps)
         rows += windows.shape[0]
         held = held[windows.shape[0] * OVERSAMPLED :]
+    kept = np.concatenate(stored)[settle : settle + count].T.copy()
+    n, time = system.machine[0], np.arange(count) / sampling_rate
     # The first filtered row stands half a filter after the start.
-    kept = np.concatenate(stored)[settle : settle + count]
-    return _motion(
-        rig, system, kept, (settle + (taps.size - 1) / 2 / OVERSAMPLED) / sampling_rate, dt, sampling_rate
+    whole = time + (settle + (taps.size - 1) / 2 / OVERSAMPLED) / sampling_rate
+    return Motion(
+        time=time,
+        sun_force=kept[:n],
+        ring_force=kept[n : 2 * n] if rig.gear is not None else np.empty((0, count)),
+        carrier_angle=system.carrier_speed * whole + kept[2 * n],
+        sun_angle=system.driver_speed * whole,
+        torque_in=kept[2 * n + 1] * system.lever,
+        step_s=dt,
+        rig=rig,
     )
 
 
@@ -154,19 +151,9 @@ def estimate_s(rig: Rig, duration_s: float) -> float:
     """Seconds of computing that `simulate` takes here, from a short trial."""
     system = _system(rig)
     steps = 100 if not HAS_NUMBA else 20_000
-    n = system.planets
-    state, out = np.zeros(2 * (n + 1) + 4), np.zeros((steps, 2 * n + 9))
-    state[: n + 1] = system.static
-    trial = np.zeros((1, 2 * n + 9))
-    contact_steps.advance(
-        1, 1, system.step, 0.0, n, system.sizes, system.law, system.sun_mesh, system.ring_mesh, system.phases,
-        system.sun_speed, system.load, state, trial,
-    )  # fmt: skip  # compiles
+    system.advance(1, 1, system.step, 0.0)  # compiles
     begun = clock.process_time()
-    contact_steps.advance(
-        steps, 1, system.step, 0.0, n, system.sizes, system.law, system.sun_mesh, system.ring_mesh, system.phases,
-        system.sun_speed, system.load, state, out,
-    )  # fmt: skip
+    system.advance(steps, 1, system.step, system.step)
     per_step = (clock.process_time() - begun) / steps
     every = OVERSAMPLED * math.ceil(1.0 / (OVERSAMPLED * _STORED_RATE * system.step))
     return per_step * every * _STORED_RATE * (duration_s + SETTLE_S)
@@ -204,16 +191,14 @@ def _system(rig: Rig) -> _System:
     ratio = pair.z_driver / pair.z_driven
     load = pair.driver_torque_Nm / ratio
     # A pair is a set whose "carrier" is the driven gear: x = -rb2 angle, and no planet that turns.
-    sizes = np.array([rb2, 0.0, 0.0, inertia, 1.0, pair.z_driver * pair.driver_speed_hz, 0.0, rb1, 0.0])
-    sizes[6] = 2 * np.pi * pair.driver_speed_hz * ratio
-    force = load / rb2
-    depth = _depth(force, contact)
-    none = np.array([1.0, 1.0, 0.0, 0.0])
-    step = _step(contact, depth, inertia / rb2**2)
-    # Power goes in at the driver: torque there is force times rb1, and forces[2n] is force times sizes[0] = rb2.
+    sizes = np.array([rb2, 0.0, 0.0, inertia, 1.0, pair.z_driver * pair.driver_speed_hz])
+    depth = _depth(load / rb2, contact)
+    none, phases = np.array([1.0, 1.0, 0.0, 0.0]), np.array([[0.0], [0.5]])
+    speed = 2 * np.pi * pair.driver_speed_hz
+    # Power goes in at the driver: torque there is force times rb1, that of the "sun" force times rb2.
     return _System(
-        1, sizes, _law(contact, pair.backlash_mm), _numbers(mesh), none, np.array([[0.0], [0.5]]),
-        2 * np.pi * pair.driver_speed_hz * rb1 / rb2, load, step, np.array([-1e-3 * depth / rb2, 0.0]),
+        (1, sizes, _law(contact, pair.backlash_mm), _numbers(mesh), none, phases, load), speed * ratio, speed,
+        rb1 / rb2, _step(contact, depth, inertia / rb2**2), np.array([-1e-3 * depth / rb2, 0.0, 0.0, 0.0]),
     )  # fmt: skip
 
 
@@ -225,19 +210,17 @@ def _set(rig: Rig, gear: Gear, contact: Contact) -> _System:
     carrier, inertia = made.carrier_inertia, made.planet_inertia
     speed = 2 * np.pi * rig.operation.sun_speed_hz
     relative = speed * gear.z_ring / (gear.z_sun + gear.z_ring)  # of the sun against the carrier
-    mesh_frequency, turning = relative * gear.z_sun / (2 * np.pi), speed - relative
-    planet_speed = turning - relative * gear.z_sun / gear.z_planet
-    sizes = np.array([rb_s, rb_p, rb_r, carrier, inertia, mesh_frequency, turning, rb_s, planet_speed])
-    phases = np.stack(mesh_phases(gear))
-    force = rig.operation.carrier_torque_Nm / (gear.planets * (rb_s + rb_r))
-    depth = 1e-3 * _depth(force, contact)
+    sizes = np.array([rb_s, rb_p, rb_r, carrier, inertia, relative * gear.z_sun / (2 * np.pi)])
+    phases, load = np.stack(mesh_phases(gear)), rig.operation.carrier_torque_Nm
+    depth = 1e-3 * _depth(load / (gear.planets * (rb_s + rb_r)), contact)
     # Both meshes of a planet are pressed as deep: x_s = x_r = depth.
     angle = -2 * depth / (rb_s + rb_r)
     turn = (depth + (rb_s + rb_p) * angle) / rb_p
-    step = _step(contact, 1e3 * depth, inertia / rb_p**2 / 2)
+    law = _law(contact, gear.backlash_mm)
     return _System(
-        gear.planets, sizes, _law(contact, gear.backlash_mm), _numbers(sun), _numbers(ring), phases, speed,
-        rig.operation.carrier_torque_Nm, step, np.array([angle, *([turn] * gear.planets)]),
+        (gear.planets, sizes, law, _numbers(sun), _numbers(ring), phases, load), speed - relative, speed, 1.0,
+        _step(contact, 1e3 * depth, inertia / rb_p**2 / 2),
+        np.array([angle, *([turn] * gear.planets), *([0.0] * (gear.planets + 1))]),
     )  # fmt: skip
 
 
@@ -259,27 +242,6 @@ def _step(contact: Contact, depth: float, mass: float) -> float:
     """Part of the shortest period: that of a mesh's mass on two pairs of teeth."""
     stiffness = 2e3 * contact.exponent * contact.K_N_mm_e * depth ** (contact.exponent - 1.0)
     return 2 * np.pi / math.sqrt(stiffness / mass) / STEPS_PER_PERIOD
-
-
-def _motion(rig: Rig, system: _System, kept: Real, begun: float, dt: float, rate: float) -> Motion:
-    n = system.planets
-    time = np.arange(kept.shape[0]) / rate
-    whole = time + begun
-    sizes = system.sizes
-    state_angle = kept[:, 2 * n]
-    energy = kept[:, 2 * n + 3 : 2 * n + 9].T.copy()
-    driver = system.sun_speed if rig.gear is not None else system.sun_speed * sizes[0] / sizes[7]
-    return Motion(
-        time=time,
-        sun_force=kept[:, :n].T.copy(),
-        ring_force=kept[:, n : 2 * n].T.copy() if rig.gear is not None else np.empty((0, time.size)),
-        carrier_angle=sizes[6] * whole + state_angle,
-        sun_angle=driver * whole,
-        torque_in=kept[:, 2 * n + 2] * sizes[7] / sizes[0],
-        energy=energy,
-        step_s=dt,
-        rig=rig,
-    )
 
 
 def check_duration(duration_s: float) -> None:
