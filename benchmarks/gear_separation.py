@@ -76,7 +76,7 @@ def observations(model: Model, plan: Plan, noise: float) -> list[OrderLinesObser
                 family=np.array(known.family)[mine], amplitude=lines, noise=np.full(lines.shape, noise),
                 relative=declared_errors(known.order[mine], known.offset[mine], known.discrepancy, known.path),
                 common=response_errors(np.zeros(lines.shape, dtype=bool), known.harmonic[mine], known.response),
-                kept=np.ones(lines.shape, dtype=bool), order_condition="order", point=point,
+                kept=np.ones(lines.shape, dtype=bool), point=point,
             )
         )  # fmt: skip
     return found

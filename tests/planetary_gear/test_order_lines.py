@@ -10,7 +10,7 @@ import pytest
 from specan.errors import RequestError
 from specan.models import Condition, Model, Observable, Parameter, Use, effect
 from specan.models.quantity import constant, quantity
-from specan.planetary_gear.model.lines import OrderLines, Tacho
+from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study import figures as figures_study_orders
 from specan.planetary_gear.study.open_orders import like
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, declared_errors, response_errors
@@ -46,7 +46,6 @@ def observed(
         relative=declared_errors(ORDER, OFFSET, near, path),
         common=response_errors(BEYOND, HARMONIC, response),
         kept=np.ones((2, 8), dtype=bool),
-        order_condition="order",
         point={"load": 2.0},
     )
 
@@ -179,9 +178,17 @@ def test_a_model_is_asked_for_complex_lines() -> None:
 
 
 STATEMENT = OrderLines(
-    axis="sensor", order=ORDER, harmonic=HARMONIC, offset=OFFSET, family=("",) * 8, order_condition="order",
-    rate_condition="speed", rate_ratio=1.0, tachos=(Tacho("Tacho", 1.0),), index="Tacho", period=4,
-)  # fmt: skip
+    ORDER,
+    HARMONIC,
+    OFFSET,
+    ("",) * 8,
+    sun_turns=1.0,
+    torque=1.0,
+    period=4,
+    discrepancy=0.1,
+    path=0.3,
+    response=0.5,
+)
 
 
 @pytest.mark.parametrize("begun", [0, 1, 3])

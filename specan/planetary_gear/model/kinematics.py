@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from specan.models.model import Model
 from specan.planetary_gear.model.geometry import mesh_phases
-from specan.planetary_gear.model.lines import OrderLines, Stated, Tacho
+from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.model.rig import Gear, Rig
 
 
@@ -159,25 +159,20 @@ def line_conditions(model: Model, **settings: Any) -> dict[str, NDArray[np.float
 
 
 def line_statement(rig: Rig, harmonics: int) -> OrderLines:
-    """What a study has to know of the lines: orders, families, tachos, and where a recording tells the torque."""
+    """What a study has to know of the lines: orders, families, speeds and torque."""
     gear = rig.gear
     assert gear is not None
     orders = kinematic_orders(gear, harmonics=harmonics)
     number = np.clip(np.rint(orders / gear.z_ring), 1, harmonics).astype(int)
     offset = np.round(orders - number * gear.z_ring, 6)
     return OrderLines(
-        axis="sensor",
         order=orders,
         harmonic=number,
         offset=offset,
         family=tuple(_family(gear.z_ring, abs(float(o))) for o in offset),
-        order_condition="order",
-        rate_condition="sun_speed",
-        rate_ratio=1.0 / carrier_speed_ratio(gear),
-        tachos=(Tacho("Tacho sun", 1.0 / carrier_speed_ratio(gear)), Tacho("Tacho carrier", 1.0)),
-        index="Tacho carrier",
+        sun_turns=1.0 / carrier_speed_ratio(gear),
+        torque=rig.operation.carrier_torque_Nm,
         period=repeat_turns(gear),
-        stated={"carrier_torque": Stated("Torque", "Torque carrier", rig.operation.carrier_torque_Nm)},
         discrepancy=rig.uncertainty.model_discrepancy_percent / 100,
         path=rig.uncertainty.path_percent / 100,
         response=OF_A_RECORDING * rig.uncertainty.response_percent / 100,

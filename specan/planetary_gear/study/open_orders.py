@@ -21,7 +21,7 @@ from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.io.open import open_recording
 from specan.models import Model
-from specan.planetary_gear.model.lines import OrderLines, Stated
+from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study.by_order_family import localise  # noqa: F401  where a model of lines fails
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, declared_errors, response_errors
 from specan.study.data.recordings import put_aside, reads  # noqa: F401  a recording is one by its content
@@ -29,6 +29,7 @@ from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variab
 from specan.units import convert
 
 TITLE = "a recording"
+INDEX, TORQUE = "Tacho carrier", "Torque carrier"  # channels: phases are those at pulses of the first
 NEIGHBOURS = 2  # lines to either side over which the noise is averaged
 # Of that noise: medians of 24 bins (48 real values, of which a median of powers is worth a half: ln(2)^2) over 5 lines.
 NOISE_DOF = 100.0
@@ -91,32 +92,27 @@ def observe(
     recording = open_recording(file.path, calibration=wanted.calibration, label=file.name)
     recording, _ = aligned(recording, recording.channels)
     names = tuple(c.name for c in recording.channels)
-    sensors = tuple(n for n in model.axes[known.axis])
+    sensors = tuple(model.axes["sensor"])
     missing = [n for n in sensors if n not in names]
     if missing:
         raise InputError(
             f"{file.name} has no channel {missing[0]}", expected=f"channels {', '.join(sensors)}"
         )
-    tacho = next((t for t in known.tachos if t.channel in names), None)
+    tachos = {"Tacho sun": known.sun_turns, INDEX: 1.0}  # turns per turn of the carrier, the finest first
+    tacho = next((name for name in tachos if name in names), None)
     if tacho is None:
-        raise InputError(
-            f"{file.name} has no tacho", expected=f"a channel {' or '.join(t.channel for t in known.tachos)}"
-        )
-    settings = Orders(
-        channels=sensors, tacho=tacho.channel, ratio=tacho.ratio, orders=tuple(known.order.tolist())
-    )
+        raise InputError(f"{file.name} has no tacho", expected=f"a channel {' or '.join(tachos)}")
+    settings = Orders(channels=sensors, tacho=tacho, ratio=tachos[tacho], orders=tuple(known.order.tolist()))
     found = settings(recording)
     lines = found.lines
     assert lines is not None
     zero = 0.0
-    if known.index in names and tacho.channel != known.index:
-        zero = _turn_zero(recording, known.index, tracked_shaft(recording, tacho.channel, None, tacho.ratio))
+    if INDEX in names and tacho != INDEX:
+        zero = _turn_zero(recording, tracked_shaft(recording, tacho, None, tachos[tacho]))
     place = [found.channels.index(n) for n in sensors]
     amplitude = lines.amplitude[place] * np.exp(2j * np.pi * known.order * zero)
-    point, said = {known.rate_condition: found.tacho.mean_hz * known.rate_ratio}, []
-    for name, stated in known.stated.items():
-        point[name], how = _stated(recording, model, name, stated, file)
-        said.append(f"{model.conditions[name].name.replace('_', ' ')} {how}")
+    torque, how = _torque(recording, model, known, file)
+    point = {"sun_speed": found.tacho.mean_hz * known.sun_turns, "carrier_torque": torque}
     levels = {}
     for name, value in point.items():
         condition = model.conditions[name]
@@ -140,7 +136,6 @@ def observe(
         relative=declared_errors(known.order, known.offset, known.discrepancy, known.path),
         common=response_errors(beyond, known.harmonic, known.response),
         kept=np.ones(amplitude.shape, dtype=bool),
-        order_condition=known.order_condition,
         point=point,
         levels=levels,
         noise_dof=NOISE_DOF,
@@ -149,7 +144,7 @@ def observe(
     levels_said = ", ".join(f"{words.words} {value:g} {words.unit}" for value, words in levels.values())
     return observation, [
         f"{file.name}: {len(sensors)} sensors, {known.order.size} order lines over {lines.turns} turns, angle from "
-        f"{tacho.channel}; {levels_said} ({', '.join(said) or 'from the tacho'})",
+        f"{tacho}; {levels_said} (carrier torque {how})",
         *(f"{file.name}: {note}" for note in found.notes),
     ]
 
@@ -157,7 +152,7 @@ def observe(
 def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, float]) -> NDArray[np.bool_]:
     """Lines that the model shows without effects, (sensors, lines); all others are evidence of an effect."""
     conditions = {
-        known.order_condition: known.order,
+        "order": known.order,
         **{c: np.full(known.order.size, v) for c, v in point.items()},
     }
     found = np.abs(model.assemble(model.base_effects).evaluate(conditions, None, [quantity])[quantity])
@@ -198,11 +193,11 @@ def _products(
     return PRODUCTS * swing * np.minimum(swing / np.where(mean > 0, mean, np.inf), 1.0)
 
 
-def _turn_zero(recording: Recording, index: str, shaft: Shaft) -> float:
+def _turn_zero(recording: Recording, shaft: Shaft) -> float:
     """Place in its turn, by the finer tacho, at which the index gives its pulses (circular mean)."""
     from specan.dsp.tacho import pulse_times, repair
 
-    channel: Channel = recording.channel(index)
+    channel: Channel = recording.channel(INDEX)
     times = repair(pulse_times(recording.read([channel])[0], channel.sampling_rate)).time
     times = times - channel.delay_s
     times = times[(times >= shaft.start_s) & (times <= shaft.stop_s)]
@@ -290,31 +285,23 @@ def _alike(
     return total
 
 
-def _stated(
-    recording: Recording, model: Model, name: str, stated: Stated, file: DataFile
-) -> tuple[float, str]:
-    """Value of a condition in SI, and what told it."""
-    condition = model.conditions[name]
-    for key in (name, condition.column):
+def _torque(recording: Recording, model: Model, known: OrderLines, file: DataFile) -> tuple[float, str]:
+    """Torque on the carrier in N m, and what told it."""
+    condition = model.conditions["carrier_torque"]
+    for key in (condition.name, condition.column):
         if key in file.conditions:
-            return float(
-                convert(float(file.conditions[key]), condition.column_unit, condition.unit)
-            ), "as the study says"
+            return float(file.conditions[key]), "as the study says"
     places: list[Any] = [recording.properties, *recording.group_properties.values()]
     for properties in places:
         for key, value in properties.items():
-            if key.partition("_")[0].lower() == stated.prefix.lower():
+            if key.partition("_")[0].lower() == "torque":
                 try:
-                    number = float(str(value).replace(",", "."))
+                    return float(str(value).replace(",", ".")), f"from the property {key}"
                 except ValueError:
                     continue
-                return float(
-                    convert(number, condition.column_unit, condition.unit)
-                ), f"from the property {key}"
-    if any(c.name == stated.channel for c in recording.channels):
-        channel = recording.channel(stated.channel)
-        return float(np.mean(recording.read([channel])[0])), f"from the channel {stated.channel}"
-    return stated.default, "as the rig file says"
+    if any(c.name == TORQUE for c in recording.channels):
+        return float(np.mean(recording.read([recording.channel(TORQUE)])[0])), f"from the channel {TORQUE}"
+    return known.torque, "as the rig file says"
 
 
 def _label(given: str, whole: OrderLinesObservation, model: Model) -> str:

@@ -48,7 +48,7 @@ class OrderLinesObservation(Fixed, KeptLines):
     channels : tuple of str
         Names of the sensors, in the model's order.
     order, harmonic, family : arrays (lines,)
-        See `specan.models.measurement_kinds.OrderLines`.
+        See `specan.planetary_gear.model.lines.OrderLines`.
     amplitude : complex array (sensors, lines)
     noise : array (sensors, lines)
         Standard uncertainty of the real and of the imaginary part that lines do not share.
@@ -58,9 +58,8 @@ class OrderLinesObservation(Fixed, KeptLines):
         The same, common to the sensors.
     kept : bool array (sensors, lines)
         Rows in use; the real and the imaginary part of a line go together.
-    order_condition : str
     point : mapping
-        Value of every other condition, SI.
+        Value of every condition but the order, SI.
     levels : mapping
         The same as printed, with words.
     noise_dof : float
@@ -79,7 +78,6 @@ class OrderLinesObservation(Fixed, KeptLines):
     relative: Array = field(repr=False)
     common: Array = field(repr=False)
     kept: NDArray[np.bool_] = field(repr=False)
-    order_condition: str
     point: Mapping[str, float]
     levels: Mapping[str, tuple[float, Variable]] = field(default_factory=dict)
     noise_dof: float = np.inf
@@ -99,7 +97,7 @@ class OrderLinesObservation(Fixed, KeptLines):
     @property
     def available(self) -> frozenset[str]:
         """Conditions that the data hold."""
-        return frozenset({self.order_condition, *self.point})
+        return frozenset({"order", *self.point})
 
     @cached_property
     def of_one_gain(self) -> list[NDArray[np.bool_]]:
@@ -122,7 +120,7 @@ class OrderLinesObservation(Fixed, KeptLines):
     def conditions(self) -> Mapping[str, Array]:
         """Order of every row; the other conditions are the same in all."""
         order = self.rows(self.order)
-        return {self.order_condition: order, **{c: np.full(self.n, v) for c, v in self.point.items()}}
+        return {"order": order, **{c: np.full(self.n, v) for c, v in self.point.items()}}
 
     @cached_property
     def labels(self) -> Mapping[str, NDArray[Any]]:
@@ -218,7 +216,7 @@ class OrderLinesObservation(Fixed, KeptLines):
     @cached_property
     def _conditions(self) -> dict[str, Array]:
         return {
-            self.order_condition: self.order,
+            "order": self.order,
             **{c: np.full(self.order.size, v) for c, v in self.point.items()},
         }
 
