@@ -7,41 +7,29 @@ sampling rate, unit and name are beside it or further up, as attributes, members
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from specan.data.recording import Recording, SampleSource
-from specan.errors import NoSignalError
-from specan.io.channel_table import ChannelTable, channel_of
-from specan.io.roles import identify
-from specan.io.sampling_rate import TIME_UNITS, Rate, axis_of, is_rate, is_time
+from specan.data.recording import Recording
+from specan.io.channel_table import ChannelTable
+from specan.io.sampling_rate import INTERVAL_KEYS, RATE_KEYS, TIME_UNITS, Rate, is_rate, is_time, rate_of_axis
+from specan.io.signals import Signal, recording_of
 
 Path = tuple[str, ...]
 LEAST = 16  # samples below which an array is a list of parameters
 
-_RATES = {
-    "fs", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "samplingfreq", "fsample",
-    "fsamp", "srate", "sr", "samplesperseconds", "samplespersecond", "samplingratehz", "sampleratehz", "fshz",
+# Beside the keys that acquisition programs write.
+_RATES = RATE_KEYS | {
+    "rate", "fsample", "fsamp", "srate", "sr", "samplesperseconds", "samplingratehz", "sampleratehz", "fshz",
 }  # fmt: skip
-_STEPS = {
-    "dt", "deltat", "increment", "wfincrement", "xincrement", "xdelta", "samplingperiod", "sampleperiod",
-    "samplinginterval", "sampleinterval", "sampletime", "tsample", "ts",
-}  # fmt: skip
+_STEPS = INTERVAL_KEYS | {"increment", "wfincrement", "xincrement", "xdelta", "sampletime", "tsample", "ts"}
 _NAMES = {
-    "names",
-    "name",
-    "channels",
-    "channelnames",
-    "channelname",
-    "labels",
-    "label",
-    "signals",
-    "signalnames",
-}
+    "names", "name", "channels", "channelnames", "channelname", "labels", "label", "signals", "signalnames",
+}  # fmt: skip
 _UNITS = {"units", "unit", "unitname", "unitstring", "channelunits", "ylabelunit", "quantityunit"}
 _BARE = {
     "data",
@@ -87,6 +75,15 @@ class Array:
         """Length of its shorter axis."""
         return self.size // self.n_samples if self.n_samples else 0
 
+    @property
+    def why_no_signal(self) -> str:
+        """Why its numbers are no time signals; empty where they may be."""
+        if self.kind not in "fiu":
+            return "complex numbers are no time signal" if self.kind == "c" else "no real numbers"
+        if sum(length > 1 for length in self.shape) > 2 or self.n_samples < 4 * self.n_channels:
+            return f"an array of the shape {self.shape} is not a set of signals"
+        return ""
+
 
 @dataclass(frozen=True)
 class Tree:
@@ -119,47 +116,27 @@ class Tree:
         InputError
             There is none.
         """
-        signals, places, aside = signals_of(self)
+        signals: list[Signal] = []
+        places: list[tuple[Array, int]] = []
+        aside = dict(self.aside)
+        for path, array in self.arrays.items():
+            if array.size < LEAST or not array.n_samples:
+                continue
+            rate, why = None, array.why_no_signal
+            if not why:
+                if _is_axis(path, array):
+                    continue
+                rate, why = _rate(self, path, array)
+            if why and rate is None:
+                aside["/".join(path)] = why
+                continue
+            for column, (own, unit) in enumerate(zip(*_said(self, path, array), strict=True)):
+                signals.append(Signal(own, array.n_samples, unit, rate, "/".join(path[:-1])))
+                places.append((array, column))
         return recording_of(
             label, signals, TreeSource(places),
             channel_table=channel_table, sampling_rate=sampling_rate, set_aside=aside,
         )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where the samples of a signal lie: an array and its column."""
-
-    array: Array
-    column: int
-
-
-def signals_of(tree: Tree) -> tuple[list[Signal], list[Place], dict[str, str]]:
-    """Signals, where their samples lie, and what was set aside with the reason."""
-    signals: list[Signal] = []
-    places: list[Place] = []
-    aside = dict(tree.aside)
-    for path, array in tree.arrays.items():
-        name = "/".join(path)
-        if array.size < LEAST or not array.n_samples:
-            continue
-        if array.kind not in "fiu":
-            aside[name] = "complex numbers are no time signal" if array.kind == "c" else "no real numbers"
-            continue
-        if sum(length > 1 for length in array.shape) > 2 or array.n_samples < 4 * array.n_channels:
-            aside[name] = f"an array of the shape {array.shape} is not a set of signals"
-            continue
-        if _is_axis(path, array):
-            continue
-        rate, why = _rate(tree, path, array)
-        if rate is None and why:
-            aside[name] = why
-            continue
-        group = "/".join(path[:-1])
-        for column, (own, unit) in enumerate(zip(*_said(tree, path, array), strict=True)):
-            signals.append(Signal(own, array.n_samples, unit, rate, group))
-            places.append(Place(array, column))
-    return signals, places, aside
 
 
 def _is_axis(path: Path, array: Array) -> bool:
@@ -197,10 +174,8 @@ def _rate(tree: Tree, path: Path, array: Array) -> tuple[Rate | None, str]:
                     "",
                 )
                 known = {"unit_string": unit} if unit.lower() in TIME_UNITS else {}
-                axis = axis_of(
-                    where[-1], "DoubleFloat", known, other.n_samples, partial(other.read, column=0)
-                )
-                return axis.rate, axis.why_not
+                read = partial(other.read, column=0)
+                return rate_of_axis(where[-1], "DoubleFloat", known, other.n_samples, read)
     return None, ""
 
 
@@ -240,81 +215,11 @@ def _list_for(tree: Tree, path: Path, count: int, keys: set[str], beside: bool) 
 
 @dataclass(frozen=True)
 class TreeSource:
-    """Samples of signals in arrays; implements `specan.data.recording.SampleSource`."""
+    """Samples of signals in arrays and their columns; implements `specan.data.recording.SampleSource`."""
 
-    places: Sequence[Place]
+    places: Sequence[tuple[Array, int]]
 
     def read(self, indices: Sequence[int], start: int, stop: int) -> Any:
         """Samples of the chosen channels; see SampleSource."""
         chosen = [self.places[i] for i in indices]
-        return np.stack([np.asarray(p.array.read(start, stop, p.column), dtype=np.float64) for p in chosen])
-
-
-@dataclass(frozen=True)
-class Signal:
-    """One signal of a file: what is known of it beside its samples.
-
-    Attributes
-    ----------
-    unit : str
-        Of the samples, as the file writes it; empty where it does not.
-    rate : Rate or None
-        None where nothing in the file says it.
-    """
-
-    name: str
-    n_samples: int
-    unit: str = ""
-    rate: Rate | None = None
-    group: str = ""
-
-
-def recording_of(
-    label: str,
-    signals: Sequence[Signal],
-    source: SampleSource,
-    *,
-    channel_table: ChannelTable | None = None,
-    sampling_rate: float | None = None,
-    set_aside: Mapping[str, str] | None = None,
-) -> Recording:
-    """A recording of signals, channel by channel in their order.
-
-    Parameters
-    ----------
-    label : str
-    signals : sequence of Signal
-    source : SampleSource
-        Channel k of it is signal k.
-    channel_table, sampling_rate
-        As for `specan.io.open.open_recording`.
-    set_aside : mapping, optional
-        See `specan.data.recording.Recording`.
-
-    Raises
-    ------
-    InputError
-        There is no signal.
-    """
-    if not signals:
-        why = "; ".join(f"{name}: {reason}" for name, reason in list((set_aside or {}).items())[:4])
-        raise NoSignalError(f"{label} holds no time signal" + (f" ({why})" if why else ""))
-    channels = []
-    for place, signal in enumerate(signals):
-        identity = identify(signal.name, {"unit_string": signal.unit} if signal.unit else {})
-        channel = channel_of(identity, signal.name, signal.group, label, channel_table)
-        rate, how = (signal.rate.hz, signal.rate.how) if signal.rate else (0.0, "nothing says it")
-        if channel.sampling_rate:
-            rate, how = channel.sampling_rate, channel.decisions["sampling_rate"]
-        if sampling_rate is not None:
-            rate, how = float(sampling_rate), "said by the user"
-        channels.append(
-            replace(
-                channel,
-                sampling_rate=rate,
-                n_samples=signal.n_samples,
-                source_index=place,
-                decisions={**channel.decisions, "sampling_rate": how},
-            )
-        )
-    return Recording(label, tuple(channels), source, set_aside=set_aside or {})
+        return np.stack([np.asarray(array.read(start, stop, k), dtype=np.float64) for array, k in chosen])

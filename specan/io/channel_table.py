@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from specan.data.channel import SMALLEST_GAIN, Channel, Role, gain_of, is_known, si_unit
 from specan.errors import InputError, RequestError
-from specan.io.roles import Identity, derivatives_of
+from specan.io.roles import derivatives_of
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ
 from specan.schema import Settings, parse, read_toml, regular
 
@@ -97,6 +97,33 @@ class ChannelTable:
         fits = (r for r in self.rows if any(fnmatch.fnmatchcase(n, r.channel) for n in names))
         return next(exact, None) or next(fits, None)
 
+    def applied(self, channel: Channel, label: str) -> Channel:
+        """The channel of a recording of that name under its row; one without a row stays as it is.
+
+        Raises
+        ------
+        InputError
+            The row contradicts the file.
+        """
+        row = self.find(channel.group, channel.name)
+        if row is None:
+            return channel
+        decisions = dict(channel.decisions)
+        found = _scaled(row, channel, decisions, label, self.source)
+        if row.role is not None:
+            decisions["role"] = self.source
+            found = replace(found, role=row.role)
+        decisions.pop("derivatives", None)
+        known: dict[str, Any] = {"derivatives": derivatives_of(found.role, found.unit, decisions)}
+        if row.full_scale is not None:
+            known["full_scale"], decisions["full_scale"] = row.full_scale * abs(found.gain), self.source
+        if row.sampling_rate_hz is not None:
+            known["sampling_rate"], decisions["sampling_rate"] = row.sampling_rate_hz, self.source
+        return replace(
+            found, decisions=decisions, delay_s=row.delay_s, u_delay_s=row.u_delay_s,
+            u_gain_percent=row.u_sensitivity_percent, **known,
+        )  # fmt: skip
+
 
 def read_channel_table(path: Path | str) -> ChannelTable:
     """Read a channel table, TOML or CSV by its name.
@@ -131,104 +158,40 @@ def find_channel_table(directory: Path) -> Path | None:
     return found[0] if found else None
 
 
-def channel_of(
-    identity: Identity,
-    name: str,
-    group: str,
-    label: str,
-    table: ChannelTable | None,
-    properties: Mapping[str, Any] | None = None,
-) -> Channel:
-    """The channel that a file and the channel table describe; without a rate and samples where the table gives none.
+def _scaled(row: Row, channel: Channel, decisions: dict[str, str], label: str, source: str) -> Channel:
+    """The channel with the unit and the gain of a row."""
+    raw = channel.raw_unit
 
-    Raises
-    ------
-    InputError
-        The unit in the file contradicts the table.
-    """
-    row = table.find(group, name) if table else None
-    known: dict[str, Any] = {}
-    decisions = identity.decisions
-    if row is not None and table is not None:
-        identity = apply_row(row, identity, name, label, table.source)
-        decisions = dict(identity.decisions)
-        known = {
-            "delay_s": row.delay_s,
-            "u_delay_s": row.u_delay_s,
-            "u_gain_percent": row.u_sensitivity_percent,
-        }
-        if row.full_scale is not None:
-            known["full_scale"] = row.full_scale * abs(identity.gain)
-        if row.sampling_rate_hz is not None:
-            known["sampling_rate"], decisions["sampling_rate"] = row.sampling_rate_hz, table.source
-    return Channel(
-        name=name,
-        group=group,
-        unit=identity.unit,
-        role=identity.role,
-        raw_unit=identity.raw_unit,
-        raw_scale=identity.raw_scale,
-        gain=identity.gain,
-        derivatives=identity.derivatives,
-        properties=properties or {},
-        decisions=decisions,
-        **known,
-    )
+    def contradicts(table: str) -> InputError:
+        return InputError(
+            f"{label}: the samples of {channel.name!r} are in {raw} by the file, and {source} gives {table}",
+            expected="statements that agree",
+            remedy="correct the table, or the unit in the file",
+        )
 
-
-def apply_row(row: Row, identity: Identity, name: str, label: str, source: str) -> Identity:
-    """What a channel measures under a row of the table.
-
-    Raises
-    ------
-    InputError
-        The unit in the file contradicts the table.
-    """
-    decisions = dict(identity.decisions)
-    result = _scaled(row, identity, decisions, name, label, source)
-    if row.role is not None:
-        decisions["role"] = source
-        result = replace(result, role=row.role)
-    decisions.pop("derivatives", None)
-    derivatives = derivatives_of(result.role, result.unit, decisions)
-    return replace(result, derivatives=derivatives, decisions=decisions)
-
-
-def _scaled(
-    row: Row, identity: Identity, decisions: dict[str, str], name: str, label: str, source: str
-) -> Identity:
-    raw = identity.raw_unit
     if row.sensitivity is not None and row.sensitivity_unit is not None:
         if raw not in ("", "V"):
-            _contradict(label, name, raw, f"{row.sensitivity:g} {row.sensitivity_unit}", source)
+            raise contradicts(f"{row.sensitivity:g} {row.sensitivity_unit}")
         decisions["sensitivity"] = f"{source}: {row.sensitivity:g} {row.sensitivity_unit}"
         if not raw:
             decisions["unit"] += ", in volts, because a sensitivity per volt is given"
-        gain, unit = gain_of(row.sensitivity, row.sensitivity_unit, identity.raw_scale)
-        return replace(identity, gain=gain, unit=unit)
+        gain, unit = gain_of(row.sensitivity, row.sensitivity_unit, channel.raw_scale)
+        return replace(channel, gain=gain, unit=unit)
     if row.unit is None:
-        return identity
+        return channel
     unit, scale = si_unit(row.unit)
     if row.gain is not None:
         if raw not in ("", "V", unit):
-            _contradict(label, name, raw, f"a gain to {row.unit}", source)
+            raise contradicts(f"a gain to {row.unit}")
         decisions["sensitivity"] = f"{source}: gain {row.gain:g} {row.unit} per unit of the samples"
-        return replace(identity, gain=row.gain * scale, unit=unit)
-    if identity.unit == unit:
-        return identity
+        return replace(channel, gain=row.gain * scale, unit=unit)
+    if channel.unit == unit:
+        return channel
     if raw and is_known(raw):
-        _contradict(label, name, raw, f"the unit {row.unit} and no sensitivity", source)
+        raise contradicts(f"the unit {row.unit} and no sensitivity")
     decisions["unit"] = source
     decisions.pop("sensitivity", None)
-    return replace(identity, unit=unit, raw_unit=unit, raw_scale=scale, gain=scale)
-
-
-def _contradict(label: str, name: str, raw: str, table: str, source: str) -> None:
-    raise InputError(
-        f"{label}: the samples of {name!r} are in {raw} by the file, and {source} gives {table}",
-        expected="statements that agree",
-        remedy="correct the table, or the unit in the file",
-    )
+    return replace(channel, unit=unit, raw_unit=unit, raw_scale=scale, gain=scale)
 
 
 def _csv_rows(path: Path) -> list[tuple[int, Mapping[str, Any]]]:

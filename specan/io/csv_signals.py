@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError
-from specan.io.array_tree import Signal, recording_of
 from specan.io.channel_table import ChannelTable
-from specan.io.sampling_rate import axis_of, is_time
+from specan.io.sampling_rate import is_time, rate_of_axis
+from specan.io.signals import Signal, recording_of
+
+SUFFIXES = (".csv",)
 
 LEAST = 5  # lines with text on them, below which a file is a note and no time series
 
@@ -75,12 +77,10 @@ def open_recording(
     def stamps(start: int, stop: int) -> NDArray[np.float64]:
         return time[start:stop]
 
-    axis = axis_of(titles[0], "DoubleFloat", properties, time.size, stamps)
-    if axis.rate is None and sampling_rate is None:
-        raise InputError(
-            f"{label}: {axis.why_not}", expected="equally spaced times", remedy="give --sampling-rate HZ"
-        )
-    signals = [Signal(name, time.size, unit, axis.rate) for name, unit in named[1:]]
+    rate, why = rate_of_axis(titles[0], "DoubleFloat", properties, time.size, stamps)
+    if rate is None and sampling_rate is None:
+        raise InputError(f"{label}: {why}", expected="equally spaced times", remedy="give --sampling-rate HZ")
+    signals = [Signal(name, time.size, unit, rate) for name, unit in named[1:]]
     return recording_of(
         label,
         signals,

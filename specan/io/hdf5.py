@@ -12,6 +12,8 @@ from specan.errors import InputError, library
 from specan.io.array_tree import Array, Tree
 from specan.io.channel_table import ChannelTable
 
+SUFFIXES = (".h5", ".hdf5")
+
 MAGIC = b"\x89HDF\r\n\x1a\n"
 
 

@@ -16,6 +16,8 @@ from specan.errors import InputError
 from specan.io.array_tree import Array, Tree
 from specan.io.channel_table import ChannelTable
 
+SUFFIXES = (".mat",)
+
 # Memory that a file may take: what Python and scipy need, and for each byte of the file 32. Integers of 16 bits that
 # were saved as double are packed to a quarter at best, signals hardly at all; scipy holds three copies.
 _BYTES, _BYTES_FOR_A_BYTE = 1 << 30, 32

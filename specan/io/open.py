@@ -78,7 +78,7 @@ def open_recording(
         The channel table or the calibration cannot be used.
     """
     path = Path(path)
-    kind = format_of(path)
+    form = format_of(path)
     if sampling_rate is not None and not is_rate(sampling_rate):
         raise RequestError(
             f"the sampling rate is {sampling_rate:g} Hz",
@@ -89,7 +89,7 @@ def open_recording(
     if label is None and root is not None and path.is_relative_to(root):
         name = path.relative_to(root).as_posix()
     try:
-        recording: Recording = format_named(kind).open_recording(
+        recording: Recording = form.open_recording(
             path, label=name, channel_table=table, sampling_rate=sampling_rate
         )
     except (SpecanError, OSError):
@@ -200,8 +200,8 @@ _FOREIGN = (
 )
 
 
-def format_of(path: Path) -> str:
-    """Format of a recording: a name of `specan.io.open`.
+def format_of(path: Path) -> Any:
+    """Format of a recording: a module of `formats`.
 
     Raises
     ------
@@ -221,8 +221,9 @@ def format_of(path: Path) -> str:
         raise InputError(f"{path} cannot be read ({fault.strerror or fault})") from None
     except ValueError as fault:  # a null character in the name
         raise InputError(f"{str(path)!r} is not a name of a file ({fault})") from None
-    if name := recognised(start):
-        return name
+    for _, module in formats():
+        if module.recognises(start):
+            return module
     what, remedy = _describe(start)
     named = path.suffix.lower() in (".tdms", ".wav")
     expected = "a TDMS or WAV recording" if named else "a recording: TDMS, WAV, UFF, MAT, HDF5 or CSV"
@@ -265,65 +266,25 @@ def _is_text(start: bytes) -> bool:
     return False
 
 
-# File formats of recordings: the built-in ones, and those that installed packages bring.
+# File formats of recordings: the built-in ones, tried in this order, then those that installed packages bring.
 #
-# A format is a module with ``recognises(start: bytes) -> bool``, told by the first bytes of a file, and
-# ``open_recording(path, *, label, channel_table, sampling_rate) -> Recording``. A package of yours names it as an
-# entry point of the group ``specan.formats``; its ``SUFFIXES`` are then looked for in directories too. A file's name
-# decides nothing.
-
-
-@dataclass(frozen=True)
-class Format:
-    """A built-in format.
-
-    Attributes
-    ----------
-    module : str
-    suffixes : tuple of str
-        Of the files that are looked for in directories. Parameters and tables may end so too: they hold no signal.
-    marks : tuple of bytes
-        At the beginning of a file; they spare the import of a module that has nothing to do with it. None for text.
-    """
-
-    module: str
-    suffixes: tuple[str, ...]
-    marks: tuple[bytes, ...] = ()
-
-
-# tried in this order, text last
-FORMATS = {
-    "tdms": Format("specan.io.tdms", (".tdms",), (b"TDSm",)),
-    "wav": Format("specan.io.wav", (".wav",), (b"RIFF", b"RIFX", b"RF64")),
-    "hdf5": Format("specan.io.hdf5", (".h5", ".hdf5"), (b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file")),
-    "mat": Format("specan.io.mat", (".mat",), (b"MATLAB 5.0 MAT-file",)),
-    "uff": Format("specan.io.uff", (".uff", ".unv"), (b"    -1", b"-1", b"   -1")),
-    "csv": Format("specan.io.csv_signals", (".csv",)),
-}
+# A format is a module with ``SUFFIXES``, the endings of the files that are looked for in directories,
+# ``recognises(start: bytes) -> bool``, told by the first bytes of a file, and
+# ``open_recording(path, *, label, channel_table, sampling_rate) -> Recording``. A package of yours names it as an entry
+# point of the group ``specan.formats``. A file's name decides nothing.
+FORMATS = ("wav", "hdf5", "mat", "uff", "tdms", "csv_signals")
 ENTRY_POINTS = "specan.formats"
 BEGINNING = 4096  # bytes that a format is shown
 
 
+def formats() -> Iterator[tuple[str, Any]]:
+    """Names and modules of the formats; a module is imported when its turn comes."""
+    for name in FORMATS:
+        yield name, importlib.import_module(f"specan.io.{name}")
+    for point in entry_points(group=ENTRY_POINTS):
+        yield point.name, point.load()
+
+
 def suffixes() -> tuple[str, ...]:
     """Endings of the files that are looked for in directories, lower case."""
-    own = (getattr(point.load(), "SUFFIXES", ()) for point in entry_points(group=ENTRY_POINTS))
-    return tuple(s for one in (*(f.suffixes for f in FORMATS.values()), *own) for s in one)
-
-
-def recognised(start: bytes) -> str:
-    """Name of the format of a file that begins so; empty where none is recognised."""
-    for name, known in FORMATS.items():
-        possible = start.startswith(known.marks) if known.marks else b"\0" not in start
-        if possible and importlib.import_module(known.module).recognises(start):
-            return name
-    for point in entry_points(group=ENTRY_POINTS):
-        if point.load().recognises(start):
-            return point.name
-    return ""
-
-
-def format_named(name: str) -> Any:
-    """Module of a format."""
-    if name in FORMATS:
-        return importlib.import_module(FORMATS[name].module)
-    return next(point for point in entry_points(group=ENTRY_POINTS) if point.name == name).load()
+    return tuple(suffix for _, module in formats() for suffix in getattr(module, "SUFFIXES", ()))

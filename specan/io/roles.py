@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
-from specan.data.channel import Role, gain_of, is_known, si_unit
+from specan.data.channel import Channel, Role, gain_of, is_known, si_unit
 from specan.errors import RequestError
 
 SAMPLE_UNIT_KEYS = ("unit_string", "Unit_String", "NI_UnitDescription")
@@ -39,20 +38,7 @@ _DISPLACEMENT = r"\bdisp(lacement|l)?\b|auslenkung|przemieszczenie"
 DERIVATIVES = {"m": 1, "m/s": 0, "m/s^2": -1}
 
 
-@dataclass(frozen=True)
-class Identity:
-    """What a channel measures, and how that was decided."""
-
-    role: Role
-    unit: str
-    raw_unit: str
-    raw_scale: float
-    gain: float
-    derivatives: int = 0
-    decisions: dict[str, str] = field(default_factory=dict)
-
-
-def identify(name: str, properties: Mapping[str, Any]) -> Identity:
+def identify(name: str, properties: Mapping[str, Any], group: str = "") -> Channel:
     """Role, unit and gain of a channel without a channel table.
 
     `unit_string` is the unit of the samples, `QuantityUnit` that after `Sensitivity`. A sensitivity
@@ -86,7 +72,11 @@ def identify(name: str, properties: Mapping[str, Any]) -> Identity:
         why = "is not reached without a sensitivity" if unit == raw_unit else "contradicts the sensitivity"
         decisions["unit"] += f"; QuantityUnit {quantity!r} {why}"
     role, decisions["role"] = role_of(name, properties, unit if unit != "1" else "", quantity)
-    return Identity(role, unit, raw_unit, raw_scale, gain, derivatives_of(role, unit, decisions), decisions)
+    derivatives = derivatives_of(role, unit, decisions)
+    return Channel(
+        name, group, unit, role, raw_unit=raw_unit, raw_scale=raw_scale, gain=gain, derivatives=derivatives,
+        decisions=decisions,
+    )  # fmt: skip
 
 
 def sample_unit(properties: Mapping[str, Any]) -> tuple[str, float, str]:

@@ -21,11 +21,11 @@ TIME_UNITS = {
 }  # fmt: skip
 
 # Keys that acquisition programs write, without blanks, case and unit.
-_RATE_KEYS = {
+RATE_KEYS = {
     "samplingrate", "samplerate", "samplingfrequency", "samplefrequency", "samplingfreq", "samplefreq",
     "precisesamplingfrequency", "samplespersecond", "acquisitionrate", "scanrate", "fs",
 }  # fmt: skip
-_INTERVAL_KEYS = {
+INTERVAL_KEYS = {
     "samplinginterval", "sampleinterval", "samplingperiod", "sampleperiod", "timestep", "deltat", "dt", "logdt",
 }  # fmt: skip
 _FREQUENCY_UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "s/s": 1.0, "ks/s": 1e3, "ms/s": 1e6, "sps": 1.0}
@@ -173,7 +173,7 @@ def _rate_of(key: str, value: Any) -> float | None:
         return None
     name = re.sub(r"[^a-z]", "", match[1].lower())
     unit = (match[2] or match[3] or "").lower().replace("µ", "u")
-    if name not in _RATE_KEYS | _INTERVAL_KEYS:
+    if name not in RATE_KEYS | INTERVAL_KEYS:
         return None
     number = re.fullmatch(r"\s*([-+]?[\d.,]+(?:e[-+]?\d+)?)\s*(\S*)\s*", str(value), re.IGNORECASE)
     if number is None:
@@ -185,7 +185,7 @@ def _rate_of(key: str, value: Any) -> float | None:
     unit = number[2].lower() or unit
     if not math.isfinite(amount) or amount <= 0.0:
         return None
-    if name in _RATE_KEYS:
+    if name in RATE_KEYS:
         scale = _FREQUENCY_UNITS.get(unit or "hz")
         hz = 0.0 if scale is None else amount * scale
     else:
@@ -236,16 +236,6 @@ _SCATTER = 0.25
 _ALL = 400_000  # longer axes are looked at in three places
 
 
-@dataclass(frozen=True)
-class Axis:
-    """A channel that is an axis: its rate, or why it gives none."""
-
-    name: str
-    n_samples: int
-    rate: Rate | None
-    why_not: str = ""
-
-
 def is_time(name: str, type_name: str, properties: Mapping[str, Any]) -> bool:
     """Whether a channel holds time by its type, or by its name and nothing against it."""
     if type_name == "TimeStamp":
@@ -264,13 +254,13 @@ def is_frequency(name: str, properties: Mapping[str, Any]) -> bool:
     return named or (bare and any(str(properties.get(k, "")).lower() in ("hz", "khz") for k in _UNIT_KEYS))
 
 
-def axis_of(
+def rate_of_axis(
     name: str,
     type_name: str,
     properties: Mapping[str, Any],
     n_samples: int,
     read: Callable[[int, int], NDArray[Any]],
-) -> Axis:
+) -> tuple[Rate | None, str]:
     """The rate that a time channel gives.
 
     Parameters
@@ -278,31 +268,28 @@ def axis_of(
     read : callable
         Raw samples `start` to `stop` of the channel.
     """
-    if n_samples < 3:
-        return Axis(name, n_samples, None, f"the time channel {name!r} has {n_samples} samples")
     unit = "s" if type_name == "TimeStamp" else _unit(name, properties)
+    channel = f"the time channel {name!r}"
+    if n_samples < 3:
+        return None, f"{channel} has {n_samples} samples"
     if not unit and not type_name.endswith("Float"):
-        return Axis(name, n_samples, None, f"the time channel {name!r} holds counts without a unit")
+        return None, f"{channel} holds counts without a unit"
     seconds, places = _sample(read, n_samples, TIME_UNITS[unit or "s"])
     if not np.all(np.isfinite(seconds)):
-        return Axis(name, n_samples, None, f"the time channel {name!r} holds values that are not finite")
+        return None, f"{channel} holds values that are not finite"
     step = (seconds[-1] - seconds[0]) / (n_samples - 1)
     if not step > 0.0:
-        return Axis(name, n_samples, None, f"the time channel {name!r} does not increase")
+        return None, f"{channel} does not increase"
     if not is_rate(1.0 / step):
-        return Axis(name, n_samples, None, f"the time channel {name!r} has steps of {step:g} s")
+        return None, f"{channel} has steps of {step:g} s"
     scatter = float(np.max(np.abs(seconds - places * step))) / step
     if scatter > _SCATTER:
         steps = np.diff(seconds)[np.diff(places) == 1]
-        return Axis(
-            name, n_samples, None,
-            f"the time channel {name!r} is not uniform (steps from {steps.min():.6g} to {steps.max():.6g} s)",
-        )  # fmt: skip
-    hz = _round(1.0 / step, scatter / n_samples)
-    how = f"the time channel {name!r}" + ("" if unit else ", taken as seconds")
+        return None, f"{channel} is not uniform (steps from {steps.min():.6g} to {steps.max():.6g} s)"
+    how = channel + ("" if unit else ", taken as seconds")
     if scatter > 1e-3:
         how += f"; its stamps scatter by up to {100 * scatter:.2g} % of a step"
-    return Axis(name, n_samples, Rate(hz, how))
+    return Rate(_round(1.0 / step, scatter / n_samples), how), ""
 
 
 def _unit(name: str, properties: Mapping[str, Any]) -> str:

@@ -11,16 +11,17 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, NoSignalError
 from specan.io import sampling_rate as rates
-from specan.io.channel_table import ChannelTable, Row, channel_of
-from specan.io.roles import identify
-from specan.io.sampling_rate import Axis, axis_of, is_frequency, is_time
+from specan.io.channel_table import ChannelTable
+from specan.io.sampling_rate import Rate, is_frequency, is_time, rate_of_axis
+from specan.io.signals import Signal, recording_of
 from specan.io.tdms_headers import Headers, TdmsObject, read_headers
 from specan.io.tdms_scaling import scaling_of
 from specan.io.tdms_source import Feed, TdmsSource
+
+SUFFIXES = (".tdms",)
 
 _ZERO = np.datetime64("1904-01-01")  # of the clock of TDMS
 _EMPTY, _CUT_OFF = "it has no samples", "it was cut off"
@@ -70,17 +71,18 @@ class _Opening:
     label: str
     table: ChannelTable | None
     sampling_rate: float | None
-    channels: list[Channel] = field(default_factory=list)
+    signals: list[Signal] = field(default_factory=list)
     feeds: list[Feed] = field(default_factory=list)
     set_aside: dict[str, str] = field(default_factory=dict)
     faults: list[tuple[str, str]] = field(
         default_factory=list
     )  # reasons that the user can do something about
-    notes: list[str] = field(default_factory=list)
-    axes: dict[str, list[Axis]] = field(default_factory=dict)
+    axes: dict[str, list[tuple[int, Rate | None, str]]] = field(
+        default_factory=dict
+    )  # length, rate, why there is none
     begun: list[float] = field(
         default_factory=list
-    )  # wf_start_time of each channel in us, NaN where it is not said
+    )  # wf_start_time of each signal in us, NaN where it is not said
 
     def take(self, found: TdmsObject) -> None:
         """Make a channel of an object, or set it aside with the reason."""
@@ -95,31 +97,32 @@ class _Opening:
 
     def recording(self) -> Recording:
         """The recording of what was taken."""
-        if not self.channels:
+        if not self.signals:
             self._refuse()
-        layout = self.headers.layout
+        layout, notes = self.headers.layout, []
         if layout.truncated:
-            self.notes.append("the file is cut off; every channel is used as far as all channels reach")
+            notes.append("the file is cut off; every channel is used as far as all channels reach")
         if index := _stray_index(self.headers.path):
-            self.notes.append(f"{index} belongs to another file; it is not used")
-        return Recording(
-            label=self.label,
-            channels=self._on_one_clock(),
-            source=TdmsSource(self.headers.path, layout, self.feeds),
+            notes.append(f"{index} belongs to another file; it is not used")
+        found = recording_of(
+            self.label,
+            self.signals,
+            TdmsSource(self.headers.path, layout, self.feeds),
+            channel_table=self.table,
+            sampling_rate=self.sampling_rate,
+            set_aside=self.set_aside,
             properties=self.headers.properties,
             group_properties=self.headers.groups,
             flags=("truncated",) if layout.truncated else (),
-            notes=tuple(self.notes),
-            set_aside=self.set_aside,
+            notes=tuple(notes),
         )
-
-    def _on_one_clock(self) -> tuple[Channel, ...]:
-        """The channels with their starts counted from the first wf_start_time."""
-        after = 1e-6 * (np.array(self.begun) - min((t for t in self.begun if t == t), default=0.0))
-        return tuple(
-            replace(channel, start_offset_s=channel.start_offset_s + float(late)) if late > 0 else channel
-            for channel, late in zip(self.channels, after, strict=True)
-        )
+        # Starts are counted from the first wf_start_time.
+        late = 1e-6 * (np.array(self.begun) - min((t for t in self.begun if t == t), default=0.0))
+        channels = [
+            replace(channel, start_offset_s=channel.start_offset_s + float(after)) if after > 0 else channel
+            for channel, after in zip(found.channels, late, strict=True)
+        ]
+        return replace(found, channels=tuple(channels))
 
     def _refuse(self) -> NoReturn:
         if self.faults:
@@ -159,8 +162,7 @@ class _Opening:
         layout = self.headers.layout
         track = layout.tracks[found.path]
         dtype = layout.parts[track.parts[0]].strips[found.path].dtype
-        row = self.table.find(found.group, found.name) if self.table else None
-        rate = self._rate(found, track.n_samples, row)
+        rate = self._rate(found, track.n_samples)
         try:
             scaling = scaling_of(found.properties, self._group(found), self.headers.properties, found.scalers)
         except InputError as fault:
@@ -170,31 +172,24 @@ class _Opening:
             what = f"{found.name!r} is {layout.foreign[found.path]} in a segment that ends in a short chunk"
             raise self._fault(what, "write it in whole chunks: npTDMS would read beyond the segment")
         line = None if foreign else scaling.line(dtype)
-        identity = identify(found.name, found.properties)
-        channel = channel_of(identity, found.name, found.group, self.label, self.table, found.properties)
-        full_scale, how = channel.full_scale, "channel table"
-        if full_scale is None:
-            top, how = full_scale_of(dtype, line, found.properties)
-            full_scale = None if top is None else top * abs(channel.gain)
-        decisions = {
-            **channel.decisions, "full_scale": how, "sampling_rate": rate.how, "scaling": scaling.text,
-        }  # fmt: skip
-        self.channels.append(
-            replace(
-                channel,
-                source_index=len(self.feeds),
-                sampling_rate=rate.hz,
-                n_samples=track.n_samples,
-                full_scale=full_scale,
-                start_offset_s=float(found.properties.get("wf_start_offset", 0.0)),
-                decisions=decisions,
+        top, how = full_scale_of(dtype, line, found.properties)
+        self.signals.append(
+            Signal(
+                found.name,
+                track.n_samples,
+                rate=rate,
+                group=found.group,
+                properties=found.properties,
+                full_scale=top,
+                known={"start_offset_s": float(found.properties.get("wf_start_offset", 0.0))},
+                decisions={"full_scale": how, "scaling": scaling.text},
             )
         )
         self.begun.append(_began(found.properties))
         self.feeds.append(Feed(found.group, found.name, track, found.path, scaling, line, foreign))
 
-    def _rate(self, found: TdmsObject, n_samples: int, row: Row | None) -> rates.Rate:
-        """Sampling rate in the order that counts; the first statement wins."""
+    def _rate(self, found: TdmsObject, n_samples: int) -> Rate | None:
+        """Sampling rate in the order that counts; None where table or user state it, which counts before the file."""
         places = (
             ("channel", found.properties), ("group", self._group(found)), ("file", self.headers.properties),
         )  # fmt: skip
@@ -205,22 +200,20 @@ class _Opening:
             )
         except NoSignalError as fault:
             raise _Aside(fault.found) from None
-        if row is not None and row.sampling_rate_hz is not None:
-            assert self.table is not None
-            return rates.Rate(row.sampling_rate_hz, self.table.source)
-        if self.sampling_rate is not None:
-            return rates.Rate(self.sampling_rate, "said by the user")
+        row = self.table.find(found.group, found.name) if self.table else None
+        if self.sampling_rate is not None or (row is not None and row.sampling_rate_hz is not None):
+            return None
         if increment is not None:
             other = rates.contradiction(increment, places)
-            return rates.Rate(increment.hz, increment.how + (f"; {other}" if other else ""))
+            return Rate(increment.hz, increment.how + (f"; {other}" if other else ""))
         rate = rates.from_keys(places, tried, self.label)
         return rate or self._from_axis(found, n_samples, tried)
 
-    def _from_axis(self, found: TdmsObject, n_samples: int, tried: list[str]) -> rates.Rate:
-        axes = [a for a in self._axes(found.group) if a.n_samples == n_samples]
-        for axis in axes:
-            if axis.rate is not None:
-                return axis.rate
+    def _from_axis(self, found: TdmsObject, n_samples: int, tried: list[str]) -> Rate:
+        axes = [(rate, why) for length, rate, why in self._axes(found.group) if length == n_samples]
+        for rate, _ in axes:
+            if rate is not None:
+                return rate
         table = [
             c.name
             for c in self.headers.channels
@@ -228,17 +221,17 @@ class _Opening:
         ]
         if table:
             raise _Aside(f"it is a table over {table[0]!r}, not a time signal")
-        tried += [a.why_not for a in axes] or ["its group has no time channel of its length"]
+        tried += [why for _, why in axes] or ["its group has no time channel of its length"]
         reason = f"no sampling rate for {found.name!r} ({'; '.join(tried)})"
         raise self._fault(reason, "say it with --sampling-rate HZ, or in the channel table")
 
-    def _axes(self, group: str) -> list[Axis]:
+    def _axes(self, group: str) -> list[tuple[int, Rate | None, str]]:
         if group not in self.axes:
             source = TdmsSource(self.headers.path, self.headers.layout, [])
             self.axes[group] = [
-                axis_of(c.name, c.type_name, c.properties, self._length(c), source.raw_reader(c.path))
+                (n, *rate_of_axis(c.name, c.type_name, c.properties, n, source.raw_reader(c.path)))
                 for c in self.headers.channels
-                if c.group == group and self._length(c) and is_time(c.name, c.type_name, c.properties)
+                if c.group == group and (n := self._length(c)) and is_time(c.name, c.type_name, c.properties)
             ]
         return self.axes[group]
 

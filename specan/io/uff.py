@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError, NoSignalError, library
-from specan.io.array_tree import Signal, recording_of
 from specan.io.channel_table import ChannelTable
-from specan.io.sampling_rate import Rate, axis_of
+from specan.io.sampling_rate import Rate, rate_of_axis
+from specan.io.signals import Signal, recording_of
+
+SUFFIXES = (".uff", ".unv")
 
 # Function types of data set 58, record 6, field 1.
 TIME_RESPONSE, TRANSFER_FUNCTION, COHERENCE = 1, 4, 6
@@ -179,7 +181,7 @@ def open_recording(
 
 def _rate(one: DataSet) -> Rate | None:
     """Rate by the data set's axis; a step has six digits in the file, and is taken as the rate that rounds to it."""
-    found = axis_of("time", "DoubleFloat", {"unit_string": "s"}, one.x.size, lambda a, b: one.x[a:b]).rate
+    found, _ = rate_of_axis("time", "DoubleFloat", {"unit_string": "s"}, one.x.size, lambda a, b: one.x[a:b])
     if found is None:
         return None
     for digits in range(2, 8):

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError
-from specan.io.channel_table import ChannelTable, channel_of
-from specan.io.roles import identify
+from specan.io.channel_table import ChannelTable
+from specan.io.sampling_rate import Rate
+from specan.io.signals import Signal, recording_of
+
+SUFFIXES = (".wav",)
 
 _BLOCK = 1 << 16
 
@@ -75,44 +77,36 @@ def open_wav(
     frames = _frames(path)
     if not frames.n_frames:
         raise InputError(f"{name} holds no sample", remedy="record it again")
-    rate, how = float(frames.rate), "the header of the file"
-    if sampling_rate is not None:
-        rate, how = float(sampling_rate), "said by the user"
-    channels = []
-    for place in range(frames.n_channels):
-        channel = _channel(f"Channel {place + 1}", name, frames, channel_table)
-        decisions = {"sampling_rate": how, **channel.decisions}
-        channels.append(
-            replace(
-                channel,
-                sampling_rate=channel.sampling_rate or rate,
-                n_samples=frames.n_frames,
-                source_index=place,
-                decisions=decisions,
+    signals = []
+    for place in range(1, frames.n_channels + 1):
+        row = channel_table.find("", f"Channel {place}") if channel_table else None
+        volts: dict[str, object] = {}
+        if row is not None and row.sensitivity is not None:
+            if row.full_scale is None:
+                raise InputError(
+                    f"{name}: the samples of 'Channel {place}' are fractions of full scale, and "
+                    f"{channel_table.source if channel_table else ''} gives {row.sensitivity:g} {row.sensitivity_unit}",
+                    expected="full_scale beside it, in volts",
+                    remedy="add it, or give a gain and a unit",
+                )
+            volts = {"raw_unit": "V", "raw_scale": row.full_scale}
+        signals.append(
+            Signal(
+                f"Channel {place}",
+                frames.n_frames,
+                rate=Rate(float(frames.rate), "the header of the file"),
+                known=volts,
+                decisions={"unit": "fractions of full scale", "scaling": frames.text},
             )
         )
-    return Recording(name, tuple(channels), WavSource(frames))
-
-
-def _channel(name: str, label: str, frames: _Frames, table: ChannelTable | None) -> Channel:
-    identity = identify(name, {})
-    identity.decisions["unit"] = "fractions of full scale"
-    row = table.find("", name) if table else None
-    if row is not None and table is not None and row.sensitivity is not None:
-        if row.full_scale is None:
-            raise InputError(
-                f"{label}: the samples of {name!r} are fractions of full scale, and {table.source} gives "
-                f"{row.sensitivity:g} {row.sensitivity_unit}",
-                expected="full_scale beside it, in volts",
-                remedy="add it, or give a gain and a unit",
-            )
-        identity = replace(identity, raw_unit="V", raw_scale=row.full_scale)
-    channel = channel_of(identity, name, "", label, table)
-    return replace(
-        channel,
-        full_scale=None if frames.top is None else frames.top * abs(channel.gain),
-        decisions={**channel.decisions, "scaling": frames.text},
+    found = recording_of(
+        name, signals, WavSource(frames), channel_table=channel_table, sampling_rate=sampling_rate
     )
+    top = frames.top
+    channels = tuple(
+        replace(c, full_scale=None if top is None else top * abs(c.gain)) for c in found.channels
+    )
+    return replace(found, channels=channels)
 
 
 def _frames(path: Path) -> _Frames:

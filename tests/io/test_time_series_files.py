@@ -226,8 +226,8 @@ def test_mat_that_crashes_its_reader_or_takes_all_memory_ends_in_a_message(tmp_p
 def test_a_format_of_an_installed_package(tmp_path, monkeypatch):
     """As an entry point of the group specan.formats brings it."""
     from specan.data.recording import ArraySource
-    from specan.io.array_tree import Signal, recording_of
     from specan.io.sampling_rate import Rate
+    from specan.io.signals import Signal, recording_of
 
     module = types.SimpleNamespace(
         SUFFIXES=(".dat",),
