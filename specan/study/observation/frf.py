@@ -398,21 +398,7 @@ class FrfObservation(KeptLines):
         used = np.flatnonzero(self.kept.any(axis=0))
         every = max(1, int(np.ceil(self.n / rows)))
         lines = used[(every // 2) % max(used.size, 1) :: every]
-        frequency = self.frequency_hz[lines]
-        part = replace(
-            self,
-            frequency_hz=frequency,
-            response=self.response[:, lines],
-            noise=self.noise[:, lines],
-            random=self.random[:, lines],
-            shared=self.shared[:, lines],
-            modal=None if self.modal is None else self.modal[:, lines],
-            kept=self.kept[:, lines],
-            folding=Folding.none(frequency),
-            offset=self.offset if np.ndim(self.offset) == 0 else np.asarray(self.offset)[:, lines],
-            conditions_at_nodes=self.conditions_at(frequency),
-            drift=self.drift and self.drift.at(lines),
-        )
+        part = self._of_lines(lines)
         folded = self.responses(assembly, [values])[0][:, lines]
         plain = part.responses(assembly, [values])[0]
         return replace(part, response=part.response + plain - folded)
@@ -421,28 +407,34 @@ class FrfObservation(KeptLines):
         """A few lines, predicted without windows, each known to `percent` of the RMS around it."""
         used = np.flatnonzero(self.kept.any(axis=0))
         apart = float(np.min(np.diff(self.frequency_hz[used]), initial=DOWN_WEIGHTED_HZ))
-        lines = used[:: max(1, round(DOWN_WEIGHTED_HZ / apart))]
-        response, random, kept = self.response[:, lines], self.random[:, lines], self.kept[:, lines]
-        power = np.sum(np.abs(response) ** 2 * kept, axis=0) / kept.sum(axis=0)
+        part = self._of_lines(used[:: max(1, round(DOWN_WEIGHTED_HZ / apart))])
+        power = np.sum(np.abs(part.response) ** 2 * part.kept, axis=0) / part.kept.sum(axis=0)
         window = np.full(2 * DOWN_WEIGHTED_NEIGHBOURS + 1, 1 / (2 * DOWN_WEIGHTED_NEIGHBOURS + 1))
         around = np.convolve(np.pad(power, DOWN_WEIGHTED_NEIGHBOURS, mode="edge"), window, mode="valid")
         return replace(
-            self,
-            frequency_hz=self.frequency_hz[lines],
-            response=response,
-            noise=np.hypot(random, percent / 100 * np.sqrt(around)),
-            random=random,
-            shared=np.empty((*response.shape, 0), dtype=complex),
-            kept=kept,
-            folding=Folding.none(self.frequency_hz[lines]),
-            conditions_at_nodes=self.conditions_at(self.frequency_hz[lines]),
-            drift=self.drift and self.drift.at(lines),
+            part,
+            noise=np.hypot(part.random, percent / 100 * np.sqrt(around)),
+            shared=np.empty((*part.response.shape, 0), dtype=complex),
             modal=None,
             shifts=0,
             declared=None,
             moved=None,
             offset=0.0,
             rough=True,
+        )
+
+    def _of_lines(self, lines: NDArray[np.intp]) -> FrfObservation:
+        """Some of the lines, predicted without windows."""
+        frequency = self.frequency_hz[lines]
+        names = ["response", "noise", "random", "shared", "kept"]
+        names += ["modal"] * (self.modal is not None) + ["offset"] * (np.ndim(self.offset) > 0)
+        return replace(
+            self,
+            **{name: getattr(self, name)[:, lines] for name in names},
+            frequency_hz=frequency,
+            folding=Folding.none(frequency),
+            conditions_at_nodes=self.conditions_at(frequency),
+            drift=self.drift and self.drift.at(lines),
         )
 
     def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> FrfObservation:
