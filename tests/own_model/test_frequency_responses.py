@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from specan.errors import InputError, RequestError, SpecanError
 from specan.models import Frf, Model
 from specan.models.catalogue import load_model
+from specan.study.create import begin
 from specan.study.data.open_transfer import open_data
 from specan.study.data.transfer_file import read_transfer_file
 from specan.study.diagnose import diagnose
@@ -279,3 +280,36 @@ def test_no_line_in_the_band(place):
         InputError, match=r"has no line between 8 and 80 Hz; expected a band within 208 to 279\.75 Hz"
     ):
         open_data(model, MeasuredFiles([DataFile("frf.csv", place / "frf.csv")]))
+
+
+TWO_PEAKS = """from specan.models import Frf, Model
+
+
+def x(frequency, f1, f2, z, a, b):
+    r, s = frequency / f1, frequency / f2
+    return a / (1 - r**2 + 2j * z * r) + b / (1 - s**2 + 2j * z * s)
+
+
+band = 5, 100
+model = Model.from_function(
+    x, conditions={"frequency": ("Hz", *band)}, observables={"x": Frf("um/N")},
+    parameters={"f1": (80, *band, "Hz"), "f2": (90, *band, "Hz"), "z": (0.05, 0.001, 0.2, "1"),
+                "a": (1.0, 0.1, 5, "um/N"), "b": (1.0, 0.1, 5, "um/N")},
+)
+"""
+
+
+def test_of_two_minima_the_lower_counts_in_the_first_step_too(place, monkeypatch):
+    """Peaks at 30 and 62 Hz: from 80 and 90 Hz the fit loses the smaller one; another fit has found both."""
+    f, true = np.arange(5, 100, 0.25), {"x.f1": 30.0, "x.f2": 62.0, "x.z": 0.02, "x.a": 1.0, "x.b": 0.6}
+    h = 1 / (1 - (f / 30) ** 2 + 0.04j * f / 30) + 0.6 / (1 - (f / 62) ** 2 + 0.04j * f / 62)
+    random = np.random.default_rng(0)
+    h = h + random.standard_normal(f.size) + 1j * random.standard_normal(f.size)
+    rows = [f"{a};{b.real:.6f};{b.imag:.6f};1.0" for a, b in zip(f, h, strict=True)]
+    header = "frequency [Hz];x re [um/N];x im [um/N];x u [um/N]"
+    (place / "t.csv").write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    (place / "m.py").write_text(TWO_PEAKS, encoding="utf-8")
+    monkeypatch.setattr("specan.study.study.continuation_fit", lambda problem: true)
+    step = begin(place / "s", "m.py", None, [place / "t.csv"]).step
+    assert step.reduced_chi2 == pytest.approx(1, abs=0.15)
+    assert step.parameters["x.f2"]["value"] == pytest.approx(62, rel=0.01)
