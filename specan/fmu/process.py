@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import pickle
 import queue
 import subprocess
@@ -15,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from typing import IO, Any
 
 from specan.errors import ComputationError, RequestError
-from specan.fmu.worker import AT_ROW, EVERY_S
 
 START_S = 60.0  # for the process to load its libraries and the FMU
 
@@ -44,25 +42,22 @@ class FmuProcess:
 
         Raises
         ------
-        ComputationError
-            The FMU crashes, takes longer than the limit, or reports an error; the values of the row are named.
         RequestError
-            It cannot be started.
+            The FMU cannot be loaded.
+        ComputationError
+            It crashed, hangs, or reports an error; names the row.
         """
         self._start()
-        assert self._process is not None
-        assert self._process.stdin is not None
-        found: list[list[float]] = []
-        try:
-            pickle.dump([list(map(float, row)) for row in rows], self._process.stdin)
-            self._process.stdin.flush()
-        except OSError:
-            self._crashed(rows)
-        while len(found) < len(rows):
-            answer = self._next(rows)
-            found += answer["done"]
-            if "fault" in answer:
-                self._fail(f"reports an error: {answer['fault']}", rows[len(found)])
+        found = []
+        for row in rows:
+            answer, fault = self._ask(list(map(float, row)), self.time_limit)
+            if fault:
+                place = ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.settings["names"], row, strict=True))
+                raise ComputationError(
+                    f"the FMU {self.name} {fault}, at {place}",
+                    remedy="narrow the limits in its TOML file to where it works, or raise time_limit",
+                )
+            found.append(answer)
         return found
 
     def stop(self) -> None:
@@ -80,65 +75,40 @@ class FmuProcess:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors,
         )  # fmt: skip
         weakref.finalize(self, _end, self._process)
-        self._answers: queue.Queue[dict[str, Any] | None] = queue.Queue()
-        assert self._process.stdin is not None
+        self._answers: queue.Queue[Any] = queue.Queue()
         assert self._process.stdout is not None
         threading.Thread(target=_receive, args=(self._process.stdout, self._answers), daemon=True).start()
-        pickle.dump(dict(self.settings), self._process.stdin)
-        self._process.stdin.flush()
-        try:
-            answer = self._answers.get(timeout=START_S)
-        except queue.Empty:
+        _, fault = self._ask(dict(self.settings), START_S)
+        if fault:
             self.stop()
-            answer = {"fault": f"it did not load within {START_S:g} s"}
-        if answer is None or "fault" in answer:
-            said = answer["fault"] if answer else self._last_words().removeprefix(": ")
-            self.stop()
-            raise RequestError(f"the FMU {self.name} cannot be loaded ({said})")
+            raise RequestError(f"the FMU {self.name} cannot be loaded: it {fault}")
 
-    def _next(self, rows: Sequence[Sequence[float]]) -> dict[str, Any]:
-        try:
-            answer = self._answers.get(timeout=self.time_limit + EVERY_S)
-        except queue.Empty:
-            self.stop()
-            self._fail(
-                f"takes longer than {self.time_limit:g} s for one simulation and was stopped",
-                self._reached(rows),
-            )
-        if answer is None:
-            self._crashed(rows)
-        assert answer is not None
-        return answer
-
-    def _reached(self, rows: Sequence[Sequence[float]]) -> Sequence[float]:
-        """The row that was simulated last."""
-        with open(os.path.join(self.directory, AT_ROW), "rb") as file:
-            return rows[min(int.from_bytes(file.read(8), "little"), len(rows) - 1)]
-
-    def _crashed(self, rows: Sequence[Sequence[float]]) -> None:
+    def _ask(self, request: Any, limit_s: float) -> tuple[Any, str]:
+        """The answer to a request; or what became of the FMU."""
         assert self._process is not None
-        code = self._process.wait()
-        said = self._last_words()
-        self._process = None
-        self._fail(
-            f"crashed ({'signal ' + str(-code) if code < 0 else 'exit code ' + str(code)}{said})",
-            self._reached(rows),
-        )
+        assert self._process.stdin is not None
+        try:
+            pickle.dump(request, self._process.stdin)
+            self._process.stdin.flush()
+            answer = self._answers.get(timeout=limit_s)
+        except OSError:
+            answer = None
+        except queue.Empty:
+            self.stop()
+            return None, f"takes longer than {limit_s:g} s for one simulation and was stopped"
+        if answer is None:
+            code, said = self._process.wait(), self._last_words()
+            self._process = None
+            return None, f"crashed ({'signal ' + str(-code) if code < 0 else 'exit code ' + str(code)}{said})"
+        return answer, f"reports an error: {answer}" if isinstance(answer, str) else ""
 
     def _last_words(self) -> str:
         self._errors.seek(0)
         lines = self._errors.read().decode("utf-8", "replace").strip().splitlines()
         return f": {lines[-1][:200]}" if lines else ""
 
-    def _fail(self, what: str, row: Sequence[float]) -> None:
-        place = ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.settings["names"], row, strict=True))
-        raise ComputationError(
-            f"the FMU {self.name} {what}, at {place}",
-            remedy="narrow the limits in its TOML file to where it works, or raise time_limit",
-        )
 
-
-def _receive(stream: IO[bytes], answers: queue.Queue[dict[str, Any] | None]) -> None:
+def _receive(stream: IO[bytes], answers: queue.Queue[Any]) -> None:
     try:
         while True:
             answers.put(pickle.load(stream))

@@ -2,8 +2,9 @@
 
     python -m specan.fmu.worker DIRECTORY
 
-DIRECTORY holds the unpacked FMU. Requests come as pickles on standard input, answers go out on standard output;
-what the FMU itself prints goes to standard error.
+DIRECTORY holds the unpacked FMU. Requests come as pickles on standard input: the settings, then one row of values after
+the other. Answers go out on standard output: outputs, or a text that says what failed; what the FMU itself prints goes
+to standard error.
 """
 
 from __future__ import annotations
@@ -11,13 +12,8 @@ from __future__ import annotations
 import os
 import pickle
 import sys
-import time
 from collections.abc import Mapping, Sequence
-from io import RawIOBase
-from typing import Any, BinaryIO
-
-AT_ROW = "specan_at_row"  # file that says which row is simulated, for who finds the process dead
-EVERY_S = 0.05  # answers are sent that often, so that a long table is told from a hang
+from typing import Any
 
 
 class Simulator:
@@ -27,27 +23,18 @@ class Simulator:
     ----------
     directory : str
         The unpacked FMU.
-    names : sequence of str
-        Variables that are set, in the order of the numbers in a row.
-    outputs : sequence of str
-        Variables that are read.
-    kind : str
-        ``CoSimulation`` or ``ModelExchange``.
-    duration, step, average, tolerance : float
-        See `specan.fmu.settings.Simulation`.
+    settings : mapping
+        ``names`` of the variables that a row holds values of, ``outputs``, ``kind`` (``CoSimulation`` or
+        ``ModelExchange``), ``duration``, ``step``, ``average`` (all in s) and ``tolerance``.
     """
 
-    def __init__(
-        self, directory: str, names: Sequence[str], outputs: Sequence[str], kind: str, duration: float,
-        step: float | None, average: float, tolerance: float,
-    ) -> None:  # fmt: skip
+    def __init__(self, directory: str, settings: Mapping[str, Any]) -> None:
         from fmpy.model_description import read_model_description
 
-        self.directory, self.names, self.outputs, self.kind = directory, names, outputs, kind
-        self.duration, self.step, self.average, self.tolerance = duration, step, average, tolerance
+        self.directory, self.settings = directory, settings
         self.description = read_model_description(directory)
         types = {v.name: v.type for v in self.description.modelVariables}
-        self.types = [types[name] for name in names]
+        self.types = [types[name] for name in settings["names"]]
         self.instance: Any = None
 
     def run(self, row: Sequence[float]) -> list[float]:
@@ -55,19 +42,20 @@ class Simulator:
         import numpy as np
         from fmpy import simulate_fmu
 
+        given = self.settings
         self._fresh_instance()
-        start = dict(zip(self.names, map(_typed, row, self.types), strict=True))
         found = simulate_fmu(
-            self.directory, validate=False, start_time=0.0, stop_time=self.duration, fmi_type=self.kind,
-            output_interval=self.step, step_size=self.step, relative_tolerance=self.tolerance, start_values=start,
-            output=list(self.outputs), record_events=False, model_description=self.description,
+            self.directory, validate=False, start_time=0.0, stop_time=given["duration"], fmi_type=given["kind"],
+            output_interval=given["step"], step_size=given["step"], relative_tolerance=given["tolerance"],
+            start_values=dict(zip(given["names"], map(_typed, row, self.types), strict=True)),
+            output=list(given["outputs"]), record_events=False, model_description=self.description,
             fmu_instance=self.instance,
         )  # fmt: skip
-        time_axis = found["time"]
-        if time_axis[-1] < self.duration * (1 - 1e-6) - (self.step or 0.0):
-            raise RuntimeError(f"the simulation ended at {time_axis[-1]:.6g} s of {self.duration:g} s")
-        last = time_axis >= time_axis[-1] - self.average * (1 + 1e-9)
-        return [float(np.mean(found[name][last])) for name in self.outputs]
+        time = found["time"]
+        if time[-1] < given["duration"] * (1 - 1e-6) - (given["step"] or 0.0):
+            raise RuntimeError(f"the simulation ended at {time[-1]:.6g} s of {given['duration']:g} s")
+        last = time >= time[-1] - given["average"] * (1 + 1e-9)
+        return [float(np.mean(found[name][last])) for name in given["outputs"]]
 
     def _fresh_instance(self) -> None:
         from fmpy.simulation import instantiate_fmu
@@ -78,7 +66,7 @@ class Simulator:
                 return
             except Exception:  # an FMU need not know how to be reset
                 self.instance.freeInstance()
-        self.instance = instantiate_fmu(self.directory, self.description, self.kind)
+        self.instance = instantiate_fmu(self.directory, self.description, self.settings["kind"])
 
 
 def _typed(value: float, kind: str) -> float | int | bool:
@@ -91,47 +79,24 @@ def main() -> None:
     """Answer requests until standard input ends."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    requests = sys.stdin.buffer
-    try:
-        simulator = Simulator(sys.argv[1], **pickle.load(requests))
-    except Exception as fault:
-        _send(answers, fault=f"{type(fault).__name__}: {fault}")
-        return
-    _send(answers, done=[])
-    with open(os.path.join(sys.argv[1], AT_ROW), "wb", buffering=0) as at_row:
-        while True:
-            try:
-                rows = pickle.load(requests)
-            except EOFError:
-                return
-            _answer(simulator, rows, answers, at_row)
-
-
-def _answer(
-    simulator: Simulator, rows: Sequence[Sequence[float]], answers: BinaryIO, at_row: RawIOBase
-) -> None:
-    done: list[list[float]] = []
-    sent = time.perf_counter()
-    for number, row in enumerate(rows):
-        at_row.seek(0)
-        at_row.write(number.to_bytes(8, "little"))
+    simulator: Simulator | None = None
+    while True:
         try:
-            done.append(simulator.run(row))
-        except Exception as fault:
-            _send(answers, done=done, fault=f"{type(fault).__name__}: {fault}")
-            simulator.instance = None
+            request = pickle.load(sys.stdin.buffer)
+        except EOFError:
             return
-        if time.perf_counter() - sent > EVERY_S:
-            _send(answers, done=done)
-            done, sent = [], time.perf_counter()
-    if done:
-        _send(answers, done=done)
-
-
-def _send(answers: BinaryIO, **content: Any) -> None:
-    message: Mapping[str, Any] = content
-    pickle.dump(message, answers)
-    answers.flush()
+        answer: list[float] | str = []
+        try:
+            if simulator is None:
+                simulator = Simulator(sys.argv[1], request)
+            else:
+                answer = simulator.run(request)
+        except Exception as fault:  # whatever the FMU or its library raises
+            answer = f"{type(fault).__name__}: {fault}"
+            if simulator is not None:
+                simulator.instance = None
+        pickle.dump(answer, answers)
+        answers.flush()
 
 
 if __name__ == "__main__":
