@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import ComputationError
+from specan.models.kept import kept
 from specan.room.model.frequency_interpolation import FrequencyInterpolation
 
 Complex = NDArray[np.complex128]
@@ -87,10 +87,7 @@ def slopes(w: Complex, a0: Complex, part: NDArray[np.float64] | float) -> Comple
 
 # A fit changes one wall or one edge at a time; the other axes stay. Zeros are always looked for from the same start:
 # one that depends on what was solved before makes two processes differ in the last digits.
-_AXES: OrderedDict[tuple[object, ...], AxisModes] = OrderedDict()
-_KEPT = 8
-
-
+@kept(8)
 def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: int) -> AxisModes:
     """Solve ``X'' + q^2 X = 0`` with ``X'(0) = (a0/L) X(0)`` and ``X'(L) = -(a1/L) X(L)``.
 
@@ -116,15 +113,8 @@ def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: i
         The zeros are not found at some line.
     """
     a0, a1 = (np.atleast_1d(np.asarray(a, dtype=complex))[:, None] for a in (a0, a1))
-    key = (length, a0.tobytes(), a1.tobytes(), count)
-    if key in _AXES:
-        _AXES.move_to_end(key)
-        return _AXES[key]
     w = _zeros(length, a0, a1, count)
-    while len(_AXES) >= _KEPT:
-        _AXES.popitem(last=False)
-    _AXES[key] = AxisModes(length, w, a0, length * norms(w, a0), a1)
-    return _AXES[key]
+    return AxisModes(length, w, a0, length * norms(w, a0), a1)
 
 
 def _zeros(length: float, a0: Complex, a1: Complex, count: int) -> Complex:

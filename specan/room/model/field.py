@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.effect import Parameter
-from specan.models.kept import forgotten_by
+from specan.models.kept import kept
 from specan.models.quantity import quantity
-from specan.room.model.box_field import BoxField, box
+from specan.room.model.box_field import box
 from specan.room.model.port import Port, point
 
 Complex = NDArray[np.complex128]
@@ -96,6 +95,7 @@ def face_admittance(wall_admittance, wall_of_face):
 
 
 @quantity(unit="1", opaque=True)
+@kept(3)  # a fit changes one parameter at a time, most of which leave the modes alone
 def room_modes(
     frequency,
     sound_speed,
@@ -109,56 +109,21 @@ def room_modes(
     mode_shift,
 ):
     """The room's modes, and the couplings that were asked of them."""
-    inputs = (
-        frequency,
-        sound_speed,
-        air_attenuation,
-        air_dispersion,
-        face_admittance,
-        room_dimensions,
-        drawn_dimensions,
-        mode_margin,
-        modes_apart,
-        mode_shift,
+    lengths, as_drawn = point(room_dimensions), point(drawn_dimensions)
+    k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + air_dispersion))
+    # Counts and the static_correction's range belong to the drawn room in cold air: while temperature or an edge
+    # is fitted they must not jump.
+    k_max = 2 * np.pi * float(np.max(frequency)) / COLD
+    counts = mode_counts(as_drawn, k_max, float(mode_margin))
+    k2 = (k - 1j * air_attenuation) ** 2
+    return box(
+        frequency, lengths, k2, 1j * k * face_admittance, as_drawn, k_max, counts, modes_apart, mode_shift
     )
-    key: tuple[bytes, ...] = tuple(np.asarray(value).tobytes() for value in inputs)
-    if key not in _BOXES:
-        while len(_BOXES) >= 3:
-            _BOXES.popitem(last=False)
-        _BOXES[key] = _make_box(*inputs)
-    return _BOXES[key]
-
-
-# A fit changes one parameter at a time, most of which leave the modes alone.
-_BOXES: OrderedDict[tuple[bytes, ...], BoxField] = OrderedDict()
-forgotten_by(_BOXES.clear)
 
 
 def mode_counts(lengths: tuple[float, ...], k_max: float, margin: float) -> tuple[int, ...]:
     """Modes along each axis, so that the truncated sum reaches `margin` times the largest wave number."""
     return tuple(int(np.ceil(margin * k_max * length / np.pi)) + 2 for length in lengths)
-
-
-def _make_box(
-    frequency: Any,
-    sound_speed: Any,
-    attenuation: Any,
-    dispersion: Any,
-    admittance: Any,
-    dimensions: Any,
-    drawn: Any,
-    margin: Any,
-    modes_apart: Any,
-    mode_shift: Any,
-) -> BoxField:
-    lengths, as_drawn = point(dimensions), point(drawn)
-    k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + dispersion))
-    # Counts and the static_correction's range belong to the drawn room in cold air: while temperature or an edge
-    # is fitted they must not jump.
-    k_max = 2 * np.pi * float(np.max(frequency)) / COLD
-    counts = mode_counts(as_drawn, k_max, float(margin))
-    k2 = (k - 1j * attenuation) ** 2
-    return box(frequency, lengths, k2, 1j * k * admittance, as_drawn, k_max, counts, modes_apart, mode_shift)
 
 
 @quantity(unit="Pa*s/m", axes=("place",))

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.models.kept import forgotten_by
+from specan.models.kept import kept
 from specan.models.quantity import Quantity, constant, quantity
 from specan.room.model.mesh_file import RoomMesh
 from specan.room.model.mesh_modes import MeshModes, reduce
@@ -20,10 +18,6 @@ from specan.room.model.port import Port, beyond, point
 Complex = NDArray[np.complex128]
 
 REACH = 1.5  # of the band: lines above it fold into a recording's, and are had with less care
-
-_KEPT = (
-    3  # rooms, and fields of a room: a fit changes one parameter at a time, most of which leave them alone
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,20 +35,11 @@ class MeshRoom:
     @property
     def modes(self) -> MeshModes:
         """The reduced room."""
-        key = (self.mesh.digest, self.degree, self.k_max)
-        if key not in _REDUCED:
-            while len(_REDUCED) >= _KEPT:
-                _REDUCED.popitem(last=False)
-            _REDUCED[key] = reduce(self.mesh, self.degree, self.k_max)
-        return _REDUCED[key]
-
-
-_REDUCED: OrderedDict[tuple[object, ...], MeshModes] = OrderedDict()
-_FIELDS: OrderedDict[tuple[object, ...], MeshField] = OrderedDict()
-forgotten_by(_FIELDS.clear)
+        return reduce(self.mesh, self.degree, self.k_max)
 
 
 @quantity(unit="1", opaque=True)
+@kept(3)  # a fit changes one parameter at a time, most of which leave the field alone
 def room_modes(
     frequency,
     sound_speed,
@@ -66,33 +51,15 @@ def room_modes(
     drawn_dimensions,
 ):
     """The room's modes, and the couplings that were asked of them."""
-    stretch = np.asarray(room_dimensions) / drawn_dimensions
-    inputs = (frequency, sound_speed, air_attenuation, air_dispersion, face_admittance, stretch)
-    key = (id(room_mesh.modes), *(np.asarray(value).tobytes() for value in inputs))
-    if key not in _FIELDS:
-        while len(_FIELDS) >= _KEPT:
-            _FIELDS.popitem(last=False)
-        _FIELDS[key] = _make_field(room_mesh, *inputs)
-    return _FIELDS[key]
-
-
-def _make_field(
-    room: MeshRoom,
-    frequency: Any,
-    sound_speed: Any,
-    attenuation: Any,
-    dispersion: Any,
-    admittance: Any,
-    stretch: Any,
-) -> MeshField:
-    k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + dispersion))
-    if k.max() > REACH * room.k_max:
+    k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + air_dispersion))
+    if k.max() > REACH * room_mesh.k_max:
         raise RequestError(
             f"a line at {np.max(frequency):.1f} Hz lies above what the mesh was solved for",
-            expected=f"at most {REACH * room.k_max / k.max() * np.max(frequency):.1f} Hz",
+            expected=f"at most {REACH * room_mesh.k_max / k.max() * np.max(frequency):.1f} Hz",
             remedy="raise [band] f_max_hz in the rig file",
         )
-    return MeshField(room.modes, (k - 1j * attenuation) ** 2, 1j * k * admittance, stretch)
+    stretch = np.asarray(room_dimensions) / drawn_dimensions
+    return MeshField(room_mesh.modes, (k - 1j * air_attenuation) ** 2, 1j * k * face_admittance, stretch)
 
 
 @dataclass(eq=False)

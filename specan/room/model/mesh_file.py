@@ -43,6 +43,12 @@ class RoomMesh:
     walls: Mapping[str, Numbers]
     digest: str
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, RoomMesh) and other.digest == self.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
     @property
     def volume(self) -> float:
         """Volume of the room, m^3."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -232,6 +233,7 @@ def expected_modes(mesh: RoomMesh, k: float) -> float:
     return mesh.volume * k**3 / (6 * np.pi**2) + mesh.surface * k**2 / (16 * np.pi) + 1
 
 
+@lru_cache(maxsize=3)
 def reduce(mesh: RoomMesh, degree: int, k_max: float) -> MeshModes:
     """Solve for the modes and the walls' answers.
 
