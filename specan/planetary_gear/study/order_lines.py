@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
-from specan.study.observation import Fixed, Strategy, Variable
+from specan.study.observation import Strategy, Variable
 from specan.study.observation.kept_lines import KeptLines
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ START = 0.3  # relative error that all lines are given for the first gains
 
 
 @dataclass(frozen=True, eq=False)
-class OrderLinesObservation(Fixed, KeptLines):
+class OrderLinesObservation(KeptLines):
     """Measured order lines, one recording.
 
     Attributes
@@ -82,7 +82,6 @@ class OrderLinesObservation(Fixed, KeptLines):
     levels: Mapping[str, tuple[float, Variable]] = field(default_factory=dict)
     noise_dof: float = np.inf
     observable: str = "lines"
-    pure_error_dof: ClassVar[float] = 0.0
     kind: ClassVar[str] = "orders"
     level_of: ClassVar[str] = "levels of lines"
     cells: ClassVar[tuple[str, ...]] = ("orders", "harmonic", "channel")
@@ -164,10 +163,6 @@ class OrderLinesObservation(Fixed, KeptLines):
         return np.ones(self.n), self.sigma**2
 
     # --- prediction ---------------------------------------------------------------------------
-
-    def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """What the model expects in place of `measured`, as far as it is declared to know it."""
-        return self.predict_many(assembly, [values])[:, 0]
 
     def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """The model's lines in place of `measured`, with the gain of each sensor and harmonic that leaves least error.

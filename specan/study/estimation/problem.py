@@ -350,9 +350,7 @@ class Problem:
     def plain(self, theta: Array) -> list[Array]:
         """Predictions as they are shown: of the fitted model, without what `predict` allows for its declared errors."""
         values = self.values_at(theta)
-        return [
-            getattr(o, "plain", o.predict)(self.assembly, self.seen_by(o, values)) for o in self.observations
-        ]
+        return [o.plain(self.assembly, self.seen_by(o, values)) for o in self.observations]
 
     def whiten(self, array: Array) -> Array:
         """V^(-1/2) of all observations on an array over the `n_data` measured rows (no priors)."""

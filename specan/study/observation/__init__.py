@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,128 +154,124 @@ def variable_named(name: str, variables: Mapping[str, Variable]) -> Variable:
     return variables.get(name) or Variable(name.replace("_", " "))
 
 
-@runtime_checkable
-class Observation(Protocol):
+class Observation:
     """A measured vector, the model's prediction of it, and the covariance of their difference.
 
     The covariance V holds what is random: reading noise, the scatter of setting a condition again, and
     the declared, smooth discrepancy of the model. It belongs to the observation and never changes with
     the model under test, so that chi-squares of different models may be compared. Errors that all rows
     share (a gain, a zero) are nuisance parameters with a prior in the `Problem`.
+
+    The methods below hold for rows that are cheap to predict, and whose covariance was found without the model.
+
+    Attributes
+    ----------
+    name : str
+        File or channel, for messages.
+    kind : str
+        Kind of measurement.
+    measured : array, shape (n,)
+        What was measured, SI; complex data as the real parts followed by the imaginary ones.
+    sigma : array, shape (n,)
+        Standard uncertainty of each value: the root of V's diagonal.
+    conditions : mapping
+        Operating conditions in SI, arrays.
+    labels : mapping
+        Operating variable (``load_kN``) to one level a row: values that were meant to be equal are equal.
+    variables : mapping
+        Words and unit of each label.
+    available : frozenset of str
+        Conditions that the data hold.
+    recordings : tuple of str
+        Recordings of the rows; a parameter with ``per="recording"`` has one element each.
+    n_effective : float
+        Number of independent values that the data are worth; all by default.
+    noise_dof : float
+        Degrees of freedom of the noise estimate; inf where the noise is known.
+    pure_error_dof : float
+        Degrees of freedom of the residual that only compare repeats, and that the noise was estimated from. They are
+        spent: whatever the model, their share of chi-square equals their number.
+    strategy : Strategy
+        How fits and searches over these data are run.
     """
 
-    @property
-    def name(self) -> str:
-        """File or channel, for messages."""
+    kind: ClassVar[str]
+    noise_dof: float = float("inf")
+    pure_error_dof: float = 0.0
 
-    @property
-    def measured(self) -> Array:
-        """What was measured, SI; complex data as the real parts followed by the imaginary ones."""
+    if TYPE_CHECKING:
+        name: str
 
-    @property
-    def sigma(self) -> Array:
-        """Standard uncertainty of each value: the root of V's diagonal."""
-
-    @property
-    def conditions(self) -> Mapping[str, Array]:
-        """Operating conditions in SI, arrays."""
-
-    @property
-    def labels(self) -> Mapping[str, NDArray[Any]]:
-        """Operating variable (``load_kN``) to one level a row: values that were meant to be equal are equal."""
-
-    @property
-    def kind(self) -> str:
-        """Kind of measurement; see `specan.study.observation`."""
-
-    @property
-    def variables(self) -> Mapping[str, Variable]:
-        """Words and unit of each label."""
-
-    @property
-    def available(self) -> frozenset[str]:
-        """Conditions that the data hold."""
-
-    @property
-    def recordings(self) -> tuple[str, ...]:
-        """Recordings of the rows; a parameter with ``per="recording"`` has one element each."""
+        @property
+        def strategy(self) -> Strategy: ...  # noqa: D102
+        @property
+        def measured(self) -> Array: ...  # noqa: D102
+        @property
+        def sigma(self) -> Array: ...  # noqa: D102
+        @property
+        def conditions(self) -> Mapping[str, Array]: ...  # noqa: D102
+        @property
+        def labels(self) -> Mapping[str, NDArray[Any]]: ...  # noqa: D102
+        @property
+        def variables(self) -> Mapping[str, Variable]: ...  # noqa: D102
+        @property
+        def available(self) -> frozenset[str]: ...  # noqa: D102
+        @property
+        def recordings(self) -> tuple[str, ...]: ...  # noqa: D102
 
     @property
     def n(self) -> int:
         """Length of `measured`."""
+        return int(self.measured.size)
 
     @property
     def n_effective(self) -> float:
-        """Number of independent values that the data are worth."""
-
-    @property
-    def noise_dof(self) -> float:
-        """Degrees of freedom of the noise estimate; inf where the noise is known."""
-
-    @property
-    def pure_error_dof(self) -> float:
-        """Degrees of freedom of the residual that only compare repeats, and that the noise was estimated from.
-
-        They are spent: whatever the model, their share of chi-square equals their number.
-        """
+        """Number of rows: what correlates them is in the covariance."""
+        return float(self.n)
 
     def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """What the model expects in place of `measured`.
 
         A parameter with ``per="recording"`` comes as a vector over `recordings`.
         """
+        return self.predict_many(assembly, [values])[:, 0]
+
+    def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
+        """Prediction as it is shown: without what `predict` allows for declared errors of the model."""
+        return self.predict(assembly, values)
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values, shape (n, len(many))."""
+        raise NotImplementedError
 
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0 of a vector, or of the columns of a matrix."""
+        raise NotImplementedError
 
-    def take(self, mask: NDArray[np.bool_]) -> Observation:
+    def take(self, mask: NDArray[np.bool_]) -> Self:
         """The same observation with some of its rows only."""
-
-    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Observation:
-        """About so many rows, cheaper to predict, with the residual that the whole has at these values."""
-
-    @property
-    def strategy(self) -> Strategy:
-        """How fits and searches over these data are run."""
-
-    def down_weighted(self, percent: float) -> Observation:
-        """The same with every row uncertain by so much of the level around it; itself without `continuation`."""
-
-    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
-        """The same without windows, as far as the model at these values knows what they do; itself where none are."""
-
-    def about(
-        self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True, placed: Collection[str] = ()
-    ) -> Observation:
-        """The same with a covariance that is linearised about the model at these values; itself where it is not.
-
-        What is held out may not be `seen`: then the measured values themselves must not enter. Receivers whose places
-        are free by effects that are `placed` stand where these say, whatever is declared of their places.
-        """
-
-
-class Fixed:
-    """What an observation shares whose rows are cheap to predict, and whose covariance was found without the model."""
+        raise NotImplementedError
 
     def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Self:
-        """All of it."""
+        """About so many rows, cheaper to predict, with the residual that the whole has at these values; all of them."""
         return self
 
     def down_weighted(self, percent: float) -> Self:
-        """Itself."""
+        """The same with every row uncertain by so much of the level around it; itself without `continuation`."""
         return self
 
     def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> Self:
-        """Itself."""
+        """The same without windows, as far as the model at these values knows what they do; itself where none are."""
         return self
 
     def about(
         self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True, placed: Collection[str] = ()
     ) -> Self:
-        """Itself."""
+        """The same with a covariance that is linearised about the model at these values; itself where it is not.
+
+        What is held out may not be `seen`: then the measured values themselves must not enter. Receivers whose places
+        are free by effects that are `placed` stand where these say, whatever is declared of their places.
+        """
         return self
 
 

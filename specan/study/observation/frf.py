@@ -147,21 +147,6 @@ class FrfObservation(KeptLines):
     cells: ClassVar[tuple[str, ...]] = ("third_octave_hz", "channel")
 
     @property
-    def n_effective(self) -> float:
-        """All: the correlation of neighbouring lines is in the covariance."""
-        return float(self.n)
-
-    @property
-    def noise_dof(self) -> float:
-        """Degrees of freedom of the noise: it is smoothed over many lines, and counts as known."""
-        return float("inf")
-
-    @property
-    def pure_error_dof(self) -> float:
-        """Degrees of freedom that only repeats have; the lines have none."""
-        return 0.0
-
-    @property
     def available(self) -> frozenset[str]:
         """Conditions that the data hold."""
         return frozenset(self.conditions_at_nodes)
@@ -230,10 +215,6 @@ class FrfObservation(KeptLines):
         whole = ~np.isin(self.labels["third_octave_hz"], list(self.partial_thirds))
         counted = np.tile(clear, 2) & (whole if whole.any() else True)
         return counted.astype(float), np.zeros(self.n)
-
-    def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """What the model expects in place of `measured`."""
-        return self.stack(self.responses(assembly, [values])[0])
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values; what does not depend on what changed is kept."""
@@ -354,7 +335,7 @@ class FrfObservation(KeptLines):
 
     def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Prediction as it is shown: shifts of modes that were found are not taken back."""
-        predicted = self.predict(assembly, values)
+        predicted = super().plain(assembly, values)
         if not self.shifts or self.declared is None or self.modal is None:
             return predicted
         shifts = self.declared.receivers.shifts

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.study.observation import Array
+from specan.study.observation import Array, Observation
 
 ABOVE_NOISE = (
     10.0  # times its noise that a line's power must be for its level to count: noise then adds 0.4 dB
 )
 
 
-class KeptLines:
+class KeptLines(Observation):
     """What observations of complex lines share.
 
     Attributes
@@ -46,16 +45,6 @@ class KeptLines:
     def recordings(self) -> tuple[str, ...]:
         """The one recording."""
         return (self.recording,)
-
-    @property
-    def measured(self) -> Array:
-        """Real parts, then imaginary parts."""
-        raise NotImplementedError
-
-    @property
-    def labels(self) -> Mapping[str, NDArray[Any]]:
-        """One level a row of each operating variable."""
-        raise NotImplementedError
 
     def powers(self) -> tuple[Array, Array]:
         """Which rows count for a level, and the power of noise in each that is beside it."""

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Assembly
-from specan.study.observation import TABLE, Array, Fixed, Strategy, Variable
+from specan.study.observation import TABLE, Array, Observation, Strategy, Variable
 
 
 @dataclass(frozen=True, eq=False)
-class TableObservation(Fixed):
+class TableObservation(Observation):
     """Rows of one or several tables as an `Observation`.
 
     Attributes
@@ -65,16 +65,6 @@ class TableObservation(Fixed):
     def __post_init__(self) -> None:
         if not np.all(np.isfinite(self.measured)):
             raise InputError(f"{self.name} holds values that are not finite", remedy="remove those rows")
-
-    @property
-    def n(self) -> int:
-        """Number of rows."""
-        return int(self.measured.size)
-
-    @property
-    def n_effective(self) -> float:
-        """Number of rows: what correlates them is in the covariance."""
-        return float(self.n)
 
     # --- covariance ---------------------------------------------------------------------------
 
@@ -191,10 +181,6 @@ class TableObservation(Fixed):
                 picks.append((name, rows, np.searchsorted(inside, self._position[rows])))
             found.append((int(number), {n: c[inside] for n, c in conditions.items()}, picks))
         return found
-
-    def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """What the model expects in every row."""
-        return self.predict_many(assembly, [values])[:, 0]
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values, shape (n, len(many)). Each recording is evaluated as a whole."""
