@@ -93,7 +93,7 @@ class LawSearch:
 
 
 @dataclass(frozen=True, eq=False)
-class _Target:
+class Target:
     """A quantity, what a unit of it does to the whitened residual of each row, and its value."""
 
     quantity: str
@@ -168,29 +168,37 @@ def _variables(start: Refit) -> tuple[dict[str, Array], list[Spread]]:
     return variables, spreads
 
 
-def _targets(start: Refit) -> Iterator[_Target]:
+def _targets(start: Refit) -> Iterator[Target]:
     """Quantities that a law may act on: the observables' own, and the one that the model names for it."""
     problem, model = start.problem, start.problem.assembly.model
     measured = {str(name) for o in problem.observations for name in set(o.observable.tolist())}  # type: ignore[attr-defined]
     names = [model.observables[name].quantity for name in sorted(measured)]
     names += [model.law.quantity] if model.law is not None else []
     for name in dict.fromkeys(names):
-        target = _target(start, name)
+        target = target_named(start, name)
         if target is not None:
             yield target
 
 
-def _target(start: Refit, name: str) -> _Target | None:
+def values_of(start: Refit, name: str) -> Array:
+    """A quantity or a condition of the fitted model, in every row of the tables."""
+    problem, assembly, parts = start.problem, start.problem.assembly, []
+    for o in problem.observations:
+        assert isinstance(o, TableObservation)
+        found = o.conditions.get(name)
+        if name in assembly.model.quantities:
+            values = o.by_row(assembly, problem.seen_by(o, start.fit.values))
+            found = assembly.evaluate(o.conditions, values, [name])[name]
+        parts.append(np.broadcast_to(np.asarray(found, dtype=np.float64), (o.n,)))
+    return np.concatenate(parts)
+
+
+def target_named(start: Refit, name: str) -> Target | None:
+    """A quantity that a law may act on, and what a unit of it does; None where it does nothing."""
     problem, quantity = start.problem, start.problem.assembly.model.quantities[name]
     if quantity.collection or quantity.opaque:
         return None
-    tables = [o for o in problem.observations if isinstance(o, TableObservation)]
-    parts = []
-    for o in tables:
-        values = o.by_row(problem.assembly, problem.seen_by(o, start.fit.values))
-        found = np.asarray(problem.assembly.evaluate(o.conditions, values, [name])[name], dtype=np.float64)
-        parts.append(np.broadcast_to(found, (o.n,)))
-    value: Array = np.concatenate(parts)
+    value = values_of(start, name)
     size = STEP * (float(np.mean(np.abs(value))) or 1.0)
     shifted = np.concatenate(_shifted(start, name, quantity.unit, size))
     slope = (shifted - np.concatenate(problem.predictions(start.fit.theta))) / size
@@ -202,7 +210,7 @@ def _target(start: Refit, name: str) -> _Target | None:
         rows = slice(first, first + each.n)
         white[rows, rows] = each.whiten(np.diag(slope[rows]))
         first += each.n
-    return _Target(name, quantity.unit, white * start.weights[:, None], value)
+    return Target(name, quantity.unit, white * start.weights[:, None], value)
 
 
 def _shifted(start: Refit, name: str, unit: str, size: float) -> list[Array]:
@@ -220,7 +228,7 @@ def _shifted(start: Refit, name: str, unit: str, size: float) -> list[Array]:
 
 
 def _columns(
-    target: _Target, formula: Formula, variables: dict[str, Array], places: Sequence[Sequence[float]]
+    target: Target, formula: Formula, variables: dict[str, Array], places: Sequence[Sequence[float]]
 ) -> Array:
     """What laws of amplitude one do to the whitened residual, one a column."""
     with np.errstate(all="ignore"):
@@ -234,7 +242,7 @@ def _columns(
 
 
 def _scan(
-    start: Refit, scans: Sequence[tuple[_Target, Formula]], variables: dict[str, Array], rest: Array, dof: int
+    start: Refit, scans: Sequence[tuple[Target, Formula]], variables: dict[str, Array], rest: Array, dof: int
 ) -> tuple[list[tuple[float, tuple[float, ...]]], Array]:
     """Largest share of chi-square that each formula takes, with its best shapes; and the largest of any for noise."""
     rng = np.random.default_rng(0)  # the same answer every time
@@ -274,7 +282,7 @@ def _family_wise(share: float, largest: Array, dof: int) -> float:
 
 def _refined(
     start: Refit,
-    target: _Target,
+    target: Target,
     formula: Formula,
     variables: dict[str, Array],
     place: tuple[float, ...],
