@@ -48,14 +48,7 @@ MIN_SETTLING = (
 
 
 def band_levels(
-    spectrum: EnergySpectrum,
-    channels: Sequence[Channel],
-    settings: OctaveSettings,
-    *,
-    label: str = "",
-    file_flags: Sequence[str] = (),
-    quality: Sequence[Quality] | None = None,
-    notes: Sequence[str] = (),
+    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: OctaveSettings, **about: Any
 ) -> BandLevels:
     """Divide an energy spectrum into bands; no sample is read again.
 
@@ -84,7 +77,7 @@ def band_levels(
         averaged[~narrow] = spectrum.independent / spectrum.sampling_rate
     shown, other = (counted, left_out) if settings.settling == "counted" else (left_out, counted)
     return BandLevels(
-        **_common(found, channels, settings, label, file_flags, quality, notes),
+        **_common(found, channels, settings, **about),
         averaging="linear",
         hold=None,
         level_dB=shown[0],
@@ -113,16 +106,13 @@ def _levels_of(
 def weighted_levels(
     histories: Histories,
     overall: Sequence[str],
-    times: Real,
+    elapsed: Real,
     duration: float,
-    sampling_rate: float,
     channels: Sequence[Channel],
     settings: OctaveSettings,
     *,
-    label: str = "",
-    file_flags: Sequence[str] = (),
-    quality: Sequence[Quality] | None = None,
-    notes: Sequence[str] = (),
+    sampling_rate: float,
+    **about: Any,
 ) -> BandLevels:
     """Time-weighted mean squares as levels.
 
@@ -131,12 +121,19 @@ def weighted_levels(
     histories : Histories
         Of the bands, then of the weightings `overall` of the whole signal; the last reading is that at
         the end of the section.
-    times : array
-        Of the other readings, in s from the beginning of the recording.
+    elapsed : array
+        When the other readings are, in s from the beginning of the section.
     """
     found = settings.bands(sampling_rate)
-    n = len(found)
-    zero = _zero(channels, settings)
+    n, zero, usable = len(found), _zero(channels, settings), _usable(channels, overall)
+
+    def totals(levels_dB: Real) -> dict[str, Real]:
+        """Of levels (channels, filters) or (channels, filters, times), the overall ones."""
+        return {
+            w: np.where(usable[w].reshape(-1, *[1] * (levels_dB.ndim - 2)), levels_dB[:, n + k], np.nan)
+            for k, w in enumerate(overall)
+        }
+
     counted, left_out = histories.maximum, histories.later_maximum
     highest, other = (counted, left_out) if settings.settling == "counted" else (left_out, counted)
     shown, settling = {
@@ -144,21 +141,17 @@ def weighted_levels(
         "max": (highest, MAX_SETTLING[settings.settling]),
         "min": (histories.minimum, MIN_SETTLING),
     }[settings.hold]
-    usable = _usable(channels, overall)
-    shown_dB = level(shown, zero[:, None])
-    readings_dB = level(histories.readings[:, :, :-1], zero[:, None, None])
-    exceeded = _exceeded(histories, highest, times - settings.start_s, settings.percentiles)
-    other_dB, highest_dB = level(other, zero[:, None]), level(highest, zero[:, None])
+    shown_dB, other_dB, highest_dB = (level(each, zero[:, None]) for each in (shown, other, highest))
     other_dB[:, n:] = level(histories.with_cut[0][:, n:], zero[:, None])  # totals leave the cut out
-    exceeded_dB = {percent: level(values, zero[:, None]) for percent, values in exceeded.items()}
-
-    def totals(levels_dB: Real) -> dict[str, Real]:
-        return {w: np.where(usable[w], levels_dB[:, n + k], np.nan) for k, w in enumerate(overall)}
-
+    readings_dB = level(histories.readings[:, :, :-1], zero[:, None, None])
+    exceeded_dB = {
+        percent: level(values, zero[:, None])
+        for percent, values in _exceeded(histories, highest, elapsed, settings.percentiles).items()
+    }
     # An exponential average of time constant tau scatters like a linear one over 2 tau.
     averaged = min(2.0 * settings.time_constant, duration)
     return BandLevels(
-        **_common(found, channels, settings, label, file_flags, quality, notes),
+        **_common(found, channels, settings, **about),
         averaging=settings.averaging_name,
         hold=settings.hold,
         level_dB=shown_dB[:, :n],
@@ -172,11 +165,9 @@ def weighted_levels(
         if settings.hold == "max"
         else None,
         history=LevelHistory(
-            time_s=times,
+            time_s=settings.start_s + elapsed,
             level_dB=readings_dB[:, :n],
-            overall_dB={
-                w: np.where(usable[w][:, None], readings_dB[:, n + k], np.nan) for k, w in enumerate(overall)
-            },
+            overall_dB=totals(readings_dB),
             interval_s=settings.reading_interval(duration),
             max_dB=highest_dB[:, :n],
             overall_max_dB=totals(highest_dB),
@@ -243,11 +234,13 @@ def _common(
     found: Bands,
     channels: Sequence[Channel],
     settings: OctaveSettings,
-    label: str,
-    file_flags: Sequence[str],
-    quality: Sequence[Quality] | None,
-    notes: Sequence[str],
+    *,
+    label: str = "",
+    file_flags: Sequence[str] = (),
+    quality: Sequence[Quality] | None = None,
+    notes: Sequence[str] = (),
 ) -> Mapping[str, Any]:
+    """What both averagings have in common."""
     return {
         "label": label,
         "channels": tuple(channel.label for channel in channels),

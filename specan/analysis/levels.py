@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Annotated, Literal
 
 import numpy as np
@@ -134,8 +133,7 @@ class LevelsAccumulator:
         quality = self._quality.result()
         with np.errstate(invalid="ignore", over="ignore"):
             histories = self._history.result()
-            mean_square = dict(zip(self._weightings, histories.mean_square.T))
-            rms = np.sqrt(mean_square["Z"])
+            rms = np.sqrt(histories.mean_square[:, self._weightings.index("Z")])
         references = tuple(self._reference(channel) for channel in self.channels)
         zero = np.array([reference.value**2 for reference in references])
         low, high = (np.array([getattr(q, name) for q in quality]) for name in ("minimum", "maximum"))
@@ -145,26 +143,16 @@ class LevelsAccumulator:
             crest = np.where(rms > 0, peak / rms, np.nan)
         # Column 0 is the weighting's, column 1 that of channels for which there is none.
         row, column = np.arange(len(self.channels)), np.where(self._pressure, 0, 1)
-        c_peak = np.where(self._pressure, histories.peak, np.nan)
-        nothing = np.full(len(self.channels), np.nan)
-        equivalent: dict[str, NDArray[np.float64]] = {
-            w: level(np.where(self._pressure | (w == "Z"), mean_square.get(w, nothing), np.nan), zero)
-            for w in WEIGHTINGS
-        }
-        highest_with, mean_with, peak_with = histories.with_cut
-        with_cut = {
-            f"Leq_{w}": level(mean_with[:, k], zero) for k, w in enumerate(self._weightings) if w != "Z"
-        }
-        with_cut |= {
-            "max": level(highest_with[row, column], zero),
-            "C_peak": level(np.square(peak_with), zero),
-        }
-        max_dB = level(histories.maximum[row, column], zero)
-        c_peak_dB = level(np.square(c_peak), zero)
-        shown = {**{f"Leq_{w}": v for w, v in equivalent.items()}, "max": max_dB, "C_peak": c_peak_dB}
+        highest, mean_square, c_peak = histories.with_cut
+        shown = self._named(histories.mean_square, histories.maximum[row, column], histories.peak, zero)
+        with_cut = self._named(mean_square, highest[row, column], c_peak, zero)
         cut = {
-            name: np.where(self._pressure & apart(shown[name], v), v, np.nan) for name, v in with_cut.items()
+            name: np.where(self._pressure & apart(shown[name], values), values, np.nan)
+            for name, values in with_cut.items()
+            if name != "Leq_Z"
         }
+        nothing = np.full(len(self.channels), np.nan)
+        equivalent: dict[str, NDArray[np.float64]] = {w: shown.get(f"Leq_{w}", nothing) for w in WEIGHTINGS}
         percentile = exceeded(
             level(histories.readings[row, column], zero[:, None]), self.settings.percentiles
         )
@@ -184,11 +172,11 @@ class LevelsAccumulator:
             equivalent_dB=equivalent,
             exposure_dB={w: values + 10.0 * np.log10(self.duration) for w, values in equivalent.items()},
             peak_dB=level(np.square(peak), zero),
-            c_peak_dB=c_peak_dB,
+            c_peak_dB=shown["C_peak"],
             weighting=self._weighting,
             averaging=self.settings.averaging,
             percentile_dB=dict(zip(self.settings.percentiles, percentile)),
-            max_dB=max_dB,
+            max_dB=shown["max"],
             min_dB=level(histories.minimum[row, column], zero),
             start_s=self.settings.start_s,
             duration_s=self.duration,
@@ -204,6 +192,19 @@ class LevelsAccumulator:
             settings=self.settings.model_dump(mode="json"),
         )
 
+    def _named(
+        self,
+        mean_square: NDArray[np.float64],
+        maximum: NDArray[np.float64],
+        peak: NDArray[np.float64],
+        zero: NDArray[np.float64],
+    ) -> dict[str, NDArray[np.float64]]:
+        """Levels by their names; what is for sound pressure only is NaN in other channels."""
+        found = {f"Leq_{w}": level(mean_square[:, k], zero) for k, w in enumerate(self._weightings)}
+        found["C_peak"] = level(np.square(peak), zero)
+        found = {n: v if n == "Leq_Z" else np.where(self._pressure, v, np.nan) for n, v in found.items()}
+        return {**found, "max": level(maximum, zero)}
+
     def _reference(self, channel: Channel) -> LevelReference:
         if channel.unit == "m/s" and self.settings.velocity_reference == "50 nm/s":
             return VELOCITY_50_NM_S
@@ -218,15 +219,8 @@ def _edges(with_cut: dict[str, float]) -> list[str]:
 
 def joined_values(parts: Sequence[SignalLevels]) -> SignalLevels:
     """The values of groups of channels as one result."""
-    alike = {
-        "label",
-        "weighting",
-        "averaging",
-        "start_s",
-        "duration_s",
-        "sampling_rate",
-        "settling",
-        "notes",
-        "settings",
-    }
-    return joined(parts, [field.name for field in fields(SignalLevels) if field.name not in alike])
+    return joined(
+        parts,
+        "channels groups units references mean minimum maximum rms peak crest_factor level_dB equivalent_dB exposure_dB "
+        "peak_dB c_peak_dB percentile_dB max_dB min_dB flags",
+    )

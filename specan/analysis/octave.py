@@ -174,32 +174,15 @@ class OctaveAccumulator:
             return band_levels(self.spectrum(self.settings.fraction), self.channels, self.settings, **about)
         with np.errstate(invalid="ignore", over="ignore"):
             histories = self._at_work.result()
-        times = self.settings.start_s + self._times
         return weighted_levels(
-            histories,
-            self._overall,
-            times,
-            self._duration,
-            self.sampling_rate,
-            self.channels,
-            self.settings,
-            **about,
-        )
+            histories, self._overall, self._times, self._duration, self.channels, self.settings,
+            sampling_rate=self.sampling_rate, **about,
+        )  # fmt: skip
 
 
 def joined_levels(parts: Sequence[BandLevels]) -> BandLevels:
     """The band levels of groups of channels as one result."""
-    names = (
-        "channels",
-        "groups",
-        "units",
-        "references",
-        "level_dB",
-        "overall_dB",
-        "flags",
-        "history",
-        "other",
-        "percentile_dB",
-        "percentile_overall_dB",
+    return joined(
+        parts,
+        "channels groups units references level_dB overall_dB flags history other percentile_dB percentile_overall_dB",
     )
-    return joined(parts, names)

@@ -276,12 +276,14 @@ def slices(count: int) -> Iterator[slice]:
     return (slice(first, first + AT_ONCE) for first in range(0, count, AT_ONCE))
 
 
-def joined(parts: Sequence[Found], by_channel: Sequence[str]) -> Found:
+def joined(parts: Sequence[Found], by_channel: str) -> Found:
     """One result of the results of groups; what is not `by_channel` is the same in all of them."""
     first: Any = parts[0]
     if len(parts) == 1:
         return parts[0]
-    return replace(first, **{name: _stacked([getattr(p, name) for p in parts]) for name in by_channel})
+    return replace(
+        first, **{name: _stacked([getattr(p, name) for p in parts]) for name in by_channel.split()}
+    )
 
 
 def _stacked(values: Sequence[Any]) -> Any:
@@ -294,4 +296,4 @@ def _stacked(values: Sequence[Any]) -> Any:
         return {key: _stacked([value[key] for value in values]) for key in first}
     if isinstance(first, np.ndarray):
         return np.concatenate(values)
-    return joined(values, [f.name for f in fields(first) if f.name.endswith("dB")])
+    return joined(values, " ".join(f.name for f in fields(first) if f.name.endswith("dB")))

@@ -190,7 +190,7 @@ class BandHistoryAccumulator:
             )
             shape, working = self._sections[-1].shape, []
             for k in mine:
-                way = FilterAtWork.of(filters[k], stage, shape, time_constant, followed=decay is None)
+                way = FilterAtWork.of(filters[k], stage, shape, time_constant)
                 self._levels[k] = RunningLevel(
                     filters[k],
                     stage,
@@ -251,7 +251,7 @@ class BandHistoryAccumulator:
         for way, k in self._working[number]:
             running = self._levels[k]
             count = -(-fresh * way.intervals // GRAIN)
-            cut, due = running.cut(count), running.due(count)
+            cut = running.cut(count)
             if way.values.size:
                 more = drifting if way.start is not None else None
                 work = partial(
@@ -260,7 +260,6 @@ class BandHistoryAccumulator:
                     count=count,
                     scratch=self._scratch,
                     cut=cut,
-                    places=due,
                     record=begins,
                 )
                 watch = before = None
@@ -268,7 +267,7 @@ class BandHistoryAccumulator:
                     watch = partial(self._see, self._peaks, section.scale, inside)
                 if way.start is not None and begins is not None:
                     before = partial(self._see_cut, k, way, section.scale, inside)
-                square, ripple = work(
+                square = work(
                     section.spectrum if more is None else section.spectrum + more,
                     watch=watch,
                     with_cut=before,
@@ -276,8 +275,8 @@ class BandHistoryAccumulator:
                 uneven = _uneven(square[:, running.inside(count)])
                 if uneven.any():
                     exact = section.exact() if more is None else section.exact() + more
-                    square[uneven], ripple[uneven] = work(exact[slice(None) if uneven.all() else uneven])
-                running.take(square, np.square(section.scale), ripple)
+                    square[uneven] = work(exact[slice(None) if uneven.all() else uneven])
+                running.take(square, np.square(section.scale))
             else:
                 samples = (
                     section.fresh

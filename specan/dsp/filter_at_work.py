@@ -32,13 +32,9 @@ _LONGEST = 64.0
 # ... or longer behind a narrow filter: the weighted level y has y'' of up to 2 pi B y / tau, and its largest value
 # between two readings h apart is not more than y'' h^2 / 8 above them. This many dB are allowed.
 _UNSEEN = 0.001
-# From so many cycles in a time constant on, the ripple of a squared tone is less than 0.002 dB ...
-_CYCLES_WITHOUT_RIPPLE = 200.0
-# ... and from so many on less than 0.012 dB. A ripple of 10 lg(1 + 1 / (2 w tau)) dB = 0.346 dB / (f tau) follows the
-# square of the envelope but for some B / 2 f of itself: so many dB are allowed.
-_CYCLES_FOLLOWED = 30.0
-_RIPPLE, _MISSED = 10.0 / math.log(10.0) / (4.0 * math.pi), 0.002
-
+# From so many cycles in a time constant on, an envelope will do: the ripple of a squared tone, 10 lg(1 + 1 / (2 w tau))
+# dB = 0.346 dB / (f tau), is less than 0.004 dB.
+_CYCLES_WITHOUT_RIPPLE = 100.0
 # A thinned output is faithful up to this part of half its rate.
 _FAITHFUL = 0.8
 # Up to so many numbers are added column by column: a sum over an axis so short costs more.
@@ -63,10 +59,6 @@ class FilterAtWork:
         The first line that matters.
     values : complex array
         The response from this line on, with the factors of the inverse transform.
-    turns : float
-        Where the ripple is left out: periods of the band's middle in a sample of the output, less those of `low`.
-    ripple : complex
-        There: by what the weighting in time multiplies the square of an oscillation there, 1 / (1 + 2 j w tau).
     start : RecordStart
         Of a frequency weighting: what the cut at the record's beginning does to it.
     """
@@ -76,8 +68,6 @@ class FilterAtWork:
     envelope: bool
     low: int
     values: NDArray[np.complex128]
-    turns: float = 0.0
-    ripple: complex = 0.0
     start: RecordStart | None = None
 
     @property
@@ -86,10 +76,8 @@ class FilterAtWork:
         return GRAIN / self.intervals
 
     @classmethod
-    def of(
-        cls, one: Filter, stage: Stage, shape: Shape, time_constant: float, *, followed: bool
-    ) -> FilterAtWork:
-        """Put a filter to work on sections of a shape; `followed` says whether a ripple left out is added."""
+    def of(cls, one: Filter, stage: Stage, shape: Shape, time_constant: float) -> FilterAtWork:
+        """Put a filter to work on sections of a shape."""
         points = shape.points
         least = math.ceil(GRAIN * min(max(_INTERVALS / (stage.rate * time_constant), 1.0 / _LONGEST), 1.0))
         every = 1 << (least - 1).bit_length()
@@ -106,12 +94,7 @@ class FilterAtWork:
         intervals, kept = _grid(min(need, GRAIN), least, 1)
         if intervals * kept >= GRAIN:
             intervals, kept = every, GRAIN // every
-        cycles = one.lower * time_constant
-        if cycles >= _CYCLES_WITHOUT_RIPPLE or (
-            followed
-            and cycles >= _CYCLES_FOLLOWED
-            and _RIPPLE / cycles * 3.0 / (one.settling * 2.0 * one.lower) < _MISSED
-        ):
+        if one.lower * time_constant >= _CYCLES_WITHOUT_RIPPLE:
             found = cls._as_envelope(one, stage, points, time_constant)
             if 2 * found.kept * found.intervals <= kept * intervals:
                 return found
@@ -136,12 +119,7 @@ class FilterAtWork:
         # Half the square of the modulus, in samples so much fewer than those of the stage.
         part = intervals * kept / GRAIN
         values = values * (math.sqrt(2.0) * part)
-        if one.lower * time_constant >= _CYCLES_WITHOUT_RIPPLE:
-            return cls(intervals, kept, True, low, values)
-        middle = math.sqrt(one.lower * (one.lower + bandwidth))
-        turns = (middle / stage.rate - low / points) / part
-        ripple = 1.0 / (1.0 + 4j * math.pi * middle * time_constant)
-        return cls(intervals, kept, True, low, values, turns, ripple)
+        return cls(intervals, kept, True, low, values)
 
     def squares(
         self,
@@ -150,15 +128,13 @@ class FilterAtWork:
         count: int,
         scratch: Memory,
         cut: tuple[int, float] | None,
-        places: NDArray[np.float64],
         record: slice | None = None,
         watch: Watch | None = None,
         with_cut: Watch | None = None,
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Mean square of the output over each of `count` intervals from the first new sample on, and the ripple.
+    ) -> NDArray[np.float32]:
+        """Mean square of the output over each of `count` intervals from the first new sample on.
 
         Computed in the precision of `spectrum`. `cut` is an interval and which part of it belongs to the record.
-        The ripple is that of the weighted square at the ends of the intervals `places`; mean squares do not have it.
         `record` are the samples of the record in a section that it begins in; `watch` sees the output,
         `with_cut` that of a weighting at the record's beginning before its decays are taken off.
         """
@@ -167,7 +143,6 @@ class FilterAtWork:
         values = self.values.astype(spectrum.dtype)
         first = shape.before // GRAIN * self.intervals
         square = np.empty((rows, count), dtype=np.float32)
-        rippling = np.zeros((rows, places.size if self.ripple else 0))
         step = max(1, _POINTS // (size * _SIDE_BY_SIDE)) * _SIDE_BY_SIDE
         for start in range(0, rows, step):
             # At the end some rows again: that is faster than fewer rows.
@@ -175,8 +150,6 @@ class FilterAtWork:
             top = min(start, rows - some)
             part = spectrum[top : top + some]
             output = (self._envelope if self.envelope else self._real)(part, values, size, scratch)
-            if rippling.size:
-                rippling[top : top + some] = self._rippling(output.view(part.dtype), first + places)
             flat = output[:, first * width : (first + count) * width]
             if self.start is not None and record is not None:
                 if with_cut is not None:
@@ -191,18 +164,7 @@ class FilterAtWork:
                 mine[:, cut[0]] *= math.sqrt(self.kept / inside)
             _sum_of_squares(mine, square[top : top + some])
         square /= self.kept
-        return square, rippling
-
-    def _rippling(self, output: NDArray[Any], places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Re[z^2 / (1 + 2 j w tau)] from a complex output z, which is interpolated in what turns slowly."""
-        # A sample stands for half an interval on either side of it.
-        at = (places + 1.0) * self.kept - 0.5
-        before = np.floor(at).astype(int)
-        share, period = at - before, 2j * math.pi
-        slow = output[:, before] * ((1.0 - share) * np.exp(period * self.turns * share))
-        slow += output[:, before + 1] * (share * np.exp(period * self.turns * (share - 1.0)))
-        phase = np.exp(2.0 * period * self.low / output.shape[1] * at)
-        return np.asarray((np.square(slow) * (self.ripple * phase)).real)
+        return square
 
     def _real(self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Memory) -> NDArray[Any]:
         """`size` samples of the filter's output."""

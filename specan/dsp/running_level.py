@@ -58,7 +58,6 @@ class RunningLevel:
         # A weighting has what the cut makes of it taken off.
         starts = 0.0 if one.weighting else _SETTLINGS_OF_A_CUT * one.settling
         rate, lead, together = stage.rate, stage.lead, way.together
-        self._ripple = abs(way.ripple)
         self._weighting = TimeWeighting(rows, rate / together, time_constant, decay)
         self._peaks = TimeWeighting(rows, rate / together, time_constant, decay) if decay and starts else None
         # A sample stands for half a sampling interval on either side of it; an average is known at the end of its
@@ -116,12 +115,8 @@ class RunningLevel:
         self,
         square: Real,
         factor: NDArray[np.float64] | None = None,
-        ripple: NDArray[np.float64] | None = None,
     ) -> None:
-        """Weight the next mean squares (channels, intervals), each channel's times a factor, and read the result.
-
-        `ripple`, which is not in the squares, is added to what is `due`.
-        """
+        """Weight the next mean squares (channels, intervals), each channel's times a factor, and read the result."""
         high, low = self._span(square, self._start), self._span(square, self._settled)
         counted = self._span(square, self._first)
         if self._whole:
@@ -137,9 +132,6 @@ class RunningLevel:
             later = self._without_beginning(weighted, high)
         self._maximum = np.fmax(self._maximum, np.fmax.reduce(later, axis=1, initial=np.nan))
         self._look(weighted)
-        if ripple is not None and ripple.shape[1]:
-            some = self._readings[:, self._read - ripple.shape[1] : self._read]
-            some += ripple if factor is None else ripple * factor[:, None]
         self._last = weighted[:, -1:].copy()
         self._position += square.shape[1]
 
@@ -169,20 +161,17 @@ class RunningLevel:
         return slice(max(since - self._position, 0), max(min(square.shape[1], self._end - self._position), 0))
 
     def result(self) -> tuple[NDArray[np.float64], ...]:
-        """Readings (channels, times), maxima and minimum (channels,); see `specan.dsp.band_history.Histories`.
-
-        At an extreme the square is as large as its average; a ripple that is not in the squares is a known part of it.
-        """
+        """Readings (channels, times), maxima and minimum (channels,); see `specan.dsp.band_history.Histories`."""
         readings = np.empty_like(self._readings)
         readings[:, self._order] = self._readings
-        highest, lowest = self._maximum * (1.0 + self._ripple), self._minimum * (1.0 - self._ripple)
+        highest, lowest = self._maximum, self._minimum
         if self._before_start is not None:
             highest = np.fmax(highest, readings[:, -1] - self._left * self._before_start[:, 0])
         if self._falls:
             lowest = np.fmin(lowest, np.fmin(readings[:, -2], readings[:, -1]))
         counted = highest
         if self._start > self._first:
-            counted = np.fmax(self._counted * (1.0 + self._ripple), readings[:, -1])
+            counted = np.fmax(self._counted, readings[:, -1])
         return readings[:, :-2], counted, highest, lowest
 
     def _at(self, weighted: NDArray[np.float64], places: NDArray[np.intp]) -> NDArray[np.float64]:

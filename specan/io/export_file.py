@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import struct
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -169,89 +169,97 @@ _GENERAL = 1
 def write_uff(excerpt: Excerpt, path: Path) -> None:
     """Write one data set 58 a channel: a time response in double precision, binary.
 
-    The format gives the time step six digits: at 51.2 kHz time is 0.0002 % off, samples are not.
-
     Raises
     ------
     RequestError
         pyuff is not installed, or the file cannot be written.
     """
-    pyuff = library("pyuff", "uff")
-    _write(pyuff, path, (_data_set(pyuff, excerpt, k, c) for k, c in enumerate(excerpt.channels, 1)))
+    _write_58(path, _responses(excerpt))
 
 
 def write_uff_transfer(found: FrequencyResponse, path: Path) -> None:
     """Write a data set 58 of function type 4 for each response, and one of its coherence (type 6); binary.
 
-    Response and reference are named as entities; responses are nodes 1, 2, ... in their order, the reference is
-    the node behind them.
-
     Raises
     ------
     RequestError
         pyuff is not installed, or the file cannot be written.
     """
+    _write_58(path, _transfer_functions(found))
+
+
+def _write_58(path: Path, sets: Iterable[Mapping[str, Any]]) -> None:
     pyuff = library("pyuff", "uff")
-    _write(pyuff, path, _transfer_sets(pyuff, found))
-
-
-def _write(pyuff: Any, path: Path, sets: Iterable[Any]) -> None:
+    always = {
+        "binary": 1, "id4": f"specan {__version__}", "ver_num": 1, "load_case_id": 0, "rsp_dir": 0, "ref_dir": 0,
+        "abscissa_spacing": 1, "ordinate_spec_data_type": 0, "orddenom_spec_data_type": 0, "z_axis_spec_data_type": 0,
+    }  # fmt: skip
     with whole_file(path) as half:
         # `add` to a file that does not exist yet: in overwrite mode pyuff destroys binary sets.
         file = pyuff.UFF(str(half))
         for one in sets:
+            names = {key: str(one[key])[:10].strip() or "NONE" for key in ("rsp_ent_name", "ref_ent_name")}
             try:
-                file.write_sets(one, "add")
+                file.write_sets(pyuff.prepare_58(**{**always, **one, **names}), "add")
             except Exception as fault:  # pyuff wraps every error, those of the disk as well
                 raise RequestError(f"{path} cannot be written as a universal file ({fault})") from None
 
 
-def _transfer_sets(pyuff: Any, found: FrequencyResponse) -> Iterator[Any]:
+def _transfer_functions(found: FrequencyResponse) -> Iterator[Mapping[str, Any]]:
     f, below = found.frequency_hz, found.reference_unit
     for row, name in enumerate(found.channels):
         above = _above(found.units[row], below)
         common = {
-            "binary": 1,
             "id1": name[:80],
             "id2": found.label[-80:],
             "id3": f"{found.estimator}, {found.n_blocks} blocks",
-            "id4": f"specan {__version__}",
-            "ver_num": 1,
-            "load_case_id": 0,
-            "rsp_ent_name": name[:10].strip() or "NONE",
+            "rsp_ent_name": name,
             "rsp_node": row + 1,
-            "rsp_dir": 0,
-            "ref_ent_name": found.reference[:10].strip() or "NONE",
+            "ref_ent_name": found.reference,
             "ref_node": len(found.channels) + 1,
-            "ref_dir": 0,
-            "abscissa_spacing": 1,
             "abscissa_min": float(f[0]),
             "abscissa_inc": float(f[1] - f[0]) if f.size > 1 else 0.0,
             "num_pts": f.size,
             "abscissa_spec_data_type": 18,
             "abscissa_axis_units_lab": "Hz",
-            "z_axis_spec_data_type": 0,
             "x": f,
         }
-        yield pyuff.prepare_58(
-            func_type=4,
-            ord_data_type=6,  # complex, double precision
-            ordinate_spec_data_type=_QUANTITIES.get(above, _GENERAL),
-            ordinate_axis_units_lab=above,
-            orddenom_spec_data_type=_QUANTITIES.get(below, _GENERAL),
-            orddenom_axis_units_lab=below,
-            data=found.response[row],
+        yield {
             **common,
-        )
+            "func_type": 4,
+            "ord_data_type": 6,  # complex, double precision
+            "ordinate_spec_data_type": _QUANTITIES.get(above, _GENERAL),
+            "ordinate_axis_units_lab": above,
+            "orddenom_spec_data_type": _QUANTITIES.get(below, _GENERAL),
+            "orddenom_axis_units_lab": below,
+            "data": found.response[row],
+        }
         if np.all(np.isfinite(found.coherence[row])):
-            yield pyuff.prepare_58(
-                func_type=6,
-                ord_data_type=4,
-                ordinate_spec_data_type=0,
-                orddenom_spec_data_type=0,
-                data=found.coherence[row],
-                **common,
-            )
+            yield {**common, "func_type": 6, "ord_data_type": 4, "data": found.coherence[row]}
+
+
+def _responses(excerpt: Excerpt) -> Iterator[Mapping[str, Any]]:
+    for number, channel in enumerate(excerpt.channels, 1):
+        yield {
+            "id1": channel.label[:80],
+            "id2": excerpt.recording.label[-80:],
+            "id3": f"role {channel.role}",
+            "func_type": 1,
+            "rsp_ent_name": channel.label,
+            "rsp_node": number,
+            "ref_ent_name": "NONE",
+            "ref_node": 0,
+            "ord_data_type": 4,  # real, double precision
+            "abscissa_min": excerpt.start / excerpt.rate,
+            "abscissa_inc": 1.0 / excerpt.rate,
+            "num_pts": excerpt.n,
+            "abscissa_spec_data_type": 17,
+            "abscissa_axis_units_lab": "s",
+            "ordinate_spec_data_type": _QUANTITIES.get(channel.unit, _GENERAL),
+            "ordinate_axis_units_lab": channel.unit,
+            "data": excerpt.recording.read([channel], excerpt.start, excerpt.stop)[0],
+            "x": (excerpt.start + np.arange(excerpt.n)) / excerpt.rate,
+        }
 
 
 def _above(unit: str, below: str) -> str:
@@ -265,36 +273,3 @@ def _above(unit: str, below: str) -> str:
     if unit == "1":
         return below
     return unit.removesuffix(f"/({below})").removesuffix(f"/{below}")
-
-
-def _data_set(pyuff: Any, excerpt: Excerpt, number: int, channel: Channel) -> Any:
-    samples = excerpt.recording.read([channel], excerpt.start, excerpt.stop)[0]
-    return pyuff.prepare_58(
-        binary=1,
-        id1=channel.label[:80],
-        id2=excerpt.recording.label[-80:],
-        id3=f"role {channel.role}",
-        id4=f"specan {__version__}",
-        func_type=1,  # time response
-        ver_num=1,
-        load_case_id=0,
-        rsp_ent_name=channel.label[:10].strip() or "NONE",
-        rsp_node=number,
-        rsp_dir=0,
-        ref_ent_name="NONE",
-        ref_node=0,
-        ref_dir=0,
-        ord_data_type=4,  # real, double precision
-        abscissa_spacing=1,
-        abscissa_min=excerpt.start / excerpt.rate,
-        abscissa_inc=1.0 / excerpt.rate,
-        num_pts=excerpt.n,
-        abscissa_spec_data_type=17,
-        abscissa_axis_units_lab="s",
-        ordinate_spec_data_type=_QUANTITIES.get(channel.unit, _GENERAL),
-        ordinate_axis_units_lab=channel.unit,
-        orddenom_spec_data_type=0,  # a response has none
-        z_axis_spec_data_type=0,
-        data=samples,
-        x=(excerpt.start + np.arange(excerpt.n)) / excerpt.rate,
-    )
