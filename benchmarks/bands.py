@@ -60,7 +60,7 @@ cpu = time.process_time() - start
 HISTORY = """
 from specan.dsp import bands
 from specan.dsp.band_history import BandHistoryAccumulator
-from specan.dsp.history_filters import band_filter, weighting_filter
+from specan.dsp.band_history import band_filter, weighting_filter
 index = bands.band_range(20.0, 20000.0 if rate > 45000 else 0.4 * rate, {fraction})
 filters = [band_filter(*bands.Bands.octaves({fraction}, int(k))) for k in index] + [weighting_filter(w) for w in "ABCZ"]
 start = time.process_time()

@@ -92,7 +92,7 @@ LEVELS = {
 OURS = (
     "from specan.dsp import bands\n"
     "from specan.dsp.band_history import BandHistoryAccumulator\n"
-    "from specan.dsp.history_filters import band_filter, weighting_filter\n"
+    "from specan.dsp.band_history import band_filter, weighting_filter\n"
     "index = bands.band_range(20.0, mid[-1], {fraction})\n"
     "filters = [band_filter(band) for band in bands.Bands.octaves({fraction}, index)]\n"
     "filters += [weighting_filter(w) for w in '{totals}']",

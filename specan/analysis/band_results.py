@@ -16,7 +16,7 @@ from specan.data.levels import Quality
 from specan.dsp.band_energy import EnergySpectrum
 from specan.dsp.band_history import Histories
 from specan.dsp.bands import Bands
-from specan.dsp.record_ends import Fade
+from specan.dsp.record_edges import Fade
 from specan.dsp.weighting import WEIGHTINGS
 from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
 

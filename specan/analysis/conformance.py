@@ -236,7 +236,7 @@ def _bursts(rate: float) -> Iterator[Row]:
     steady = Levels()(_recording(rate, _tone(4000.0, 2.0, rate))).equivalent_dB["A"][0]
     for milliseconds, *expected in _BURSTS:
         recording = _recording(rate, _burst(4000.0, milliseconds / 1000, 0.6 + milliseconds / 1000, rate))
-        fast, slow = (Levels(averaging=name)(recording) for name in ("fast", "slow"))  # type: ignore[arg-type]
+        fast, slow = (Levels(averaging=name)(recording) for name in ("fast", "slow"))
         found = (fast.max_dB[0], slow.max_dB[0], fast.exposure_dB["A"][0])
         for name, wanted, level in zip(("maximum fast", "maximum slow", "exposure"), expected, found):
             if wanted is not None:
@@ -249,7 +249,7 @@ def _falls(rate: float) -> Iterator[Row]:
     t = np.arange(round(5.0 * rate)) / rate
     samples = np.where(t < 3.0, np.sqrt(2) * np.sin(2 * np.pi * 1000 * t), 0.0)
     for averaging, expected, below, above in (("fast", 34.7, -3.7, 3.8), ("slow", 4.3, -0.7, 0.8)):
-        settings = Octave(band=1000.0, averaging=averaging, interval_s=0.25)
+        settings = Octave(band=1000.0, averaging=averaging, interval_s=0.25)  # type: ignore[arg-type]
         history = settings(_recording(rate, samples)).history
         assert history is not None
         later = (history.time_s > 3.4) & (history.time_s < 4.8)

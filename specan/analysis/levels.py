@@ -17,11 +17,9 @@ from specan.data.band_levels import apart
 from specan.data.channel import Channel
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
-from specan.dsp.band_history import BandHistoryAccumulator
-from specan.dsp.history_filters import weighting_filter
+from specan.dsp.band_history import BandHistoryAccumulator, weighting_filter
 from specan.dsp.statistics import exceeded
-from specan.dsp.time_weighting import FAST, SLOW
-from specan.dsp.weighting import WEIGHTINGS, Weighting
+from specan.dsp.weighting import FAST, SLOW, WEIGHTINGS, Weighting
 from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
 
 # Readings of the time-weighted level: five in a time constant, but no more of them than this.
@@ -221,6 +219,6 @@ def joined_values(parts: Sequence[SignalLevels]) -> SignalLevels:
     """The values of groups of channels as one result."""
     return joined(
         parts,
-        "channels groups units references mean minimum maximum rms peak crest_factor level_dB equivalent_dB exposure_dB "
-        "peak_dB c_peak_dB percentile_dB max_dB min_dB flags",
+        "channels groups units references mean minimum maximum rms peak crest_factor level_dB equivalent_dB "
+        "exposure_dB peak_dB c_peak_dB percentile_dB max_dB min_dB flags",
     )

@@ -20,11 +20,9 @@ from specan.data.band_levels import BandLevels
 from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
-from specan.dsp.band_history import BandHistoryAccumulator
-from specan.dsp.history_filters import band_filter, weighting_filter
-from specan.dsp.slow_part import SlowPart
-from specan.dsp.time_weighting import IMPULSE_DECAY
-from specan.dsp.weighting import WEIGHTINGS
+from specan.dsp.band_history import BandHistoryAccumulator, band_filter, weighting_filter
+from specan.dsp.record_edges import SlowPart
+from specan.dsp.weighting import IMPULSE_DECAY, WEIGHTINGS
 
 
 class Octave(OctaveSettings):

@@ -11,8 +11,7 @@ from specan.analysis.section import SectionSettings
 from specan.divisions import division_name
 from specan.dsp.bands import Bands
 from specan.dsp.multirate import LOWEST_BAND
-from specan.dsp.time_weighting import FAST, IMPULSE, SLOW
-from specan.dsp.weighting import Weighting
+from specan.dsp.weighting import FAST, IMPULSE, SLOW, Weighting
 from specan.errors import RequestError
 from specan.schema import Division
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.dsp.slow_part import SlowPart, drift_length, drift_spread
+from specan.dsp.record_edges import SlowPart, drift_length, drift_spread
 from specan.errors import InputError, RequestError
 from specan.schema import Settings
 

@@ -6,30 +6,468 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from specan.dsp import bands
-from specan.dsp.bands import Bands
-from specan.dsp.frequency_nodes import (
-    NODES_PER_OCTAVE,
-    Spread,
-    nearest_nodes,
-    node_frequencies,
-    node_range,
-    node_weights,
+from specan.dsp.bands import OCTAVE_RATIO, REFERENCE_FREQUENCY, Bands
+from specan.dsp.multirate import (
+    FACTOR,
+    LENGTH,
+    LOWEST_PART,
+    ROWS,
+    Memory,
+    MultirateTransform,
+    PaddedTransform,
+    Stage,
+    fast_length,
+    few_rows,
+    low_pass,
+    stages_of,
 )
-from specan.dsp.lag_spectrum import LagSpectrum, total_energy, working_memory
-from specan.dsp.multirate import LENGTH, MultirateTransform, PaddedTransform, Stage, few_rows
-from specan.dsp.record_ends import Fade, RecordEnds
-from specan.dsp.record_start import CutEnergy
-from specan.dsp.short_record import LONGEST, add_energy, share_of_lines
-from specan.dsp.slow_part import SlowPart
-from specan.dsp.weighting import Weighting
+from specan.dsp.record_edges import CutEnergy, Fade, RecordEnds, SlowPart
+from specan.dsp.weighting import Weighting, power_weighting
+from specan.dsp.windows import falling_step
 
-# A response below this adds nothing: 200 dB.
+NODES_PER_OCTAVE = 1536
+"""64 to a 1/24 octave: cubic interpolation of |H|^2 between them is good to 0.0005 dB on the steepest skirt."""
+
+# Of a place, as computed.
+_OF_A_PLACE = 1e-6
+
+LOWEST_NODE = 0.1
+"""In Hz; what lies below is in no band and behind no weighting."""
+
+
+def node_range(sampling_rate: float) -> tuple[int, int]:
+    """Number of the first node, and how many there are up to half the sampling rate.
+
+    Node j lies at 1000 Hz x G^(j / 1536).
+    """
+    first = math.floor(_place(LOWEST_NODE)) - 2
+    last = math.ceil(_place(sampling_rate / 2.0)) + 2
+    return first, max(last - first + 1, 0)
+
+
+@lru_cache(maxsize=8)
+def node_frequencies(first: int, count: int) -> NDArray[np.float64]:
+    """Frequencies in Hz of `count` nodes from `first` on; kept for all who ask, not to be written to."""
+    found = REFERENCE_FREQUENCY * OCTAVE_RATIO ** ((first + np.arange(count)) / NODES_PER_OCTAVE)
+    found.flags.writeable = False
+    return np.asarray(found)
+
+
+@lru_cache(maxsize=16)
+def node_weights(first: int, count: int, weighting: Weighting) -> NDArray[np.float64]:
+    """A frequency weighting of mean squares at these nodes; likewise kept."""
+    found = power_weighting(node_frequencies(first, count), weighting)
+    found.flags.writeable = False
+    return found
+
+
+def nearest_nodes(frequency: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Numbers of the nodes nearest to frequencies, and how far beyond these they lie: 0 for octaves."""
+    place = _place(frequency)
+    nodes = np.rint(place)
+    beyond = place - nodes
+    return nodes.astype(np.int64), np.where(np.abs(beyond) < _OF_A_PLACE, 0.0, beyond)
+
+
+class Spread:
+    """How the lines of an energy spectrum fall to the nodes.
+
+    Each line goes to the four nodes around it with the factors of cubic interpolation: the transpose of
+    interpolating a response from the nodes to the lines, so that sums over nodes are sums over lines.
+
+    Parameters
+    ----------
+    first : int
+        Number of the first node.
+    share : ndarray, shape (lines,)
+        Factor on each line; the lines with a factor are contiguous.
+    spacing : float
+        Distance of the lines in Hz; the first lies at 0 Hz.
+    """
+
+    def __init__(self, first: int, share: NDArray[np.float64], spacing: float) -> None:
+        used = np.flatnonzero((share > 0.0) & (np.arange(share.size) * spacing >= LOWEST_NODE))
+        self._lines = slice(int(used[0]), int(used[-1]) + 1) if used.size else None
+        if self._lines is None:
+            return
+        node, factors = _neighbours(self._lines.start, self._lines.stop, spacing)
+        self._factors = factors * share[self._lines]
+        self._node, self._first = node - node[0], int(node[0]) - first
+        self._count = int(self._node[-1]) + 1
+
+    def add(self, nodes: NDArray[np.float64], energy: NDArray[np.float64]) -> None:
+        """Add lines, shape (channels, lines), to the nodes, shape (channels, nodes), in place."""
+        if self._lines is None:
+            return
+        # One row at a time, in memory that is used again: it stays in the cache.
+        shared = np.empty(self._node.size)
+        for row, lines in zip(nodes, energy[:, self._lines], strict=True):
+            for first, factor in enumerate(self._factors, self._first - 1):
+                np.multiply(lines, factor, out=shared)
+                row[first : first + self._count] += np.bincount(self._node, shared, self._count)
+
+
+def _neighbours(low: int, high: int, spacing: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The second of the four neighbours of each line, and the factors of all four."""
+    place = _place(np.arange(low, high) * spacing)
+    node = np.floor(place).astype(np.int64)
+    s = place - node
+    factors = np.stack(
+        [
+            -s * (s - 1.0) * (s - 2.0) / 6.0,
+            (s + 1.0) * (s - 1.0) * (s - 2.0) / 2.0,
+            -(s + 1.0) * s * (s - 2.0) / 2.0,
+            (s + 1.0) * s * (s - 1.0) / 6.0,
+        ]
+    )
+    return node, factors
+
+
+def _place(frequency: ArrayLike) -> NDArray[np.float64]:
+    """Place of a frequency on the grid, in nodes from 1 kHz."""
+    return np.asarray(
+        NODES_PER_OCTAVE * np.log(np.asarray(frequency) / REFERENCE_FREQUENCY) / math.log(OCTAVE_RATIO)
+    )
+
+
+_UNTOUCHED = 0.75  # of a block: lags up to here keep their full weight
+
+
+class LagSpectrum:
+    """Energy spectrum of consecutive blocks, exact but for what is further apart than a block.
+
+    The autocorrelation r(k) = sum_t x(t) x(t + k) of a record that is split into blocks x_b of L samples
+    is, for 0 <= k <= L, a sum over each block and its successor alone; with X_b the transform over 2 L
+    samples (Rader, IEEE Trans. Audio Electroacoust. 18 (1970) 439),
+
+        R(f) = sum_b conj(X_b) (X_b + X_{b+1}),    r(k) = irfft(R)(k), 0 <= k <= L.
+
+    No window touches the samples, so a tone does not leak from its band however the blocks fall. r is
+    exact up to lag L; it is faded out between 3/4 L and L, and its transform is the energy spectrum
+    seen through a kernel of width 1/L whose side lobes vanish. The energy behind a filter |H(f)|^2 is
+    sum |H|^2 S: exact, as long as the autocorrelation of H dies out within 3/4 L.
+
+    Parameters
+    ----------
+    rows : int
+        Number of channels.
+    length : int
+        L, an even number of samples.
+    buffers : complex array, shape (2, at least min(rows, 4), L + 1), optional
+        Memory to work in, which others may use between the calls.
+    sparing : bool
+        Whether to hold r and the samples of the last block in place of R and their transform: half the memory for
+        three transforms in place of one.
+    at_ends : callable, optional
+        Given rows and what `energy` is more for the faded record (less where negative), once for each block that is
+        faded: it is linear in the lags, so these need not be held until the end.
+
+    Examples
+    --------
+    >>> x = np.array([[1.0, 2.0, 0.0, -1.0]])
+    >>> spectrum = LagSpectrum(1, 4)
+    >>> spectrum.add(slice(0, 1), x, np.fft.rfft(x, 8), 0)
+    >>> float(spectrum.energy()[0, 0].round(9)), float(x.sum()) ** 2
+    (4.0, 4.0)
+    """
+
+    def __init__(
+        self,
+        rows: int,
+        length: int,
+        buffers: NDArray[np.complex128] | None = None,
+        *,
+        sparing: bool = False,
+        at_ends: Callable[[slice, NDArray[np.float64]], None] = lambda rows, energy: None,
+    ) -> None:
+        self.length, self._rows, self._sparing = length, rows, sparing
+        self._sum: NDArray[Any] = np.zeros((rows, length + 1), dtype=np.float64 if sparing else np.complex128)
+        self._previous: NDArray[Any] | None = None
+        # What a fade takes away from the samples of the previous block.
+        self._taken: NDArray[np.float64] | None = None
+        self._blocks = self._longest = self._half = 0
+        self._at_ends = at_ends
+        # Used again and again: fresh memory costs more than the arithmetic.
+        self._buffers = working_memory(rows, length) if buffers is None else buffers
+
+    def add(
+        self,
+        rows: slice,
+        block: NDArray[np.float64],
+        transform: NDArray[np.complex128],
+        half: int,
+        taken: NDArray[np.float64] | None = None,
+        end: NDArray[np.complex128] | None = None,
+    ) -> None:
+        """Take some rows of the next block, shape (rows, at most L), those of all rows one after the other.
+
+        `transform` is that of 2 L samples, shape (rows, L + 1), of which the block fills the half that `half` says.
+        `taken` is what a fade takes away from the block, `end` the transform of that. Successive blocks are in
+        alternate halves of the 2 L samples. That puts X_{b+1} after X_b without a factor, since the correlation is
+        circular.
+        """
+        if self._blocks:
+            self._correlate(rows, transform, end)
+        count = block.shape[1]
+        if self._previous is None:
+            self._previous = np.empty_like(self._sum)
+        if self._sparing:
+            self._previous[rows, :count], self._previous[rows, count:] = block, 0.0
+        else:
+            self._previous[rows] = transform
+        if taken is not None:
+            if self._taken is None:
+                self._taken = np.zeros((self._rows, self.length))
+            self._taken[rows, :count], self._taken[rows, count:] = taken, 0.0
+        if rows.stop < self._rows:
+            return
+        if taken is None:
+            self._taken = None
+        self._half, self._longest = half, count
+        self._blocks += 1
+        if count < self.length and self._blocks > 1:  # the last one
+            self._close()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the last block has been seen, as it was shorter."""
+        return self._blocks > 1 and self._previous is None
+
+    def _close(self) -> None:
+        """Correlate the last block, and let go of it: what all rates hold together is large."""
+        for rows in few_rows(self._rows):
+            self._correlate(rows, None, None)
+        self._previous = self._taken = None
+
+    def _transformed(self, samples: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Transform of samples in the half of the previous block."""
+        padded = np.zeros((samples.shape[0], 2 * self.length))
+        padded[:, self._half * self.length :][:, : self.length] = samples[:, : self.length]
+        return np.fft.rfft(padded)
+
+    def _before(self, rows: slice) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        """Transforms of the previous block and of what is taken away from it."""
+        assert self._previous is not None
+        previous = self._previous[rows]
+        end = None if self._taken is None else self._transformed(self._taken[rows])
+        return self._transformed(previous) if self._sparing else previous, end
+
+    def _correlate(
+        self,
+        rows: slice,
+        following: NDArray[np.complex128] | None,
+        following_end: NDArray[np.complex128] | None,
+    ) -> None:
+        """Add conj(X_b) (X_b + X_{b+1}); with Y = X - E what conj(Y_b) (Y_b + Y_{b+1}) is more."""
+        previous, end = self._before(rows)
+        product, conjugate = (buffer[: previous.shape[0]] for buffer in self._buffers)
+        np.conjugate(previous, out=conjugate)
+        if following is None:
+            product[...] = previous
+        else:
+            np.add(previous, following, out=product)
+        product *= conjugate
+        self._sum[rows] += self._lags(product) if self._sparing else product
+        if end is None and following_end is None:
+            return
+        total = np.zeros_like(previous)
+        for other in (end, following_end):
+            if other is not None:
+                total -= np.multiply(conjugate, other, out=product)
+        if end is not None:
+            np.conjugate(end, out=conjugate)
+            for other, sum_up in (
+                (previous, np.subtract),
+                (following, np.subtract),
+                (end, np.add),
+                (following_end, np.add),
+            ):
+                if other is not None:
+                    sum_up(total, np.multiply(conjugate, other, out=product), out=total)
+        self._at_ends(rows, self._energy_of(self._lags(total)))
+
+    def _lags(self, cross: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return np.fft.irfft(cross)[:, : self.length + 1]
+
+    def energy(self, rows: slice = slice(None)) -> NDArray[np.float64]:
+        """Energy spectrum, shape (rows, L + 1), at m / (2 L) cycles a sample.
+
+        The sum over all 2 L lines, divided by 2 L, is the energy. Call it after the last block, once for each row.
+        Rounding leaves some 1e-17 of the energy in every band; where there is nothing else a line may be
+        negative.
+        """
+        if self._previous is not None and self._blocks == 1 and self._longest <= _UNTOUCHED * self.length:
+            # All lags of the record lie where nothing is faded out: the squared transform is the same.
+            transform, end = self._before(rows)
+            energy = _squared(transform)
+            if end is not None:
+                self._at_ends(rows, _squared(transform - end) - energy)
+            return energy
+        if self._previous is not None:
+            self._close()
+        lags = self._sum[rows].copy() if self._sparing else self._lags(self._sum[rows])
+        return self._energy_of(lags)
+
+    def _energy_of(self, lags: NDArray[np.float64]) -> NDArray[np.float64]:
+        lags *= _fade(self.length)
+        symmetric = np.concatenate([lags, lags[:, -2:0:-1]], axis=1)
+        return np.asarray(np.fft.rfft(symmetric).real)
+
+
+def working_memory(rows: int, length: int) -> NDArray[np.complex128]:
+    """What a `LagSpectrum` works in."""
+    return np.empty((2, min(rows, ROWS), length + 1), dtype=np.complex128)
+
+
+@lru_cache(maxsize=4)
+def _fade(length: int) -> NDArray[np.float64]:
+    fade = falling_step(np.arange(length + 1.0), _UNTOUCHED * length, length)
+    fade.flags.writeable = False
+    return fade
+
+
+def _squared(transform: NDArray[np.complex128]) -> NDArray[np.float64]:
+    squared = np.square(transform.real)
+    squared += np.square(transform.imag)
+    return np.asarray(squared)
+
+
+def total_energy(lines: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum over all 2 L lines, divided by 2 L, of an energy spectrum with L + 1 lines."""
+    inner = 2.0 * np.add.reduce(lines[:, 1:-1], axis=1)
+    return (inner + lines[:, 0] + lines[:, -1]) / (2 * (lines.shape[1] - 1))
+
+
+# Thinning divides a transform.
+_UNIT = 2 * FACTOR
+
+LONGEST = 4 * LENGTH
+"""Samples of a short record. Beyond, a transform of the whole no longer stays in the cache and blocks cost less."""
+
+# The low-pass filter before thinning falls as a Gauss function of time, to 1e-17 after so many thinned samples: its
+# step from 0.40 to 0.50 of the rate is erfc(6 x / 0.05), whose slope has the transform exp(-(pi t 0.05 / 6)^2).
+_RINGS = 240
+# A response, or a part of a line's energy, below this adds nothing: 200 dB.
 _NOTHING = 1e-20
+# What lies below these parts of the next stage's rate belongs to the next stage; a smooth cross-over between.
+CROSS_OVER = (0.28, 0.38)
+
+
+@lru_cache(maxsize=8)
+def _settling(fraction: int) -> int:
+    """Samples of a stage after which its narrowest band has fallen by 180 dB: 10 dB in every 1 / B.
+
+    For whole and third octaves the filter rings less long than the low-pass filter and the cross-over, which come on
+    top. For finer bands it is the time of 1/24 octaves: with fewer lines, what cubic interpolation between nodes adds
+    to them (1e-6 dB) would be another.
+    """
+    fraction, rings = (3, FACTOR * _RINGS) if fraction <= 3 else (24, 0)
+    lower, upper = bands.band_edges(0, fraction)
+    return (
+        math.ceil(18.0 / (float(upper - lower) / float(bands.mid_frequencies(0, fraction)) * LOWEST_PART))
+        + rings
+    )
+
+
+def share_of_lines(stage: Stage, points: int) -> NDArray[np.float64]:
+    """Factor on each line of a transform of `points`: what belongs to the stage, mirrored lines, the time step."""
+    over_rate = np.arange(points // 2 + 1) / points
+    share = np.full(over_rate.size, 2.0)
+    share[[0, -1]] = 1.0
+    share *= float(FACTOR) ** stage.number / points
+    if stage.number > 0:
+        share *= falling_step(over_rate, *CROSS_OVER)
+    if not stage.last:
+        share *= 1.0 - falling_step(over_rate * FACTOR, *CROSS_OVER)
+    return share
+
+
+def add_energy(
+    nodes: NDArray[np.float64],
+    samples: NDArray[np.float64],
+    sampling_rate: float,
+    first: int,
+    fraction: int = 24,
+    factors: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """Add the energy of a record to the nodes of a frequency grid, in place; return its whole energy.
+
+    By Parseval's theorem the energy behind a filter is the sum of |X|^2 |H|^2 over the lines of a transform, if that is
+    longer than the record by the time in which the filter dies out. Lower rates take the low frequencies, so that the
+    time is that of the highest band which is still too narrow for the rate above.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (channels, nodes)
+        See `specan.dsp.band_energy`; written to.
+    samples : ndarray, shape (channels, n)
+        Not more than `LONGEST`.
+    sampling_rate : float
+        In Hz.
+    first : int
+        Number of the first node.
+    fraction : int
+        Bandwidth designator of the narrowest bands that will be read from the nodes.
+    factors : ndarray, shape (n,), optional
+        The samples are multiplied with these.
+
+    Returns
+    -------
+    ndarray, shape (channels,)
+        Sum of the squared samples, from the transform.
+    """
+    energy = np.empty(samples.shape[0])
+    for top in range(0, samples.shape[0], ROWS):
+        rows, stream = slice(top, top + ROWS), samples[top : top + ROWS]
+        for stage in stages_of(sampling_rate):
+            count = stream.shape[1]
+            points = _UNIT * fast_length(-(-(count + _settling(fraction)) // _UNIT))
+            padded = _memory.take("padded", len(stream), points, _REAL)
+            if factors is None or stage.number > 0:
+                padded[:, :count] = stream
+            else:
+                np.multiply(stream, factors, out=padded[:, :count])
+            padded[:, count:] = 0.0
+            transform = np.fft.rfft(
+                padded, out=_memory.take("transform", len(stream), points // 2 + 1, _COMPLEX)
+            )
+            lines = _memory.take("lines", len(stream), points // 2 + 1, _REAL)
+            np.multiply(transform.real, transform.real, out=lines)
+            lines += np.multiply(transform.imag, transform.imag, out=padded[:, : points // 2 + 1])
+            if stage.number == 0:
+                inner = 2.0 * np.add.reduce(lines[:, 1:-1], axis=1)
+                energy[rows] = (inner + lines[:, 0] + lines[:, -1]) / points
+            _spread_of_short(stage, points, first).add(nodes[rows], lines)
+            if not stage.last:
+                stream = _thinned(transform, count)
+    return energy
+
+
+_REAL, _COMPLEX = np.dtype(np.float64), np.dtype(np.complex128)
+_memory = Memory()
+
+
+def _thinned(transform: NDArray[np.complex128], count: int) -> NDArray[np.float64]:
+    """One eighth of the rate, with what the low-pass filter rings before and after the `count` samples."""
+    low = (transform.shape[1] - 1) // FACTOR
+    filtered = np.fft.irfft(transform[:, : low + 1] * low_pass(low), 2 * low)
+    # The transform is circular: what rings ahead is at the end.
+    return np.concatenate([filtered[:, -_RINGS:], filtered[:, : -(-count // FACTOR) + _RINGS]], axis=1)
+
+
+@lru_cache(maxsize=16)
+def _spread_of_short(stage: Stage, points: int, first: int) -> Spread:
+    share = share_of_lines(stage, points)
+    share[share < _NOTHING * share.max()] = 0.0
+    return Spread(first, share, stage.rate / points)
+
+
 # Rounding of the lags leaves this part of the whole mean square in a band, more or less.
 _ROUNDING = 1e-17
 
@@ -71,7 +509,7 @@ class EnergySpectrum:
     def between_ends(self) -> EnergySpectrum:
         """The energy spectrum of the record without what its two ends do to filters.
 
-        Of the record faded in and out (see `specan.dsp.record_ends.Fade`), scaled so that a steady signal keeps its
+        Of the record faded in and out (see `specan.dsp.record_edges.Fade`), scaled so that a steady signal keeps its
         level, and that what begins and ends inside the record keeps its energy: by the ratio of the A-weighted mean
         squares without and with the fade (drift has no part in them), but by no more than the time that the fade
         takes away.
@@ -231,7 +669,7 @@ class BandEnergy:
 def energy_of_short(
     samples: NDArray[np.float64], sampling_rate: float, n_samples: int, fraction: int = 24
 ) -> EnergySpectrum:
-    """What `BandEnergy` finds in all samples of a record of `n_samples`, at once; see `short_record.add_energy`."""
+    """What `BandEnergy` finds in all samples of a record of `n_samples`, at once; see `add_energy`."""
     first, count = node_range(sampling_rate)
     fade = Fade.of(n_samples, sampling_rate)
     rows, n = samples.shape

@@ -3,19 +3,559 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.filter_at_work import FilterAtWork, stage_for
-from specan.dsp.history_filters import Filter
-from specan.dsp.multirate import FACTOR, Memory, Stage, keep_freed_memory, stages_of
-from specan.dsp.running_level import RunningLevel
-from specan.dsp.sections import GRAIN, LATE, Sections, shape_for
-from specan.dsp.slow_part import SlowPart
+from specan.dsp import bands
+from specan.dsp.multirate import (
+    FACTOR,
+    GRAIN,
+    LATE,
+    LENGTH,
+    Memory,
+    Sections,
+    Shape,
+    Stage,
+    fast_length,
+    keep_freed_memory,
+    shape_for,
+    stages_of,
+)
+from specan.dsp.record_edges import RecordStart, SlowPart, start_of
+from specan.dsp.weighting import (
+    WEIGHTINGS_RING,
+    WEIGHTINGS_SETTLE,
+    ZEROS,
+    TimeWeighting,
+    Weighting,
+    complex_weighting,
+    minimum_phase,
+)
+from specan.dsp.windows import falling_step
+
+# A band is filtered at the lowest rate whose samples are faithful up to this many times its upper edge.
+_ROOM_ABOVE = 1.25
+# A response that is not below -60 dB at half the sampling rate is made causal: cut off there, it rings ahead, and a
+# band hears the record's end before it. Below a tone that ends there: 75 dB with the band's edge at half the rate,
+# 100 dB with -42 dB of it.
+_REACHES = 1e-3
+# After 6 times 3 / B an order 4 band-pass has fallen by 180 dB.
+SETTLINGS_IN_A_BLOCK = 6.0
+# In Hz. Where the sampling rate is so high that a thinned stream has all up to here, A, B and C are of that: they let
+# less than 1 / 4000 of the energy above it through.
+_WEIGHTINGS_REACH = 1e5
+Response = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
+
+
+@dataclass(frozen=True)
+class Filter:
+    """A causal analogue filter.
+
+    Attributes
+    ----------
+    response : callable
+        Complex response at frequencies in Hz (exp(+j w t)).
+    lower, upper : float
+        Frequency from which on it lets something through, and up to which the samples have to be faithful.
+    settling : float
+        Seconds until the filter has settled.
+    ringing : float
+        Seconds until it has fallen by 180 dB.
+    identity : bool
+        Whether it is not a filter at all.
+    weighting : {"A", "B", "C"}, optional
+        Of the whole signal: it is sampled by `sampled_weighting`, and what the cut at the record's beginning makes it
+        ring with is taken off (see `specan.dsp.record_edges`).
+    sampled : callable, optional
+        Response at a number of lines up to half a sampling rate, of the causal filter with this magnitude; used by
+        `causal`.
+    """
+
+    response: Response
+    lower: float = 0.0
+    upper: float = math.inf
+    settling: float = 0.0
+    ringing: float = math.inf
+    identity: bool = False
+    weighting: Weighting | None = None
+    sampled: Callable[[float, int], NDArray[np.complex128]] | None = None
+
+    def causal(self, rate: float, lines: int) -> NDArray[np.complex128] | None:
+        """Response of the causal sampled filter where the analogue one goes on beyond half the rate, else None."""
+        if self.sampled is None or (
+            math.isfinite(self.upper) and abs(self.response(np.array([rate / 2.0]))[0]) < _REACHES
+        ):
+            return None
+        return self.sampled(rate, lines)
+
+
+def band_filter(band: bands.Band, weighting: Weighting = "Z") -> Filter:
+    """Filter of a band, with a frequency weighting; see `bands.power_response`."""
+    mid, lower, upper, _, fraction = band
+
+    def response(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+        return bands.complex_response(frequency / mid, fraction) * complex_weighting(frequency, weighting)
+
+    # The envelope of an order 4 band-pass settles to 1 % within 3 / B.
+    settling = 3.0 / (upper - lower)
+    ringing = SETTLINGS_IN_A_BLOCK * settling
+
+    def sampled(rate: float, lines: int) -> NDArray[np.complex128]:
+        zeros = bands.FILTER_ORDER + ZEROS[weighting]
+        return minimum_phase(lambda f: np.abs(response(f)), zeros, rate, lines, ringing)
+
+    return Filter(response, lower, _ROOM_ABOVE * upper, settling, ringing, sampled=sampled)
+
+
+def weighting_filter(weighting: Weighting) -> Filter:
+    """A frequency weighting of the whole signal, from the moment on at which it has settled."""
+    if weighting == "Z":
+        return Filter(np.ones_like, ringing=0.0, identity=True)
+    return Filter(
+        lambda frequency: complex_weighting(frequency, weighting),
+        upper=_WEIGHTINGS_REACH,
+        settling=WEIGHTINGS_SETTLE,
+        ringing=WEIGHTINGS_RING,
+        weighting=weighting,
+    )
+
+
+Watch = Callable[[slice, NDArray[Any]], None]
+"""Is given rows and what comes out of a filter there."""
+
+# What a filter attenuates by more than 100 dB is left out.
+_NOTHING = 1e-5
+# An envelope is sampled at a rate that holds what the filter attenuates by up to 80 dB; what is left of the skirts
+# is folded on it: their energy is kept, and products with the band itself are below -80 dB.
+_FOLDED = 1e-4
+_PER_TIME_CONSTANT = 64.0
+# Squares are averaged over intervals as long as this many of them still make a time constant ...
+_INTERVALS = 256.0
+# ... but not over more than so many samples: a burst ends between two readings ...
+_LONGEST = 64.0
+# ... or longer behind a narrow filter: the weighted level y has y'' of up to 2 pi B y / tau, and its largest value
+# between two readings h apart is not more than y'' h^2 / 8 above them. This many dB are allowed.
+_UNSEEN = 0.001
+# From so many cycles in a time constant on, an envelope will do: the ripple of a squared tone, 10 lg(1 + 1 / (2 w tau))
+# dB = 0.346 dB / (f tau), is less than 0.004 dB.
+_CYCLES_WITHOUT_RIPPLE = 100.0
+# A thinned output is faithful up to this part of half its rate.
+_FAITHFUL = 0.8
+# Up to so many numbers are added column by column: a sum over an axis so short costs more.
+_FEW = 6
+# Rows whose transforms numpy computes side by side in single precision, and points of an inverse transform that stay
+# in the cache with what they are made from.
+_SIDE_BY_SIDE, _POINTS = 4, 1 << 17
+
+
+@dataclass
+class FilterAtWork:
+    """One filter at work on its stage.
+
+    Its output has `kept` samples in each interval, of which `intervals` fill `GRAIN` samples of the stage; squares are
+    averaged over an interval. With `envelope` the output is the complex one of the lines that matter, shifted to
+    frequency zero: what is narrow needs few samples, and half the square of the modulus is the square without its
+    ripple at twice the frequency.
+
+    Attributes
+    ----------
+    low : int
+        The first line that matters.
+    values : complex array
+        The response from this line on, with the factors of the inverse transform.
+    start : RecordStart
+        Of a frequency weighting: what the cut at the record's beginning does to it.
+    """
+
+    intervals: int
+    kept: int
+    envelope: bool
+    low: int
+    values: NDArray[np.complex128]
+    start: RecordStart | None = None
+
+    @property
+    def together(self) -> float:
+        """Samples of the stage in an interval."""
+        return GRAIN / self.intervals
+
+    @classmethod
+    def of(cls, one: Filter, stage: Stage, shape: Shape, time_constant: float) -> FilterAtWork:
+        """Put a filter to work on sections of a shape."""
+        points = shape.points
+        least = math.ceil(GRAIN * min(max(_INTERVALS / (stage.rate * time_constant), 1.0 / _LONGEST), 1.0))
+        every = 1 << (least - 1).bit_length()
+        if one.identity:
+            return cls(every, GRAIN // every, False, 0, np.empty(0, dtype=np.complex128))
+        if one.weighting is not None:
+            response, start = start_of(one.weighting, stage.rate, shape.before)
+            return cls(every, GRAIN // every, False, 0, np.fft.rfft(response, points), start=start)
+        # What is thinned out has nothing at half its rate.
+        causal = None if stage.number else one.causal(stage.rate, points // 2 + 1)
+        if causal is not None:
+            return cls(every, GRAIN // every, False, 0, causal)
+        need = math.ceil(2.0 * GRAIN * min(one.upper / (_FAITHFUL * stage.rate), 1.0))
+        intervals, kept = _grid(min(need, GRAIN), least, 1)
+        if intervals * kept >= GRAIN:
+            intervals, kept = every, GRAIN // every
+        if one.lower * time_constant >= _CYCLES_WITHOUT_RIPPLE:
+            found = cls._as_envelope(one, stage, points, time_constant)
+            if 2 * found.kept * found.intervals <= kept * intervals:
+                return found
+        part = intervals * kept / GRAIN
+        top = stage.rate / 2.0 * part
+        low, values = _lines(one, stage.rate / points, points // GRAIN * intervals * kept // 2)
+        if part < 1.0:
+            frequency = (low + np.arange(values.size)) * stage.rate / points
+            values = values * falling_step(frequency, _FAITHFUL * top, top)
+        return cls(intervals, kept, False, low, values * part)
+
+    @classmethod
+    def _as_envelope(cls, one: Filter, stage: Stage, points: int, time_constant: float) -> FilterAtWork:
+        bandwidth = 3.0 / one.settling  # see `band_filter`
+        unseen = math.log(10.0) / 10.0 * _UNSEEN
+        longest = math.sqrt(8.0 * unseen * time_constant / (2.0 * math.pi * bandwidth))
+        longest = max(longest, time_constant / _INTERVALS)
+        low, values = _lines(one, stage.rate / points, points // 2)
+        wide = np.flatnonzero(np.abs(values) > _FOLDED)
+        need = math.ceil((wide[-1] - wide[0] + 1) * GRAIN / points)
+        intervals, kept = _grid(need, math.ceil(min(GRAIN / (stage.rate * longest), GRAIN)), 2)
+        # Half the square of the modulus, in samples so much fewer than those of the stage.
+        part = intervals * kept / GRAIN
+        values = values * (math.sqrt(2.0) * part)
+        return cls(intervals, kept, True, low, values)
+
+    def squares(
+        self,
+        spectrum: NDArray[Any],
+        shape: Shape,
+        count: int,
+        scratch: Memory,
+        cut: tuple[int, float] | None,
+        record: slice | None = None,
+        watch: Watch | None = None,
+        with_cut: Watch | None = None,
+    ) -> NDArray[np.float32]:
+        """Mean square of the output over each of `count` intervals from the first new sample on.
+
+        Computed in the precision of `spectrum`. `cut` is an interval and which part of it belongs to the record.
+        `record` are the samples of the record in a section that it begins in; `watch` sees the output,
+        `with_cut` that of a weighting at the record's beginning before its decays are taken off.
+        """
+        rows, size = spectrum.shape[0], shape.points // GRAIN * self.intervals * self.kept
+        width = (2 if self.envelope else 1) * self.kept
+        values = self.values.astype(spectrum.dtype)
+        first = shape.before // GRAIN * self.intervals
+        square = np.empty((rows, count), dtype=np.float32)
+        step = max(1, _POINTS // (size * _SIDE_BY_SIDE)) * _SIDE_BY_SIDE
+        for start in range(0, rows, step):
+            # At the end some rows again: that is faster than fewer rows.
+            some = min(step, -(-(rows - start) // _SIDE_BY_SIDE) * _SIDE_BY_SIDE, rows)
+            top = min(start, rows - some)
+            part = spectrum[top : top + some]
+            output = (self._envelope if self.envelope else self._real)(part, values, size, scratch)
+            flat = output[:, first * width : (first + count) * width]
+            if self.start is not None and record is not None:
+                if with_cut is not None:
+                    with_cut(slice(start, top + some), flat[start - top :])
+                flat[:, record] = self.start.without(flat[:, record])
+            if watch is not None:
+                watch(slice(start, top + some), flat[start - top :])
+            mine = flat.reshape(part.shape[0], count, width)
+            if cut is not None:  # what comes after the end of the record is not part of it
+                inside = math.ceil(cut[1] * self.kept)
+                mine[:, cut[0], width * inside // self.kept :] = 0.0
+                mine[:, cut[0]] *= math.sqrt(self.kept / inside)
+            _sum_of_squares(mine, square[top : top + some])
+        square /= self.kept
+        return square
+
+    def _real(self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Memory) -> NDArray[Any]:
+        """`size` samples of the filter's output."""
+        product = scratch.take("lines", part.shape[0], size // 2 + 1, part.dtype)
+        lines = slice(self.low, self.low + values.size)
+        product[:, : lines.start] = 0.0
+        product[:, lines.stop :] = 0.0
+        np.multiply(part[:, lines], values, out=product[:, lines])
+        return np.fft.irfft(product, size, out=_output(scratch, part, size))
+
+    def _envelope(self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Memory) -> NDArray[Any]:
+        """`size` complex samples of the filter's output, each as two real numbers."""
+        product, used = scratch.take("lines", part.shape[0], size, part.dtype), values.size
+        product[:, used:] = 0.0
+        for begin in range(0, used, size):
+            some = values[begin : begin + size]
+            lines = part[:, self.low + begin : self.low + begin + some.size]
+            if begin == 0:
+                np.multiply(lines, some, out=product[:, : some.size])
+            else:
+                product[:, : some.size] += lines * some
+        output = _output(scratch, part, 2 * size)
+        np.fft.ifft(product, out=output.view(part.dtype))
+        return output
+
+
+def _output(scratch: Memory, part: NDArray[Any], size: int) -> NDArray[Any]:
+    """Memory for real numbers in the precision of complex ones."""
+    return scratch.take("output", part.shape[0], size, np.dtype(part.real.dtype))
+
+
+def _sum_of_squares(numbers: NDArray[Any], result: NDArray[np.float32]) -> None:
+    """Sum over the last axis; the numbers are lost."""
+    if numbers.shape[2] > _FEW:
+        np.einsum("ijk,ijk->ij", numbers, numbers, out=result, casting="same_kind")
+        return
+    np.multiply(numbers, numbers, out=numbers)
+    if numbers.shape[2] == 1:
+        result[...] = numbers[:, :, 0]
+        return
+    np.add(numbers[:, :, 0], numbers[:, :, 1], out=result, casting="same_kind")
+    for column in range(2, numbers.shape[2]):
+        result += numbers[:, :, column]
+
+
+def stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> Stage:
+    """The lowest rate that is faithful to a filter's band and fine enough for the time weighting.
+
+    The ripple of a squared low tone is followed with `_PER_TIME_CONSTANT` samples, unless the filter
+    rings for longer than a block at such a rate.
+    """
+    possible = [stage for stage in stages if stage.number == 0 or stage.flat_to >= one.upper]
+    lasting = [stage for stage in possible if LENGTH / stage.rate >= SETTLINGS_IN_A_BLOCK * one.settling]
+    fine = [stage for stage in lasting if stage.rate * time_constant >= _PER_TIME_CONSTANT]
+    return fine[-1] if fine else (lasting or possible[-1:])[0]
+
+
+def _lines(one: Filter, step: float, last: int) -> tuple[int, NDArray[np.complex128]]:
+    """The response at the lines that matter, of those up to `last`, `step` Hz apart; and the first of them."""
+    # A look at each 64th line at high frequencies, and at all of them at low ones, says where to look closely.
+    look = np.unique(
+        np.concatenate([np.arange(min(128, last + 1)), np.geomspace(1, last, 512).astype(int), [last]])
+    )
+    seen = np.flatnonzero(np.abs(one.response(look * step)) > _NOTHING)
+    first, end = look[max(seen[0] - 1, 0)], look[min(seen[-1] + 1, look.size - 1)] + 1
+    values = one.response(np.arange(first, end) * step)
+    used = np.flatnonzero(np.abs(values) > _NOTHING)
+    return int(first + used[0]), values[used[0] : used[-1] + 1]
+
+
+def _grid(need: int, least: int, numbers: int) -> tuple[int, int]:
+    """How many intervals to make of `GRAIN` samples, and how many samples of an output to keep in each.
+
+    At least `need` and `least`, so that transforms are fast and there is least to do: each sample is so many `numbers`.
+    """
+    ways = []
+    for kept in filter(lambda count: fast_length(count) == count, range(1, need // least + 2)):
+        intervals = max(least, -(-need // kept))
+        while intervals * kept % 2 or fast_length(intervals * kept) != intervals * kept:
+            intervals += 1
+        ways.append(((numbers * kept + 1) * intervals, intervals, kept))
+    return min(ways)[1:]
+
+
+Real = NDArray[np.float64] | NDArray[np.float32]
+
+# What a band filter makes of the cut at the record's beginning has fallen by 60 dB after 2 times 3 / B: 10 dB
+# in every 1 / B.
+_SETTLINGS_OF_A_CUT = 2.0
+# Time constants after which nothing is left of an average, to the last bit.
+_FORGOTTEN = 38.0
+
+
+class RunningLevel:
+    """Weights in time what a filter's intervals bring, and reads the result.
+
+    Parameters
+    ----------
+    one : Filter
+    stage : Stage
+    rows : int
+        Number of channels.
+    way : FilterAtWork
+        Says what an interval is.
+    time_constant, decay : float
+        See `TimeWeighting`.
+    settled : float
+        Seconds from the record's beginning after which a minimum is looked for.
+    end : float
+        Where the record ends, in s.
+    times : ndarray, shape (times,)
+        When to read, in s from the record's beginning; ascending.
+    """
+
+    def __init__(
+        self,
+        one: Filter,
+        stage: Stage,
+        rows: int,
+        way: FilterAtWork,
+        time_constant: float,
+        decay: float | None,
+        settled: float,
+        end: float,
+        times: NDArray[np.float64],
+    ) -> None:
+        # A weighting has what the cut makes of it taken off.
+        starts = 0.0 if one.weighting else _SETTLINGS_OF_A_CUT * one.settling
+        rate, lead, together = stage.rate, stage.lead, way.together
+        self._weighting = TimeWeighting(rows, rate / together, time_constant, decay)
+        self._peaks = TimeWeighting(rows, rate / together, time_constant, decay) if decay and starts else None
+        # A sample stands for half a sampling interval on either side of it; an average is known at the end of its
+        # interval.
+        last = (lead + end * rate + 0.5) / together - 1.0
+        # Extremes are looked for at the ends of intervals, and at the two moments that bound the search.
+        place = np.append(np.minimum(times, end), [min(settled, end), end])
+        place = (lead + place * rate + 0.5 * together / way.kept) / together - 1.0
+        self._order = np.argsort(place, kind="stable")
+        self._place, self._falls = place[self._order], settled < end
+        # Up to half an interval later than the last one is known: found from the last two.
+        self._known_from = np.minimum(self._place, last)
+        self._end = math.floor(min(float(place[-1]), last) + 1e-6) + 1
+        # Where the record begins, and where a search begins that leaves out what the cut makes of a band.
+        self._first = math.ceil(lead / together)
+        self._start = math.ceil((lead + starts * rate) / together)
+        self._from, self._fall = float(self._start - 1), together / (rate * time_constant)
+        if starts and not decay:
+            self._from = (lead + starts * rate + 0.5 * together / way.kept) / together - 1.0
+            self._start = math.floor(self._from) + 1
+        self._settled = math.ceil((lead + settled * rate) / together)
+        samples = math.floor(lead + end * rate + 1e-6) + 1
+        self._last_interval = samples * way.intervals // GRAIN
+        self._last_part = max(samples / together - self._last_interval, 1.0 / together)
+        self._intervals = (samples - lead) / together
+        self._position, self._read = 0, 0
+        self._last = np.zeros((rows, 1))
+        # The average after which a maximum is looked for, and what the end has of it.
+        self._before_start: NDArray[np.float64] | None = None
+        self._left = math.exp((self._from - float(place[-1])) * self._fall)
+        self._readings = np.full((rows, place.size), np.nan)
+        self._maximum, self._minimum = np.full(rows, np.nan), np.full(rows, np.nan)
+        self._counted = np.full(rows, np.nan)
+        self._whole, self._sum = one.identity or one.weighting is not None, np.zeros(rows)
+        # Behind a weighting whose decays at the beginning are not taken off.
+        self._time = rate / together, time_constant, decay
+        self._cut_intervals, self._cut_sum, self.highest_with_cut = 0, np.zeros(rows), np.full(rows, np.nan)
+
+    def cut(self, count: int) -> tuple[int, float] | None:
+        """In which of the next intervals the record ends, and which part of it the record has."""
+        place = self._last_interval - self._position
+        return (place, self._last_part) if 0 <= place < count else None
+
+    def due(self, count: int) -> NDArray[np.float64]:
+        """Where in the next intervals the next readings are, in intervals from the first one on."""
+        # A place as computed may miss an interval by a rounding error.
+        done = int(np.searchsorted(self._known_from, self._position + count - 1 + 1e-6, side="right"))
+        return np.asarray(self._place[self._read : done] - self._position)
+
+    def inside(self, count: int) -> slice:
+        """Which of the next intervals belong to the record, behind a filter that has answered to its beginning."""
+        return slice(max(self._start - self._position, 0), max(min(count, self._end - self._position), 0))
+
+    def take(
+        self,
+        square: Real,
+        factor: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Weight the next mean squares (channels, intervals), each channel's times a factor, and read the result."""
+        high, low = self._span(square, self._start), self._span(square, self._settled)
+        counted = self._span(square, self._first)
+        if self._whole:
+            square[:, : counted.start] = 0.0
+            self._add_up(square, factor)
+        weighted = self._weighting(square, factor)
+        self._minimum = np.fmin(self._minimum, np.fmin.reduce(weighted[:, low], axis=1, initial=np.nan))
+        self._counted = np.fmax(self._counted, np.fmax.reduce(weighted[:, counted], axis=1, initial=np.nan))
+        if self._peaks is not None:  # what a peak holder has held cannot be taken off
+            square[:, : max(self._start - self._position, 0)] = 0.0
+            later = self._peaks(square, factor)[:, high]
+        else:
+            later = self._without_beginning(weighted, high)
+        self._maximum = np.fmax(self._maximum, np.fmax.reduce(later, axis=1, initial=np.nan))
+        self._look(weighted)
+        self._last = weighted[:, -1:].copy()
+        self._position += square.shape[1]
+
+    def see_cut(self, rows: slice, square: NDArray[np.float64]) -> None:
+        """Take the first mean squares of some rows, from the record's beginning on, with the cut in them."""
+        weighted = TimeWeighting(len(square), *self._time)(square)
+        self.highest_with_cut[rows] = np.max(weighted, axis=1, initial=0.0)
+        self._cut_intervals, self._cut_sum[rows] = square.shape[1], np.add.reduce(square, axis=1)
+
+    def _add_up(self, square: Real, factor: NDArray[np.float64] | None) -> None:
+        """Add the next mean squares to the sum over the record, the last interval as far as it belongs to it."""
+        last = self._last_interval - self._position
+        if self._position == 0 and self._cut_intervals:
+            known = np.add.reduce(square[:, : self._cut_intervals], axis=1, dtype=np.float64)
+            self._cut_sum -= known if factor is None else known * factor
+        found = np.add.reduce(square[:, : max(last, 0)], axis=1, dtype=np.float64)
+        if 0 <= last < square.shape[1]:
+            found += self._last_part * square[:, last]
+        self._sum += found if factor is None else found * factor
+
+    def mean_square(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Over the record, of what comes out of a weighting, or of the record itself; and with the cut."""
+        return self._sum / self._intervals, (self._sum + self._cut_sum) / self._intervals
+
+    def _span(self, square: Real, since: int) -> slice:
+        """Which of the next intervals belong to the record from an interval of it on."""
+        return slice(max(since - self._position, 0), max(min(square.shape[1], self._end - self._position), 0))
+
+    def result(self) -> tuple[NDArray[np.float64], ...]:
+        """Readings (channels, times), maxima and minimum (channels,); see `specan.dsp.band_history.Histories`."""
+        readings = np.empty_like(self._readings)
+        readings[:, self._order] = self._readings
+        highest, lowest = self._maximum, self._minimum
+        if self._before_start is not None:
+            highest = np.fmax(highest, readings[:, -1] - self._left * self._before_start[:, 0])
+        if self._falls:
+            lowest = np.fmin(lowest, np.fmin(readings[:, -2], readings[:, -1]))
+        counted = highest
+        if self._start > self._first:
+            counted = np.fmax(self._counted, readings[:, -1])
+        return readings[:, :-2], counted, highest, lowest
+
+    def _at(self, weighted: NDArray[np.float64], places: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Averages at the ends of intervals, of which -1 is the last one of those before."""
+        return np.where(places < 0, self._last, weighted[:, np.clip(places, 0, weighted.shape[1] - 1)])
+
+    def _without_beginning(self, weighted: NDArray[np.float64], span: slice) -> NDArray[np.float64]:
+        """Averages in a span without what is left in them of what came before the search."""
+        if self._start <= self._first or span.start >= span.stop:
+            return weighted[:, span]
+        if self._before_start is None:
+            # Between the ends of two intervals, as if the square were constant.
+            earlier, at_end = np.hsplit(self._at(weighted, span.start + np.array([-1, 0])), 2)
+            share = math.expm1((self._start - 1 - self._from) * self._fall) / math.expm1(-self._fall)
+            self._before_start = earlier + share * (at_end - earlier)
+        since = self._position - self._from + np.arange(span.start, span.stop)
+        left = np.exp(-self._fall * since[since * self._fall < _FORGOTTEN])
+        if not left.size:
+            return weighted[:, span]
+        found = weighted[:, span].copy()
+        found[:, : left.size] -= self._before_start * left
+        return found
+
+    def _look(self, weighted: NDArray[np.float64]) -> None:
+        """Interpolate between the ends of two intervals."""
+        due = self.due(weighted.shape[1])
+        if due.size:
+            last = self._known_from[self._read : self._read + due.size] - self._position
+            before = np.floor(last).astype(int)
+            # A reading on the end of the last interval, as computed, may lie behind it by a rounding error.
+            earlier, later = self._at(weighted, before), self._at(weighted, np.maximum(before + 1, 0))
+            share = due - before
+            done = self._read + due.size
+            # What is left of an earlier average is taken off that at the end: both as if the square were constant.
+            at_end = self._place[self._read : done] == self._place[-1]
+            share = np.where(at_end, np.expm1(-share * self._fall) / math.expm1(-self._fall), share)
+            self._readings[:, self._read : done] = earlier * (1.0 - share) + later * share
+            self._read = done
+
 
 # The rounding of a transform in single precision, 1e-7 of the RMS of its section, is spread over all of the section. A
 # moment of so many intervals that is 50 dB below the mean has it at 3e-5 of its own amplitude, which changes its mean
@@ -139,7 +679,7 @@ class BandHistoryAccumulator:
     Examples
     --------
     >>> from specan.dsp.bands import Bands
-    >>> from specan.dsp.history_filters import band_filter
+    >>> from specan.dsp.band_history import band_filter
     >>> t = np.arange(16000) / 8000
     >>> history = BandHistoryAccumulator(
     ...     1, 8000.0, 16000, [band_filter(*Bands.octaves(3, 0))], 0.125, None, times=np.array([1.0, 1.9])

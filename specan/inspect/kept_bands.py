@@ -18,7 +18,7 @@ from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
-from specan.dsp.slow_part import drift_spread
+from specan.dsp.record_edges import drift_spread
 from specan.errors import RequestError
 
 _Key = tuple[int, str, int, int, float]  # source, channel, section, and what is taken for a drift

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from specan.analysis import conformance
-from specan.dsp import band_energy, bands, frequency_nodes, weighting
+from specan.dsp import band_energy, bands, weighting
 
 
 @pytest.mark.long
@@ -36,10 +36,10 @@ def test_a_filter_of_too_low_an_order_is_told(monkeypatch: pytest.MonkeyPatch) -
 def test_a_weighting_that_is_off_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     true = weighting.power_weighting
     monkeypatch.setattr(
-        "specan.dsp.frequency_nodes.power_weighting", lambda f, name: true(np.asarray(f) * 1.3, name)
+        "specan.dsp.band_energy.power_weighting", lambda f, name: true(np.asarray(f) * 1.3, name)
     )
-    frequency_nodes.node_weights.cache_clear()
+    band_energy.node_weights.cache_clear()
     try:
-        assert not conformance._weighting("A", 51200.0).passed
+        assert np.abs(conformance._weighting("A", 51200.0)).max() > 0.7
     finally:
-        frequency_nodes.node_weights.cache_clear()
+        band_energy.node_weights.cache_clear()

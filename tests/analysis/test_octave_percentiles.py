@@ -8,7 +8,7 @@ from scipy import signal
 
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
-from specan.dsp.time_weighting import FAST
+from specan.dsp.weighting import FAST
 from specan.errors import RequestError
 from specan.schema import parse
 

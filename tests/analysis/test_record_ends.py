@@ -15,7 +15,7 @@ from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.dsp.band_energy import BandEnergyAccumulator
 from specan.dsp.bands import Bands
-from specan.dsp.record_ends import Fade
+from specan.dsp.record_edges import Fade
 from specan.dsp.weighting import weighting_level
 
 RATE = 51200.0

@@ -9,9 +9,8 @@ import pytest
 from scipy.fft import next_fast_len, rfft
 
 from specan.dsp import bands
-from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
+from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum, LagSpectrum
 from specan.dsp.bands import Bands
-from specan.dsp.lag_spectrum import LagSpectrum
 from specan.dsp.multirate import LENGTH
 from specan.dsp.weighting import power_weighting
 from specan.dsp.windows import falling_step

@@ -7,12 +7,11 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from specan.dsp import bands
-from specan.dsp.band_history import BandHistoryAccumulator, Histories
+from specan.dsp.band_history import BandHistoryAccumulator, Histories, band_filter, weighting_filter
 from specan.dsp.bands import Bands
-from specan.dsp.history_filters import band_filter, weighting_filter
 from specan.dsp.multirate import LENGTH
-from specan.dsp.slow_part import SlowPart
-from specan.dsp.time_weighting import TimeWeighting
+from specan.dsp.record_edges import SlowPart
+from specan.dsp.weighting import TimeWeighting
 
 RATE = 25600.0
 N = 3 * LENGTH + 777

@@ -7,9 +7,8 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from specan.dsp import bands
-from specan.dsp.band_history import BandHistoryAccumulator, Histories
+from specan.dsp.band_history import BandHistoryAccumulator, Histories, band_filter
 from specan.dsp.bands import Bands
-from specan.dsp.history_filters import band_filter
 
 TAU = 0.125
 

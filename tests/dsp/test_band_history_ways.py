@@ -9,11 +9,17 @@ import pytest
 from scipy.signal import fftconvolve, lfilter
 
 from specan.dsp import band_history, bands
-from specan.dsp.band_history import BandHistoryAccumulator, Histories
+from specan.dsp.band_history import (
+    BandHistoryAccumulator,
+    Filter,
+    Histories,
+    band_filter,
+    sampled_weighting,
+    weighting_filter,
+)
 from specan.dsp.bands import Bands
-from specan.dsp.history_filters import Filter, band_filter, sampled_weighting, weighting_filter
-from specan.dsp.record_start import RecordStart
-from specan.dsp.sections import Sections, Shape, shape_for
+from specan.dsp.multirate import Sections, Shape, shape_for
+from specan.dsp.record_edges import RecordStart
 
 RATE, N, TAU = 51200.0, 210_777, 0.125
 TIMES = np.arange(2, 41) * 0.1

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from specan.dsp import band_energy, bands
-from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
+from specan.dsp.band_energy import LONGEST, BandEnergyAccumulator, EnergySpectrum
 from specan.dsp.bands import Bands
-from specan.dsp.short_record import LONGEST
-from specan.dsp.slow_part import SlowPart
+from specan.dsp.record_edges import SlowPart
 
 RNG = np.random.default_rng(4)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from specan.dsp.time_weighting import TimeWeighting
+from specan.dsp.weighting import TimeWeighting
 
 
 @pytest.mark.parametrize(("rate", "tau"), [(51200.0, 0.125), (12.5, 0.125), (1.0, 0.035), (3200.0, 1.0)])

@@ -16,7 +16,7 @@ from specan.data.band_levels import BandLevels
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
 from specan.divisions import DIVISIONS
-from specan.dsp.time_weighting import FAST, SLOW
+from specan.dsp.weighting import FAST, SLOW
 from specan.inspect.kept_bands import KeptBands
 from specan.inspect.look import sheet
 from specan.inspect.opened import Chosen, Opened
