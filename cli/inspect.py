@@ -65,7 +65,6 @@ def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Ca
     from specan.inspect.opened import Opened, watched
 
     _require_bokeh()
-    from specan.inspect.kept_bands import KeptBands
     from specan.inspect.recording_page import RecordingPage
 
     paths = [place] if overlay is None else [place, overlay]
@@ -77,10 +76,9 @@ def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Ca
     opened = Opened(tuple(watched(read(path, **opening), path) for path in paths), tuple(arguments))
     if not opened.keys:
         raise InputError(f"{place} has no channel with samples and a sampling rate")
-    kept = KeptBands()
 
     def fill(document: Document) -> None:
-        RecordingPage(document, opened, kept)
+        RecordingPage(document, opened)
 
     return fill
 

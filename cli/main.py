@@ -7,7 +7,6 @@ import gc
 import importlib
 import io
 import os
-import shlex
 import sys
 from pathlib import Path
 from typing import Any
@@ -118,7 +117,7 @@ def main(ctx: click.Context, debug: bool) -> None:
     ctx.obj = {"debug": debug}
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
-        click.echo(first_steps(Path.cwd()))
+        click.echo(FIRST_STEPS)
 
 
 def _show_version(ctx: click.Context, wanted: bool) -> None:
@@ -185,64 +184,10 @@ def _commit(package: Path) -> str | None:
         return None
 
 
-SUFFIXES = (".tdms", ".wav")
-_MOST = 2000  # entries of a directory that are looked at
-
-
-def first_steps(here: Path) -> str:
-    """Commands to begin with in a directory.
-
-    Examples
-    --------
-    >>> from tempfile import mkdtemp
-    >>> print(first_steps(Path(mkdtemp())))
-    <BLANKLINE>
-    First steps:
-      specan info RECORDING.tdms           what is in a recording
-      specan inspect RECORDING.tdms        show it in the browser
-      specan batch DIRECTORY -o results    analyse a directory, write text tables
-      specan model list                    models to compare with a measurement
-    Each verb shows an example with --help.
-    """
-    recordings, studies = _found(here)
-    steps = []
-    if studies:
-        steps.append((f"specan study compare {studies[0]}", "where the model of this study fails"))
-        steps.append((f"specan inspect {studies[0]}", "show the study in the browser"))
-    one = recordings[0] if recordings else "RECORDING.tdms"
-    if recordings or not studies:
-        place = "." if recordings else "DIRECTORY"
-        steps += [
-            (f"specan info {one}", "what is in a recording"),
-            (f"specan inspect {one}", "show it in the browser"),
-            (f"specan batch {place} -o results", "analyse a directory, write text tables"),
-        ]
-    if not studies:
-        steps.append(("specan model list", "models to compare with a measurement"))
-    width = max(len(command) for command, _ in steps)
-    here_are = f" ({len(recordings)} recordings here)" if len(recordings) > 1 else ""
-    lines = [f"  {command:<{width}}    {text}" for command, text in steps]
-    return "\n".join([f"\nFirst steps{here_are}:", *lines, "Each verb shows an example with --help."])
-
-
-def _typed(name: str) -> str:
-    """A name as the shell of this system wants it."""
-    if os.name == "nt":
-        return f'"{name}"' if " " in name else name
-    return shlex.quote(name)
-
-
-def _found(here: Path) -> tuple[list[str], list[str]]:
-    """Recordings and studies of a directory, as they are typed; none where it cannot be read."""
-    recordings, studies = [], []
-    try:
-        for number, path in enumerate(sorted(here.iterdir())):
-            if number == _MOST:
-                break
-            if path.suffix.lower() in SUFFIXES and path.is_file():
-                recordings.append(_typed(path.name))
-            elif (path / "study.toml").is_file():
-                studies.append(_typed(path.name))
-    except OSError:  # the hints do without
-        return [], []
-    return recordings, ["."] if (here / "study.toml").is_file() else studies
+FIRST_STEPS = """
+First steps:
+  specan info RECORDING.tdms           what is in a recording
+  specan inspect RECORDING.tdms        show it in the browser
+  specan batch DIRECTORY -o results    analyse a directory, write text tables
+  specan model list                    models to compare with a measurement
+Each verb shows an example with --help."""

@@ -1,6 +1,6 @@
 """``specan study``: compare a model with measurements, learn what is missing, add it, watch the error fall.
 
-Here is what its steps share: the options that they take and the tables that they print.
+Here is what its steps share.
 """
 
 from __future__ import annotations
@@ -11,16 +11,15 @@ import time
 from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from specan_cli.main import LazyGroup
 from specan_cli.options import json_option, opt, together
-from specan_cli.output import is_quiet, say, table
+from specan_cli.output import is_quiet, say
 
 if TYPE_CHECKING:
-    from specan.study.estimation.prediction_error import ObservableError
     from specan.study.selection.search import Progress
     from specan.study.study import Study
 
@@ -122,49 +121,6 @@ def told() -> Progress:
             say(f"{now - began:5.0f} s: {text}{left}")
 
     return tell
-
-
-def error_table(title: str, errors: Sequence[ObservableError]) -> None:
-    """Errors of every observable."""
-    table(
-        title,
-        ["observable", "values", "RMS error", "bias", "unit", "relative RMS", "largest"],
-        [
-            [
-                e.observable, e.n, f"{e.rms:.4g}", f"{e.bias:+.2g}", "" if e.unit == "1" else e.unit,
-                f"{e.relative_rms:.2f} %", f"{e.relative_max:.2f} %",
-            ]
-            for e in errors
-        ],
-    )  # fmt: skip
-
-
-def parameter_rows(parameters: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:
-    """Rows of a table of parameters."""
-    rows = []
-    for name, p in parameters.items():
-        remark = "at its bound" if p["at_bound"] else "" if p["plausible"] else "outside"
-        if p["nuisance"] and not remark:
-            remark = "certificate"
-        unit = "" if p["unit"] == "1" else p["unit"]
-        rows.append([name, f"{p['value']:.4g}", f"{p['low']:.4g}", f"{p['high']:.4g}", unit, remark])
-    return rows
-
-
-def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> None:
-    """Fitted parameters with their 95 % intervals."""
-    if parameters:
-        table(
-            "Parameters (95 %)", ["parameter", "value", "from", "to", "unit", ""], parameter_rows(parameters)
-        )
-
-
-def amount(error: Mapping[str, Any] | None) -> str:
-    """An error of a step in words: ``0.0123 N*m``."""
-    if error is None:
-        return ""
-    unit = "" if error["unit"] == "1" else f" {error['unit']}"
-    return f"{error['value']:.4g}{unit}"
 
 
 def probability(p: float | None) -> str:

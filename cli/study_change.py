@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opt, together
-from specan_cli.output import Verb, draw, emit_json, plot_option, table
-from specan_cli.study import open_study, parameter_table, study_options
+from specan_cli.output import Verb, draw, emit_json, plot_option, show_sheets, table
+from specan_cli.study import open_study, study_options
 
 if TYPE_CHECKING:
     from specan.study.edit import Change
@@ -68,6 +68,7 @@ def _show(change: Change, as_json: bool, plot: Path | None) -> None:
     if as_json:
         emit_json(change.to_json())
         return
+    from specan.report import study_sheets
     from specan.study.edit import RISES
 
     first = [remark for remark in change.remarks if remark == RISES.format("held-out")]
@@ -93,7 +94,7 @@ def _show(change: Change, as_json: bool, plot: Path | None) -> None:
             what = after.errors[key][0].get("level_of", "levels")
             click.echo(f"RMS error of {what}: {levels[0][0]:.2g} -> {levels[1][0]:.2g} dB on {name} data")
     click.echo("")
-    parameter_table(change.parameters)
+    show_sheets([study_sheets.parameters(change.parameters)])
     for remark in change.remarks:
         if remark not in first:
             click.echo(f"Note: {remark}")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.options import opt
-from specan_cli.output import Verb, draw, emit_json, plot_option, say, table
-from specan_cli.study import error_table, open_study, parameter_table, probability, study_options
+from specan_cli.output import Verb, draw, emit_json, plot_option, say, show_sheets, table
+from specan_cli.study import open_study, probability, study_options
 
 if TYPE_CHECKING:
     from specan.study.comparison import Comparison
@@ -53,13 +53,15 @@ def command(
 
 
 def _print(study: Study, found: Comparison) -> None:
+    from specan.report import study_sheets
     from specan.study.diagnose import untestable
     from specan.study.selection.pulls import data_alone
     from specan.study.selection.refits import Refit
 
     best, where = found.fit, found.localisation
     click.echo("Model: " + (", ".join(study.model_effects) or study.model.words.ideal))
-    error_table("\nError on the fitted data", found.errors)
+    click.echo()
+    show_sheets([study_sheets.errors(found.errors, "Error on the fitted data")])
     for one in found.path_gains:
         click.echo(
             f"\n{one['recording']}: gains of the path, fitted to these lines. Without them the RMS error is "
@@ -76,7 +78,7 @@ def _print(study: Study, found: Comparison) -> None:
             ],
         )
     click.echo("")
-    parameter_table(found.parameters)
+    show_sheets([study_sheets.parameters(found.parameters)] if found.parameters else [])
     if where is None:
         return
     spent = " excluding those of the repeats" if study.problem.pure_error_dof else ""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opt
-from specan_cli.output import Verb, draw_beside, emit_json, plot_option, say, table
+from specan_cli.output import Verb, draw_beside, emit_json, plot_option, say, show_sheets, table
 from specan_cli.study import open_study, probability, study_options, told
 
 if TYPE_CHECKING:
@@ -212,6 +212,8 @@ def _apart(row: Mapping[str, Any]) -> str:
 
 
 def _print_statistics(found: Diagnosis) -> None:
+    from specan.report import study_sheets
+
     if found.ranking:
         now = None if found.error is None else found.error.before.level_dB
         unit = "" if found.error is None else _in_unit(found.error.before.unit)
@@ -235,7 +237,7 @@ def _print_statistics(found: Diagnosis) -> None:
         for ranked in found.ranking[:DETAILED]:
             click.echo(f"{' + '.join(ranked.names)}:")
             for name, p in ranked.parameters.items():
-                click.echo(f"  {name} = {_value(p)}")
+                click.echo(f"  {name} = {study_sheets.value_text(p)}")
     if found.lack_of_fit is not None:
         fit = found.lack_of_fit
         click.echo(
@@ -277,20 +279,12 @@ def _row(ranked: Ranked, now_dB: float | None, levels: bool, told: Sequence[str]
     ]  # fmt: skip
 
 
-def _value(p: Mapping[str, Any]) -> str:
-    unit = "" if p["unit"] == "1" else f" {p['unit']}"
-    return f"{p['value']:.3g} ({p['low']:.3g} to {p['high']:.3g}){unit}"
-
-
 def _print_power(found: Diagnosis) -> None:
-    seen = {n: v for n, v in found.smallest_visible.items() if v is not None}
+    from specan.report import study_sheets
+
     hidden = [n for n, v in found.smallest_visible.items() if v is None]
-    if seen:
+    if (sheet := study_sheets.visible(found.smallest_visible)).rows:
         click.echo("")
-        table(
-            "Smallest detectable effects",
-            ["effect", "size", ""],
-            [[n, f"{v['value']:.2g}", "" if v["unit"] == "1" else v["unit"]] for n, v in seen.items()],
-        )
+        show_sheets([sheet])
     if hidden:
         click.echo("Not detectable at any size in their range: " + ", ".join(hidden))

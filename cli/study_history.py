@@ -20,10 +20,10 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
     \b
     specan study history my_study --plot staircase.png
     """
+    from specan.report import study_sheets
     from specan.study.history import History
     from specan.study.study_file import read_study_file
-    from specan_cli.output import emit_json, say, table
-    from specan_cli.study import amount
+    from specan_cli.output import emit_json, say, show_sheets
 
     read_study_file(directory)
     history = History(directory)
@@ -33,21 +33,9 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
     if as_json:
         emit_json([step.as_dict() for step in steps])
     else:
-        rows = []
-        for s in steps:
-            held = "" if s.held_out_reduced_chi2 is None else f"{s.held_out_reduced_chi2:.2f}"
-            chi2 = "" if s.reduced_chi2 is None else f"{s.reduced_chi2:.2f}"
-            what = f"{s.action} {s.effect}".strip() + (f" ({s.because})" if s.because else "")
-            fitted, aside = (
-                ", ".join(amount(e) for e in s.of_each(kind).values()) for kind in ("fit", "held_out")
-            )
-            rows.append([s.step, what, fitted, chi2, aside, held])
         names = steps[-1].of_each("fit") if steps else ()
-        metric = f"RMS of {', '.join(names)}" if names else "RMS"
-        table(
-            f"{directory}: {metric}",
-            ["step", "what", "fitted", "chi2/n", "held out", "chi2/n"],
-            rows,
+        show_sheets(
+            [study_sheets.history(steps, f"{directory}: RMS" + (f" of {', '.join(names)}" if names else ""))]
         )
         if steps:
             click.echo("\nModel: " + (", ".join(steps[-1].model_effects) or "no effects"))

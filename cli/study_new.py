@@ -103,11 +103,11 @@ def _named_columns(given: tuple[str, ...]) -> dict[str, str]:
 
 
 def _show(begun: object, as_json: bool) -> None:
+    from specan.report import study_sheets
     from specan.result import counted
     from specan.study.build_problem import calibration_priors, held_for_want_of_variation
     from specan.study.create import Begun
-    from specan_cli.output import emit_json
-    from specan_cli.study import amount, error_table
+    from specan_cli.output import emit_json, show_sheets
 
     assert isinstance(begun, Begun)
     study, step = begun.study, begun.step
@@ -164,13 +164,13 @@ def _show(begun: object, as_json: bool) -> None:
         for key, value in defaults.items():
             click.echo(f"    {key} = {value}")
     click.echo("")
-    error_table("Error of the fitted model", study.errors)
+    show_sheets([study_sheets.errors(study.errors, "Error of the fitted model")])
     if not study.data.known:
         click.echo(
             "\nThe uncertainty of the measurement is unknown: compare shows errors, diagnose will refuse."
         )
     if study.mistaken_set_up.text:
         click.echo(f"\nCheck the set-up: {study.mistaken_set_up.sentence}.")
-    errors = ", ".join(f"{e['metric']} {amount(e)}" for e in step.of_each("fit").values())
+    errors = ", ".join(f"{e['metric']} {study_sheets.amount(e)}" for e in step.of_each("fit").values())
     click.echo(f"\nStep 0 is kept ({errors}). ", nl=False)
     click.echo(f"Next: specan study compare {study.directory}")

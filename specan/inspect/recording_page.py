@@ -12,7 +12,6 @@ from bokeh.models import Checkbox, Div, MultiSelect, NumericInput, RadioButtonGr
 
 from specan.data.calibration import stated
 from specan.errors import RequestError, SpecanError
-from specan.inspect.kept_bands import KeptBands
 from specan.inspect.look import KEYS, PANEL, BrowserLink, Busy, Dress, asked_for, header, notice, sheet
 from specan.inspect.opened import Opened
 from specan.inspect.plots import plain
@@ -46,11 +45,9 @@ class RecordingPage:
     ----------
     document : Document
     opened : Opened
-    kept : KeptBands
-        Shared by all windows.
     """
 
-    def __init__(self, document: Document, opened: Opened, kept: KeptBands) -> None:
+    def __init__(self, document: Document, opened: Opened) -> None:
         self.document, self.opened = document, opened
         self.link = BrowserLink()
         self.status = Busy(document, "status", height=20, sizing_mode="stretch_width")
@@ -63,7 +60,7 @@ class RecordingPage:
         self.tabs: dict[str, Tab] = {
             tab.name: tab
             for tab in (
-                OctaveTab(opened, view, self.change, kept), FftTab(opened, view, self.change),
+                OctaveTab(opened, view, self.change), FftTab(opened, view, self.change),
                 FrfTab(opened, view, self.change), LevelsTab(opened, view, self.change),
                 SpectrogramTab(opened, view, self.change), OrdersTab(opened, view, self.change),
                 InfoTab(opened, view, self.change),

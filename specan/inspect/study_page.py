@@ -31,6 +31,7 @@ from specan.inspect.study_views.ranking import Ranking, Uses
 from specan.inspect.trial import KeptStudy, Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Tell, Work
+from specan.report import study_sheets
 from specan.report.figures_study import figure_compare
 from specan.study.edit import Change, add_effect
 from specan.study.verdict import Diagnosis, headline, reason
@@ -231,12 +232,8 @@ class StudyPage:
         self.heading.text = f"<b>{notice(self.study.model.title)}</b><br>{notice(f'Effects: {effects}')}"
         steps = self.study.history.steps
         self.staircase.show(steps)
-        rows = [
-            [s.step, f"{s.action} {s.effect}".strip(), s.because, f"{s.fit_error['value']:.4g}",
-             "" if s.held_out_error is None else f"{s.held_out_error['value']:.4g}"]
-            for s in steps
-        ]  # fmt: skip
-        self.history.text = folded("History", sheet(["Step", "what", "because", "fitted", "held out"], rows))
+        found = study_sheets.history(steps)
+        self.history.text = folded("History", sheet(found.header, found.rows))
 
     def _show_candidates(self, found: Diagnosis | None) -> None:
         known, not_testable = candidates_of(self.study)

@@ -13,6 +13,8 @@ from specan import __version__
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from specan.result import Sheet
+
 STYLE = """
 :root { --ink: #1d2530; --soft: #5b6675; --line: #dfe4ea; --accent: #0072B2; --paper: #fff; --panel: #f6f8fa; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e4e8ee; --soft: #a3adba; --line: #3a4350; --accent: #56B4E9;
@@ -50,6 +52,11 @@ def table(header: Sequence[str], rows: Iterable[Sequence[Any]], grey: Sequence[b
         kind = ' class="grey"' if grey is not None and grey[k] else ""
         lines.append(f"<tr{kind}>" + "".join(_cell(value) for value in row) + "</tr>")
     return "\n".join([*lines, "</table>"])
+
+
+def shown(sheet: Sheet) -> str:
+    """A table of a result."""
+    return table(sheet.header, sheet.rows)
 
 
 def _cell(value: Any) -> str:

@@ -12,16 +12,16 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
+from specan.report import study_sheets
 from specan.report.figures_change import figure_history
 from specan.report.figures_diagnosis import figure_diagnosis
 from specan.report.figures_study import figure_compare, figure_map
-from specan.report.html_page import bullets, page, picture, table
+from specan.report.html_page import bullets, page, picture, shown, table
 from specan.report.residual_map import map_axes
 from specan.report.study_words import fall_text
 from specan.study.history import History, Step, error_pairs
 from specan.study.study_file import NAME
-from specan.study.verdict import headline, headline_of, placed, reason
-from specan.units import axis_label, printed_unit
+from specan.study.verdict import headline, headline_of, reason
 
 if TYPE_CHECKING:
     from specan.study.comparison import Comparison
@@ -50,9 +50,11 @@ def study_report(study: Study) -> str:
         *_comparison(study, comparison),
         *_what_is_missing(diagnosis),
         *_assumptions(study),
-        *_parameters(comparison),
+        "<h2>Parameters</h2>",
+        shown(study_sheets.parameters(comparison.parameters)),
         *_rejected(diagnosis),
-        *_history(study.history.steps),
+        "<h2>History</h2>",
+        shown(study_sheets.history(study.history.steps)),
         *_reproduce(study),
     ]
     return page(name, parts)
@@ -103,49 +105,20 @@ def _led_to(content: Mapping[str, Any] | None, before: Step) -> list[str]:
     if content is None:
         return ["<p>No diagnosis was made of the model as it was before this step.</p>"]
     parts = [f"<p><b>{escape(headline_of(content))}</b> {escape(reason(content))}</p>"]
-    rows = [_candidate(row) for row in content["ranking"][:MOST_RIVALS]]
-    if rows:
-        now = f"{before.fit_error['value']:.3g}"
-        grey = [False, *(not row["plausible"] for row in content["ranking"][:MOST_RIVALS])]
-        parts.append(table(_header(before), [["model as it was", now, "", "", "", ""], *rows], grey))
+    ranking = content["ranking"][:MOST_RIVALS]
+    if ranking:
+        sheet, now = study_sheets.candidates(ranking), f"{before.fit_error['value']:.3g}"
+        rows = [["model as it was", now, "", "", "", ""], *sheet.rows]
+        parts.append(table(sheet.header, rows, [False, *(not row["plausible"] for row in ranking)]))
     return parts
-
-
-def _header(step: Step) -> list[str]:
-    left = axis_label("error left", step.fit_error["unit"])
-    return ["candidate", left, "probability", "fall in BIC", "p", "gain on left-out conditions"]
-
-
-def _candidate(row: Mapping[str, Any]) -> list[Any]:
-    """One row of a ranking, as ``study diagnose --json`` prints it."""
-    numbers = [
-        (row["error_after"], ".3g"),
-        (row.get("probability"), ".2g"),
-        (row.get("delta_bic"), ",.1f"),
-        (row.get("p_value"), ".1g"),
-        (row.get("held_out_gain"), ".1f"),
-    ]
-    return [
-        " + ".join(placed(row["effects"], row["at"])),
-        *("" if value is None else format(value, form) for value, form in numbers),
-    ]
 
 
 def _comparison(study: Study, found: Comparison) -> list[str]:
     best, where = found.fit, found.localisation
     parts = ["<h2>Measured and model</h2>", picture(figure_compare(study), "measured values and model")]
-    rows = [("fitted", e) for e in found.errors]
-    rows += [("held out", e) for e in (study.held_out.errors if study.held_out else ())]
-    parts.append(
-        table(
-            ["data", "observable", "values", "RMS error", "bias", "unit", "relative RMS", "largest"],
-            [
-                [what, e.observable, e.n, f"{e.rms:.4g}", f"{e.bias:+.2g}", printed_unit(e.unit),
-                 f"{e.relative_rms:.2f} %", f"{e.relative_max:.2f} %"]
-                for what, e in rows
-            ],
-        )
-    )  # fmt: skip
+    aside = study.held_out.errors if study.held_out else []
+    kinds = ["fitted"] * len(found.errors) + ["held out"] * len(aside)
+    parts.append(shown(study_sheets.errors([*found.errors, *aside], data=kinds)))
     if where is not None:
         held = f"; on held-out data {study.held_out.reduced_chi2:.2f}" if study.held_out else ""
         parts.append(
@@ -187,69 +160,23 @@ def _assumptions(study: Study) -> list[str]:
     return parts
 
 
-def _parameters(found: Comparison) -> list[str]:
-    rows = [
-        [name, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", printed_unit(p["unit"]), _remark(p)]
-        for name, p in found.parameters.items()
-    ]
-    return ["<h2>Parameters</h2>", table(["parameter", "value", "95 %", "unit", ""], rows)]
-
-
-def _remark(p: Mapping[str, Any]) -> str:
-    if p["at_bound"]:
-        return "at the end of its domain"
-    if not p["plausible"]:
-        return "not plausible"
-    return "instrument, held by its certificate" if p["nuisance"] else ""
-
-
 def _rejected(found: Diagnosis | None) -> list[str]:
     """Everything that was tried of the model as it is, and what these data could not have shown."""
     if found is None:
         return []
     parts, rows = [], found.to_json()["ranking"][:MOST_REJECTED]
     if rows:
-        header = ["candidate", "error left", "fall in BIC", "p", "gain on left-out conditions", "parameters"]
-        cells = [
-            [*_candidate(row), "; ".join(_value(n, p) for n, p in row["parameters"].items())] for row in rows
-        ]
+        sheet = study_sheets.candidates(rows, valued=True)
         parts += [
             "<h2>Candidates tested</h2>",
-            table(header, cells, [not row["plausible"] for row in rows]),
+            table(sheet.header, sheet.rows, [not row["plausible"] for row in rows]),
         ]
-    visible = [
-        [
-            n,
-            "not detectable at any plausible size"
-            if v is None
-            else f"{v['value']:.2g} {printed_unit(v['unit'])}",
-        ]
-        for n, v in found.smallest_visible.items()
-    ]
-    visible += [[n, f"not testable: {why}"] for n, why in found.not_testable.items()]
-    if visible:
-        parts += ["<h2>Smallest detectable effects</h2>", table(["effect", "size"], visible)]
+    sheet = study_sheets.visible(found.smallest_visible)
+    hidden = [[n, "not detectable in its range", ""] for n, v in found.smallest_visible.items() if v is None]
+    hidden += [[n, f"not testable: {why}", ""] for n, why in found.not_testable.items()]
+    if sheet.rows or hidden:
+        parts += [f"<h2>{sheet.title}</h2>", table(sheet.header, [*sheet.rows, *hidden])]
     return parts
-
-
-def _value(name: str, p: Mapping[str, Any]) -> str:
-    return f"{name} = {p['value']:.3g} ({p['low']:.3g} to {p['high']:.3g}) {printed_unit(p['unit'])}".rstrip()
-
-
-def _history(steps: Sequence[Step]) -> list[str]:
-    if not steps:
-        return []
-    rows = [
-        [
-            s.step, f"{s.action} {s.effect}".strip(), s.because, f"{s.fit_error['value']:.4g}",
-            "" if s.held_out_error is None else f"{s.held_out_error['value']:.4g}", printed_unit(s.fit_error["unit"]),
-            "" if s.reduced_chi2 is None else f"{s.reduced_chi2:.2f}",
-            "" if s.held_out_reduced_chi2 is None else f"{s.held_out_reduced_chi2:.2f}",
-        ]
-        for s in steps
-    ]  # fmt: skip
-    header = ["step", "what", "because", "fitted", "held out", "unit", "chi2/n fitted", "chi2/n held out"]
-    return ["<h2>History</h2>", table(header, rows)]
 
 
 def _reproduce(study: Study) -> list[str]:

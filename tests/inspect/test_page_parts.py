@@ -18,15 +18,14 @@ from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.dsp.statistics import low_and_high
 from specan.errors import InputError, RequestError
-from specan.inspect.kept_bands import KeptBands
 from specan.inspect.look import notice, sheet
 from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import plain
 from specan.inspect.server import start_server
-from specan.inspect.tabs.tab import text_of
+from specan.inspect.tabs.levels import OctaveTab
 from specan.inspect.view import View
 from specan.inspect.waveform_view import DIRECT, LOOKS, STEP, Waveform, read_overviews
-from specan.inspect.work import Heard, Superseded
+from specan.inspect.work import Superseded
 
 RATE = 8000.0
 NOISE = np.random.default_rng(1)
@@ -140,51 +139,45 @@ def test_what_is_not_read_yet_is_a_gap():
     assert DIRECT > STEP
 
 
-# --- kept power spectra ---------------------------------------------------------------------------
+# --- band levels ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("changed", [{"fraction": 12}, {"weighting": "A"}, {"fmin": 100.0, "fmax": 1000.0}])
-def test_another_setting_gives_the_commands_text_and_reads_nothing(changed, monkeypatch):
+def octave_tab(one: Recording, **settings) -> tuple[OctaveTab, View]:
+    opened = Opened((one,))
+    view = View(channel=tuple(opened.keys), **settings)
+    return OctaveTab(opened, view, lambda **changes: None), view
+
+
+def test_band_levels_are_those_of_the_command():
     one = recording()
-    kept = KeptBands()
-    kept.levels(one, one.channels, Octave())
-    settings = Octave(**changed)
-    expected = text_of(settings(one))
-    monkeypatch.setattr(ArraySource, "read", None)
-    assert text_of(kept.levels(one, one.channels, settings)) == expected
-
-
-def test_one_more_channel_reads_that_channel_only(monkeypatch):
-    one = recording()
-    kept = KeptBands()
-    kept.levels(one, one.channels[:2], Octave())
-    seen = set()
-    read = ArraySource.read
-    monkeypatch.setattr(ArraySource, "read", lambda s, i, a, b: seen.update(i) or read(s, i, a, b))
-    kept.levels(one, one.channels, Octave())
-    assert seen == {2}
+    tab, view = octave_tab(one, fraction=12, weighting="A")
+    ((_, found),) = tab.compute(view, go_on)
+    settings = Octave(fraction=12, weighting="A", channels=tuple(c.path for c in one.channels))
+    assert found.level_dB.tolist() == settings(one).level_dB.tolist()
+    tab.draw([(0, found)], view)
+    assert tab.plots.first.source.data["name"] == ["Mic 0", "Mic 1", "Mic 2"]
 
 
 def test_work_that_nobody_waits_for_ends():
-    one = recording(60.0, 1)
+    tab, view = octave_tab(recording(60.0, 1))
     with pytest.raises(Superseded):
-        KeptBands().levels(Heard.of(one, lambda part: False), one.channels, Octave())
+        tab.compute(view, lambda part: False)
 
 
-def test_a_weighting_leaves_out_what_is_no_sound_pressure():
-    one = recording(unit="m/s")
+def test_a_weighting_is_for_sound_pressure():
+    tab, view = octave_tab(recording(unit="m/s"), weighting="A")
     with pytest.raises(RequestError, match="Pa"):
-        KeptBands().levels(one, one.channels, Octave(weighting="A"))
+        tab.compute(view, go_on)
 
 
 def test_zeros_and_a_tenth_of_a_second():
-    n = 800
-    channel = Channel("Mic", "G", unit="Pa", sampling_rate=RATE, n_samples=n)
-    one = Recording("z.tdms", (channel,), ArraySource([np.zeros(n)]))
-    found = KeptBands().levels(one, one.channels, Octave())
+    channel = Channel("Mic", "G", unit="Pa", sampling_rate=RATE, n_samples=800)
+    tab, view = octave_tab(Recording("z.tdms", (channel,), ArraySource([np.zeros(800)])))
+    ((_, found),) = tab.compute(view, go_on)
     assert found.flags == (("dead",),)
     assert np.isneginf(found.level_dB).all()
-    assert low_and_high(np.zeros(n), 300)[0].max() == 0.0
+    tab.draw([(0, found)], view)
+    assert low_and_high(np.zeros(800), 300)[0].max() == 0.0
 
 
 # --- level against time ---------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from specan_cli.main import first_steps, main
+from specan_cli.main import main
 from specan_cli.output import table
 
 ROOT = Path(__file__).parents[2]
@@ -167,17 +167,6 @@ def test_nothing_typed_tells_the_first_steps(tmp_path, monkeypatch):
     assert result.exit_code == 0
     assert "Commands:" in result.output
     assert "specan info RECORDING.tdms" in result.output
-
-
-def test_first_steps_name_the_files_that_lie_here(tmp_path):
-    (tmp_path / "b c.TDMS").touch()
-    (tmp_path / "a.tdms_index").touch()
-    assert "specan info 'b c.TDMS'" in first_steps(tmp_path)
-    (tmp_path / "gear").mkdir()
-    (tmp_path / "gear" / "study.toml").touch()
-    assert "specan study compare gear" in first_steps(tmp_path)
-    assert "specan study compare ." in first_steps(tmp_path / "gear")
-    assert "RECORDING.tdms" in first_steps(tmp_path / "vanished")
 
 
 # --- tables ---------------------------------------------------------------------------------------

@@ -17,7 +17,6 @@ from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
 from specan.divisions import DIVISIONS
 from specan.dsp.weighting import FAST, SLOW
-from specan.inspect.kept_bands import KeptBands
 from specan.inspect.look import sheet
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import Plots
@@ -103,9 +102,8 @@ class OctaveTab(Tab):
 
     name, title = "octave", "Octave"
 
-    def __init__(self, opened: Opened, view: View, change: Change, kept: KeptBands) -> None:
+    def __init__(self, opened: Opened, view: View, change: Change) -> None:
         super().__init__(opened, view, change)
-        self._kept = kept
         self.choice(view, "fraction", "1/N octave", [*DIVISIONS], 80)
         self.choice(view, "weighting", "Weighting", ["Z", "A", "B", "C"], 80)
         self.choice(
@@ -122,7 +120,7 @@ class OctaveTab(Tab):
         self.body, self.side = [self.plots.body], [self.overall]
 
     def compute(self, view: View, tell: Tell) -> Found:
-        """Band levels; linear ones from kept power spectra."""
+        """Band levels."""
 
         def analyse(chosen: Chosen, recording: Recording) -> BandLevels:
             named = view.averaging in _AVERAGING
@@ -135,8 +133,6 @@ class OctaveTab(Tab):
                 # Of several rates each goes as far as it can.
                 fmax=view.fmax if view.fmax <= 0.8 * chosen.channels[0].sampling_rate / 2 else None,
             )
-            if settings.averaging == "linear":
-                return self._kept.levels(recording, chosen.channels, settings)
             return settings(recording)
 
         return self.of_each(view, tell, analyse)
