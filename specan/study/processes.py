@@ -10,9 +10,6 @@ part, because a product of matrices depends in its last digits on what is multip
 
 from __future__ import annotations
 
-import os
-import pickle
-import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -25,6 +22,7 @@ from specan.models.kept import forget
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Outcomes = dict[int, tuple[SpecanError | None, Any]]
 
 _JOBS: ContextVar[int] = ContextVar("jobs", default=1)
 
@@ -54,26 +52,20 @@ def each(work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
     """
     if len(items) < 2:
         return [work(item) for item in items]
-    waiting = _Waiting(len(items))
-    copies = (
-        [_copy(work, items, waiting) for _ in range(1, min(_JOBS.get(), len(items)))]
-        if _can_be_copied()
-        else []
-    )
+    can_be_copied = sys.platform == "linux" and threading.active_count() == 1
+    jobs = min(_JOBS.get(), len(items)) if can_be_copied else 1
+    copies = [_copy(work, items, range(k, len(items), jobs)) for k in range(1, jobs)]
     try:
-        done = _done(work, items, waiting)
-        for copy in copies:
-            done |= _received(*copy)
-    except BaseException:  # interrupted: the copies end with it
+        done = _done(work, items, range(0, len(items), jobs))
         for process, source in copies:
-            with suppress(ProcessLookupError, ChildProcessError, OSError):
-                os.kill(process, signal.SIGKILL)
-                os.waitpid(process, 0)
-                os.close(source)
+            with suppress(EOFError):  # ended from outside: its parts are done here
+                done |= source.recv()
+            process.join()
+    except BaseException:  # interrupted: the copies end with it
+        for process, _ in copies:
+            process.kill()
+            process.join()
         raise
-    finally:
-        waiting.close()
-    # A copy that was ended from outside has sent nothing: its parts are done here.
     done |= _done(work, items, [k for k in range(len(items)) if k not in done])
     for k in range(len(items)):
         fault = done[k][0]
@@ -82,34 +74,11 @@ def each(work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
     return [done[k][1] for k in range(len(items))]
 
 
-class _Waiting:
-    """Numbers of the parts that no process has begun: a pipe, from which each takes the next."""
-
-    def __init__(self, count: int) -> None:
-        self._source, sink = os.pipe()
-        with os.fdopen(sink, "wb") as file:
-            file.write(b"".join(k.to_bytes(4, "little") for k in range(count)))
-
-    def __iter__(self) -> Iterator[int]:
-        while number := os.read(self._source, 4):
-            yield int.from_bytes(number, "little")
-
-    def close(self) -> None:
-        os.close(self._source)
-
-
-Outcomes = dict[int, tuple[SpecanError | None, Any]]
-
-
-def _can_be_copied() -> bool:
-    return sys.platform == "linux" and threading.active_count() == 1
-
-
-def _done(work: Callable[[Item], Result], items: Sequence[Item], waiting: Iterable[int]) -> Outcomes:
+def _done(work: Callable[[Item], Result], items: Sequence[Item], parts: Iterable[int]) -> Outcomes:
     """Outcomes of parts, by their numbers."""
     found: Outcomes = {}
     with working(1):
-        for k in waiting:
+        for k in parts:
             forget()
             try:
                 found[k] = None, work(items[k])
@@ -119,28 +88,18 @@ def _done(work: Callable[[Item], Result], items: Sequence[Item], waiting: Iterab
     return found
 
 
-def _copy(work: Callable[[Item], Result], items: Sequence[Item], waiting: _Waiting) -> tuple[int, int]:
+def _copy(work: Callable[[Item], Result], items: Sequence[Item], parts: Iterable[int]) -> tuple[Any, Any]:
     """A process that does some of the parts, and where its results come from."""
-    source, sink = os.pipe()
-    process = os.fork()
-    if process:
-        os.close(sink)
-        return process, source
-    try:
-        os.close(source)
-        with os.fdopen(sink, "wb") as pipe:
-            pickle.dump(_done(work, items, waiting), pipe, pickle.HIGHEST_PROTOCOL)
-    finally:
-        os._exit(0)  # nothing that the other process has begun to write is written twice
+    from multiprocessing import get_context
 
+    context = get_context("fork")
+    source, sink = context.Pipe(duplex=False)
 
-def _received(process: int, source: int) -> Outcomes:
-    """What a process sends home; nothing where it was ended before."""
-    with os.fdopen(source, "rb") as pipe:
-        sent = pipe.read()
-    os.waitpid(process, 0)
-    try:
-        found: Outcomes = pickle.loads(sent)
-    except (EOFError, pickle.UnpicklingError):
-        return {}
-    return found
+    def send() -> None:
+        with suppress(KeyboardInterrupt):
+            sink.send(_done(work, items, parts))
+
+    process = context.Process(target=send)
+    process.start()
+    sink.close()
+    return process, source
