@@ -256,6 +256,20 @@ def _text(law: Law) -> str:
     )
 
 
+_FILE = '''"""A law that was found in what the model leaves: give it its physical name and its plausible range."""
+
+{numpy}from specan.models import Parameter, effect
+
+
+@effect("{name}", {acts}="{quantity}", neutral={{"size": 0.0}})
+def {function}(
+{arguments}
+):
+    """{text}."""
+    return {result}
+'''
+
+
 def source_of(law: Law, name: str) -> str:
     """The law as an effect file.
 
@@ -272,33 +286,20 @@ def source_of(law: Law, name: str) -> str:
     """
     reads = list(dict.fromkeys(f.variable for f in law.formula.factors))
     most = AT_ONCE * abs(law.size)
-    parameters = [f'size=Parameter({law.size:.6g}, "{law.unit}", lower={-most:.4g}, upper={most:.4g}),']
-    for shape, value in zip(law.formula.shapes, law.shapes, strict=True):
-        low, high = shape.low, shape.high
-        parameters.append(
-            f'{shape.name}=Parameter({value:.6g}, "{shape.unit}", min={low:.6g}, max={high:.6g}),'
-        )
+    parameters = [f'size=Parameter({law.size:.6g}, "{law.unit}", lower={-most:.4g}, upper={most:.4g})']
+    parameters += [
+        f'{s.name}=Parameter({value:.6g}, "{s.unit}", min={s.low:.6g}, max={s.high:.6g})'
+        for s, value in zip(law.formula.shapes, law.shapes, strict=True)
+    ]
     product = " * ".join(f"({f.code})" for f in law.formula.factors)
     result = f"1 + size * {product}" if law.formula.scales else f"size * {product}"
-    acts = "scales" if law.formula.scales else "adds_to"
-    lines = [
-        '"""A law that was found in what the model leaves: give it its physical name and its plausible range."""',
-        "",
-        "import numpy as np",
-        "",
-        "from specan.models import Parameter, effect",
-        "",
-        "",
-        f'@effect("{name}", {acts}="{law.quantity}", neutral={{"size": 0.0}})',
-        f"def {name.replace('-', '_')}(",
-        *(f"    {argument}," for argument in reads),
-        "    *,",
-        *(f"    {parameter}" for parameter in parameters),
-        "):",
-        f'    """{_text(law)}."""',
-        f"    return {result}",
-        "",
-    ]
-    if "np." not in result:
-        lines[2:4] = []
-    return "\n".join(lines)
+    return _FILE.format(
+        name=name,
+        function=name.replace("-", "_"),
+        acts="scales" if law.formula.scales else "adds_to",
+        quantity=law.quantity,
+        arguments="\n".join(f"    {argument}," for argument in [*reads, "*", *parameters]),
+        text=_text(law),
+        result=result,
+        numpy="import numpy as np\n\n" if "np." in result else "",
+    )

@@ -242,7 +242,7 @@ class ColumnNames:
         found = {}
         for name, header in self.chosen.items():
             column = self._column_called(name)
-            title, unit = _parted(header)
+            title, unit = name_and_unit(header)
             if header not in headers and title in headers:
                 header = title  # the user says the unit that the table does not
             if header not in headers:
@@ -266,7 +266,7 @@ class ColumnNames:
     def _recognised(self, header: str) -> tuple[str, str]:
         """Column and unit of a header that names a column as it is, or a name with its unit behind."""
         columns = [*self._targets, *MARKS]
-        title, unit = _parted(header)
+        title, unit = name_and_unit(header)
         close = [c for c in columns if c == header] or [c for c in columns if _plain(c) == _plain(header)]
         if not close and unit:
             close = [c for c, t in self._targets.items() if _plain(title) in _aliases(c, t)]
@@ -278,7 +278,7 @@ class ColumnNames:
         allowed = [*self._targets, *MARKS]
         hints = []
         for header in unknown:
-            stem = _parted(header)[0]
+            stem = name_and_unit(header)[0]
             same = [c for c in allowed if c.rsplit("_", 1)[0] == stem.rsplit("_", 1)[0]]
             hint = f"the unit belongs to the name: give {same[0]!r}" if same else nearest(stem, allowed)
             hints.append(hint.rstrip("?"))
@@ -300,7 +300,7 @@ def _unit_of(target: Condition | Observable) -> str:
     return target.column_unit or target.unit
 
 
-def _parted(header: str) -> tuple[str, str]:
+def name_and_unit(header: str) -> tuple[str, str]:
     """A header's name and unit."""
     said = _WITH_UNIT.match(header)
     if said is None:

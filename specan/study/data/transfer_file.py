@@ -17,6 +17,7 @@ from specan.errors import InputError, RequestError
 from specan.io.uff import COHERENCE, TRANSFER_FUNCTION, is_uff, read_uff
 from specan.schema import regular
 from specan.study.data.table_file import read_table
+from specan.study.data.table_reader import name_and_unit
 from specan.study.observation import Array
 from specan.units import convert
 
@@ -35,7 +36,6 @@ _OWN = {
     "u_common_phase_deg": "",
 }  # fmt: skip
 _FREQUENCY = re.compile(r"^(f|freq|freq\.|frequency|frequencies)([ _]k?hz)?$", re.IGNORECASE)
-_WITH_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<a>[^]]*)\]|\((?P<b>[^)]*)\))\s*$")
 _CHANNELS, _CHANNEL = ("channel", "response"), "channel"
 
 
@@ -93,7 +93,9 @@ def is_transfer_file(path: Path) -> bool:
     lines = [
         line for line in start.decode("utf-8", "replace").splitlines() if line.strip() and line[0] != "#"
     ]
-    titles = [_title(cell)[0] for cell in re.split(r"[\t;,]", lines[0])] if lines else []
+    titles = (
+        [name_and_unit(cell.strip().strip('"'))[0] for cell in re.split(r"[\t;,]", lines[0])] if lines else []
+    )
     return any(_FREQUENCY.match(title) for title in titles) and any(_part(t)[1] for t in titles)
 
 
@@ -183,7 +185,7 @@ class _Header:
     def choose(self, headers: Iterable[str]) -> dict[str, str]:
         """Columns that are read: the frequency, and the parts of each response."""
         for header in headers:
-            title, unit = _title(header)
+            title, unit = name_and_unit(header)
             self.units[header] = unit
             scale, (name, part) = _FREQUENCY.match(title), _part(title)
             if title.lower() in _CHANNELS:
@@ -271,12 +273,6 @@ def sigma_of(magnitude: Array, coherence: Array, averages: Any) -> Array:
     """
     known = np.clip(coherence, 1e-6, 1 - 1e-9)
     return np.asarray(magnitude * np.sqrt((1 - known) / (2 * np.asarray(averages) * known)))
-
-
-def _title(header: str) -> tuple[str, str]:
-    """A header without its unit, and the unit."""
-    said = _WITH_UNIT.match(header.strip().strip('"'))
-    return (said["name"], (said["a"] or said["b"] or "").strip()) if said else (header.strip().strip('"'), "")
 
 
 def _part(title: str) -> tuple[str, str]:
