@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,13 @@ LEAST_AVERAGES = 8.0
 _NEIGHBOURS = (1 / 15,) * 15
 # Median coherence with the generator from which on it is what drives the reference.
 _DRIVEN = 0.1
+
+
+class Windowed(Protocol):
+    """Settings with a window and an overlap."""
+
+    window: WindowName
+    overlap: float
 
 
 @dataclass(frozen=True)
@@ -135,11 +143,9 @@ def look(
     recording: Recording,
     channels: Sequence[Channel],
     generator: Channel | None,
-    window_name: WindowName,
-    overlap: float,
+    how: Windowed,
     block: int,
-    start: int,
-    stop: int,
+    section: tuple[int, int],
     *,
     whole: bool = False,
 ) -> Look:
@@ -151,15 +157,17 @@ def look(
         The reference first.
     generator : Channel or None
         What drives the reference, where it was recorded and is not among `channels`.
-    start, stop : int
-        Section of the recording.
+    how : Windowed
+        Window and overlap.
+    section : pair of int
+        Of the recording.
     whole : bool
         Look at all of it: what passes each line once has driven few of them in the beginning.
     """
-    rate = channels[0].sampling_rate
+    rate, (start, stop) = channels[0].sampling_rate, section
     longest = block * max([r for r in (1, 2, 4, _LONGEST) if _LEAST * r * block <= stop - start], default=1)
     read = [*channels, *([] if generator is None else [generator])]
-    spectra = CrossSpectra(rate, longest, window_name, overlap, n_channels=len(read), references=[0])
+    spectra = CrossSpectra(rate, longest, how.window, how.overlap, n_channels=len(read), references=[0])
     until = stop if whole else min(stop, start + _LOOK_BLOCKS * block)
     for samples in recording.blocks(read, READ_BLOCK, start, until):
         spectra.add(samples)
@@ -178,7 +186,7 @@ def look(
     return Look(
         block=longest,
         n_effective=seen.n_effective,
-        window=window_name,
+        window=how.window,
         lags=tuple(int(lag) for lag in lags[:count]),
         response=response,
         variance=2 * (first.u_relative[:count, 1:] * np.abs(response)) ** 2,

@@ -26,7 +26,7 @@ from specan.data.channel import Channel
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
 from specan.data.recording import Recording
 from specan.dsp.statistics import median
-from specan.dsp.transfer_function import Estimate, Estimator, estimate, u_phase_deg
+from specan.dsp.transfer_function import Estimate, Estimator, Instrument, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix
 from specan.dsp.windows import WindowName, line_correlation
 from specan.errors import InputError
@@ -206,11 +206,9 @@ class TransferFunctionAccumulator:
             self.recording,
             self.channels,
             generators[0] if generators else None,
-            self.settings.window,
-            self.settings.overlap,
+            self.settings,
             block,
-            self.start,
-            self.stop,
+            (self.start, self.stop),
             whole=self._passes_once,
         )
 
@@ -285,13 +283,9 @@ class TransferFunctionAccumulator:
 
     def _estimate(self, spectra: SpectralMatrix) -> Estimate:
         first = len(self.channels) - len(self.responses)
-        extra: dict[str, Any] = {}
+        instrument = None
         if self.instrument is not None:
-            extra = {
-                "auto_instrument": spectra.auto[1],
-                "instrument_reference": spectra.cross[1, 0],
-                "instrument_response": spectra.cross[1, first:],
-            }
+            instrument = Instrument(spectra.auto[1], spectra.cross[1, 0], spectra.cross[1, first:])
         return estimate(
             self.settings.estimator,
             spectra.auto[0],
@@ -299,7 +293,7 @@ class TransferFunctionAccumulator:
             spectra.cross[0, first:],
             spectra.n_effective,
             line_correlation=line_correlation(self.settings.window),
-            **extra,
+            instrument=instrument,
         )
 
     def _together(self, of: Any) -> NDArray[np.float64]:

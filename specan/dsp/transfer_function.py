@@ -47,6 +47,24 @@ class Estimate(NamedTuple):
     degrees_of_freedom: Real
 
 
+class Instrument(NamedTuple):
+    """Spectra with what drives a system and shares no noise with its reference and its response.
+
+    Attributes
+    ----------
+    auto : array (n,)
+        S_ee.
+    reference : complex array (n,)
+        S_ex.
+    response : complex array (..., n)
+        S_ey.
+    """
+
+    auto: Real
+    reference: Complex
+    response: Complex
+
+
 def estimate(
     estimator: Estimator,
     auto_reference: Real,
@@ -54,9 +72,7 @@ def estimate(
     cross: Complex,
     n_effective: float,
     *,
-    auto_instrument: Real | None = None,
-    instrument_reference: Complex | None = None,
-    instrument_response: Complex | None = None,
+    instrument: Instrument | None = None,
     line_correlation: float = 4 / 9,
 ) -> Estimate:
     """Transfer function, coherence and random uncertainty from averaged spectra.
@@ -89,8 +105,8 @@ def estimate(
         S_yy and S_xy.
     n_effective : float
         Number of independent averages (`specan.dsp.welch.effective_averages`).
-    auto_instrument : array (n,), optional
-        S_ee, needed for H3c along with S_ex (n,) and S_ey (..., n).
+    instrument : Instrument, optional
+        Needed for H3c.
     line_correlation : float
         Of the errors of neighbouring lines, as the window makes it (`specan.dsp.windows.line_correlation`).
 
@@ -101,55 +117,30 @@ def estimate(
     >>> complex(found.response[0]), float(found.coherence[0]), round(float(found.u_relative[0]), 4)
     ((2+0j), 0.8, 0.0358)
     """
-    instrument = (auto_instrument, instrument_reference, instrument_response)
-    if estimator == "H3c" and any(given is None for given in instrument):
-        raise ValueError("H3c needs the spectra of an instrument")
-
-    def of(rows: slice) -> Estimate:
-        return _estimate(
-            estimator,
-            auto_reference,
-            auto_response[rows],
-            cross[rows],
-            n_effective,
-            line_correlation,
-            auto_instrument,
-            instrument_reference,
-            None if instrument_response is None else instrument_response[rows],
-        )
-
     step = max(1, _TOGETHER * len(cross) // max(cross.size, 1))
-    if cross.ndim < 2 or len(cross) <= step or auto_response.shape != cross.shape:
-        return of(slice(None))
-    parts = [of(slice(first, first + step)) for first in range(0, len(cross), step)]
-    return Estimate(*(np.concatenate(each) for each in zip(*parts, strict=True)))
-
-
-def _estimate(
-    estimator: Estimator,
-    auto_reference: Real,
-    auto_response: Real,
-    cross: Complex,
-    n_effective: float,
-    line_correlation: float,
-    auto_instrument: Real | None,
-    instrument_reference: Complex | None,
-    instrument_response: Complex | None,
-) -> Estimate:
-    """As `estimate`."""
+    if cross.ndim > 1 and len(cross) > step and auto_response.shape == cross.shape:
+        parts = []
+        for rows in (slice(first, first + step) for first in range(0, len(cross), step)):
+            of_rows = None if instrument is None else instrument._replace(response=instrument.response[rows])
+            parts.append(
+                estimate(
+                    estimator, auto_reference, auto_response[rows], cross[rows], n_effective,
+                    instrument=of_rows, line_correlation=line_correlation,
+                )
+            )  # fmt: skip
+        return Estimate(*(np.concatenate(each) for each in zip(*parts, strict=True)))
     with np.errstate(divide="ignore", invalid="ignore"):
         strength = np.abs(cross) ** 2
         coherence = strength / (auto_reference * auto_response)
         # 0/0 where a channel is dead: nothing is known, NaN. Rounding may pass 1 by an ulp.
         coherence = np.minimum(coherence, 1.0)
         if estimator == "H3c":
-            assert auto_instrument is not None
-            assert instrument_reference is not None
-            assert instrument_response is not None
-            response = instrument_response / instrument_reference
+            if instrument is None:
+                raise ValueError("H3c needs the spectra of an instrument")
+            response = instrument.response / instrument.reference
             left = auto_response + np.abs(response) ** 2 * auto_reference
             left = left - 2 * np.real(np.conj(response) * cross)
-            gain = auto_instrument / np.abs(instrument_response) ** 2
+            gain = instrument.auto / np.abs(instrument.response) ** 2
         else:
             response = _two_channel(estimator, auto_reference, auto_response, cross)
             left = (1 - coherence) * auto_response

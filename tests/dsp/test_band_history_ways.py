@@ -14,12 +14,12 @@ from specan.dsp.band_history import (
     Filter,
     Histories,
     band_filter,
-    sampled_weighting,
     weighting_filter,
 )
 from specan.dsp.bands import Bands
 from specan.dsp.multirate import Sections, Shape, shape_for
 from specan.dsp.record_edges import RecordStart
+from specan.dsp.weighting import sampled_weighting
 
 RATE, N, TAU = 51200.0, 210_777, 0.125
 TIMES = np.arange(2, 41) * 0.1

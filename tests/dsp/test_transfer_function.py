@@ -5,6 +5,7 @@ import pytest
 
 from specan.dsp.transfer_function import (
     U_PHASE_UNKNOWN_DEG,
+    Instrument,
     arrivals,
     estimate,
     phase_deg,
@@ -43,9 +44,7 @@ def simulated(estimator, overlap, noise_in, noise_out, colour=False):
             s.auto[1:2],
             s.cross[0, 1:2],
             s.n_effective,
-            auto_instrument=s.auto[2],
-            instrument_reference=s.cross[1, 0],
-            instrument_response=s.cross[1, 1:2],
+            instrument=Instrument(s.auto[2], s.cross[1, 0], s.cross[1, 1:2]),
         )
         middle = slice(16, -16)  # the system jumps by 80 degrees at 0 Hz and rate/2
         error.append(found.response[0, middle] / TRUE - 1)
