@@ -122,11 +122,7 @@ def _analyse(recording: Recording, settings: BatchSettings) -> FileResult:
     )
     if excitation.kind == "sine":
         return _sine(recording, settings, excitation, found)
-    if excitation.kind == "noise":
-        return _noise(recording, settings, found)
-    if excitation.kind == "sweep":
-        return _noise(recording, settings, found, swept=True)
-    return _other(recording, settings, found)
+    return _levels(recording, settings, found, excitation.kind)
 
 
 def _description(recording: Recording) -> tuple[str, ...]:
@@ -153,71 +149,60 @@ def _sine(
     return _with_rest(found, recording, (), [accumulator.channels])
 
 
-def _noise(
-    recording: Recording, settings: BatchSettings, found: FileResult, *, swept: bool = False
-) -> FileResult:
-    """Transfer functions and band levels; those of a sweep say how fast it was, and stand with the others."""
+def _levels(recording: Recording, settings: BatchSettings, found: FileResult, kind: str) -> FileResult:
+    """Band levels; of noise and sweeps transfer functions, of the rest RMS values where there are no bands.
+
+    Bands of a sweep say how fast it was: they stand with the others.
+    """
     faults: list[str] = []
-    make = partial(TransferFunctionAccumulator, recording, settings.transfer_function)
-    transfer = _attempt("transfer function", make, recording.label, faults)
-    bands = [b for _, b in _band_passes(recording, settings.octave, faults) if b is not None]
-    used: list[Reader] = [*([] if transfer is None else [transfer]), *bands]
-    if not used:
-        return replace(found, kind="failed", reason="; ".join(faults))
-    taken = [analysis.channels for analysis in used]
-    blocks: dict[str, list[str]] = defaultdict(list)
+    driven, analyses = kind in ("noise", "sweep"), list[Reader]()
+    if driven:
+        make = partial(TransferFunctionAccumulator, recording, settings.transfer_function)
+        transfer = _attempt("transfer function", make, recording.label, faults)
+        analyses += [] if transfer is None else [transfer]
+        del transfer
+    for channels, bands in _band_passes(recording, settings.octave, faults):
+        if bands is not None:
+            analyses.append(bands)
+        elif not driven:
+            analyses.append(QualityAccumulator(channels, 0, min(c.n_samples for c in channels)))
+        del bands
+    if not analyses:
+        reason = "; ".join(faults) or "none of its channels was chosen"
+        return replace(found, kind="failed", reason=reason)
+    taken = [analysis.channels for analysis in analyses]
+    blocks: dict[str, str] = defaultdict(str)
     notes: list[str] = []
     units: dict[str, dict[str, str]] = defaultdict(dict)
 
     def write(analysis: Reader, quality: Mapping[int, Quality]) -> None:
         if isinstance(analysis, TransferFunctionAccumulator):
             response = analysis.result()
-            also = ("sweep",) if swept else ()
+            also = ("sweep",) if kind == "sweep" else ()
             words = [(*quality[id(c)].flags, *also) for c in analysis.responses]
-            blocks["noise.txt"].append(noise_lines(response, words))
+            blocks["noise.txt"] += noise_lines(response, words)
             units["noise.txt"] |= zip(response.channels, response.units, strict=True)
             notes.append(
                 f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
                 f"{response.n_effective:.1f} independent"
             )
             notes.extend(response.notes)
-        elif isinstance(analysis, OctaveAccumulator):
-            levels = analysis.result([quality[id(c)] for c in analysis.channels])
-            if swept:
-                blocks["other.txt"].append(other_lines(levels, tuple(c.role for c in analysis.channels)))
-            else:
-                blocks["bands.txt"].append(band_lines(levels))
-                units["bands.txt"] |= zip(levels.channels, (r.text for r in levels.references), strict=True)
-
-    del transfer, bands
-    _few_at_once(recording, used, write)
-    texts = {table: "".join(lines) for table, lines in blocks.items()}
-    found = replace(found, blocks=texts, about=(*found.about, *notes), units=dict(units))
-    return _with_rest(found, recording, faults, taken)
-
-
-def _other(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
-    faults: list[str] = []
-    passes: list[Reader] = [
-        (QualityAccumulator(channels, 0, min(c.n_samples for c in channels)) if bands is None else bands)
-        for channels, bands in _band_passes(recording, settings.octave, faults)
-    ]
-    if not passes:
-        return replace(found, kind="failed", reason="none of its channels was chosen")
-    taken = [analysis.channels for analysis in passes]
-    lines: list[str] = []
-
-    def write(analysis: Reader, quality: Mapping[int, Quality]) -> None:
+            return
         own = [quality[id(c)] for c in analysis.channels]
         if isinstance(analysis, QualityAccumulator):
-            words = [(*q.flags, *recording.flags) for q in own]
             rms = rms_about_mean(recording, analysis.channels, analysis.stop)
-            lines.append(rms_lines(recording.label, analysis.channels, rms, words))
+            flags = [(*q.flags, *recording.flags) for q in own]
+            blocks["other.txt"] += rms_lines(recording.label, analysis.channels, rms, flags)
         elif isinstance(analysis, OctaveAccumulator):
-            lines.append(other_lines(analysis.result(own), tuple(c.role for c in analysis.channels)))
+            levels = analysis.result(own)
+            if kind == "noise":
+                blocks["bands.txt"] += band_lines(levels)
+                units["bands.txt"] |= zip(levels.channels, (r.text for r in levels.references), strict=True)
+            else:
+                blocks["other.txt"] += other_lines(levels, tuple(c.role for c in analysis.channels))
 
-    _few_at_once(recording, passes, write)
-    found = replace(found, blocks={"other.txt": "".join(lines)})
+    _few_at_once(recording, analyses, write)
+    found = replace(found, blocks=dict(blocks), about=(*found.about, *notes), units=dict(units))
     return _with_rest(found, recording, faults, taken)
 
 

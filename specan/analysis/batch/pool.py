@@ -7,10 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
-
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
+from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -60,74 +57,42 @@ def _round(
     context: tuple[Any, ...],
     jobs: int,
 ) -> Generator[tuple[int, Result], None, tuple[list[int], list[int]]]:
-    """Work until every process has ended; returns what a process died over, and what none has begun.
-
-    This process only takes in results: it shares the cores with the others.
-    """
+    """Work until a process dies; returns what was in work then, and what has not begun."""
     # Loaded here: a batch in one process does without.
     import multiprocessing
-    from multiprocessing.connection import wait
+    from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+    from concurrent.futures.process import BrokenProcessPool
 
     # A copy of this process has everything loaded, a new one takes 0.4 s. Copied are processes without threads only: a
     # lock that another thread holds would never be given back. Other systems than Linux begin new ones.
     copied = sys.platform == "linux" and threading.active_count() == 1
-    processes: Any = multiprocessing.get_context("fork" if copied else "spawn")
-    begun = processes.Value("q", 0)
-    workers: dict[Any, Any] = {}
-    done: set[int] = set()
+    jobs, waiting = min(jobs, len(positions)), list(positions)[::-1]
+    running: dict[Any, int] = {}
+    pool = ProcessPoolExecutor(
+        jobs, multiprocessing.get_context("fork" if copied else "spawn"), _begin, (prepare, context)
+    )
     try:
-        for _ in range(min(jobs, len(positions))):
-            source, sink = processes.Pipe(duplex=False)
-            told = (sink, begun, items, positions, work, prepare, context)
-            worker = processes.Process(target=_serve, args=told, daemon=True)
-            worker.start()
-            sink.close()  # the end of the process is the end of what can be read
-            workers[source] = source, worker
-        while workers:
-            for source in wait(list(workers)):
-                try:
-                    outcome: tuple[int, Any, Exception | None] = workers[source][0].recv()
-                except (EOFError, OSError):
-                    workers.pop(source)[1].join()
-                    continue
-                position, result, fault = outcome
-                if fault is not None:
-                    raise fault
-                done.add(position)
-                yield position, result
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                running[pool.submit(work, items[waiting[-1]])] = waiting[-1]
+                waiting.pop()
+            for done in wait(running, return_when=FIRST_COMPLETED).done:
+                yield running[done], done.result()
+                del running[done]
+    except BrokenProcessPool:
+        return sorted(running.values()), waiting[::-1]
     finally:  # interrupted, or not wanted any more: nobody waits for what is in work
-        for _, worker in workers.values():
+        for worker in list((pool._processes or {}).values()):
             worker.terminate()
-    count = begun.value
-    return [p for p in positions[:count] if p not in done], list(positions[count:])
+        pool.shutdown(wait=False, cancel_futures=True)
+    return [], []
 
 
-def _serve(
-    sink: Connection,
-    begun: Any,
-    items: Sequence[Item],
-    positions: Sequence[int],
-    work: Callable[[Item], Result],
-    prepare: Callable[..., None],
-    context: tuple[Any, ...],
-) -> None:
-    """Work on what nobody has begun, until nothing is left.
-
-    Interruptions are left to the process that began this one, which ends with that one.
-    """
+def _begin(prepare: Callable[..., None], context: tuple[Any, ...]) -> None:
+    """Interruptions are left to the process that began this one, which ends with that one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     prepare(*context)
-    while True:
-        with begun.get_lock():
-            number = begun.value
-            begun.value = min(number + 1, len(positions))
-        if number == len(positions):
-            return
-        try:
-            sink.send((positions[number], work(items[positions[number]]), None))
-        except Exception as fault:
-            sink.send((positions[number], None, fault))
 
 
 def _end_with_parent() -> None:
