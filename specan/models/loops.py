@@ -23,7 +23,7 @@ def ordered(reads: Mapping[str, Sequence[str]]) -> tuple[list[str], tuple[str, .
     >>> ordered({"a": ["b"], "b": ["c"], "c": []})
     (['c', 'b', 'a'], ())
     >>> ordered({"a": ["c"], "b": ["a"], "c": ["b"], "d": ["b"]})
-    (['c', 'a', 'b', 'd'], ('b',))
+    (['c', 'd', 'a', 'b'], ('b',))
     """
     guessed: list[str] = []
     while True:
