@@ -80,20 +80,18 @@ def begin(
     if not measurements:
         raise RequestError("a study needs a measurement", remedy="give one with --measurement FILE")
     model = load_model(model_name, read_rig_file(rig) if rig else {})
-    content: dict[str, Any] = {"schema": 1, "model": model_name}
-    if rig is not None:
-        content["rig"] = relative_to(directory, rig)
-    if calibration is not None:
-        content["calibration"] = relative_to(directory, calibration)
-    if columns:
-        content["columns"] = dict(columns)
-    if groups:
-        content["groups"] = list(groups)
-    content["measurement"] = [_data_entry(directory, path, model) for path in measurements]
-    if validations:
-        content["validation"] = [_data_entry(directory, path, model) for path in validations]
-    if hold_out:
-        content["hold_out"] = [{"where": where} for where in hold_out]
+    paths = {"rig": rig, "calibration": calibration}
+    data = {"measurement": measurements, "validation": validations}
+    content: dict[str, Any] = {
+        "schema": 1,
+        "model": model_name,
+        **{key: relative_to(directory, path) for key, path in paths.items() if path is not None},
+        "columns": dict(columns or {}),
+        "groups": list(groups),
+        **{key: [_data_entry(directory, path, model) for path in files] for key, files in data.items()},
+        "hold_out": [{"where": where} for where in hold_out],
+    }
+    content = {key: value for key, value in content.items() if value}
     model = with_groups(model, groups)
     content["effect"] = _effects(model, model.base_effects if effects is None else effects, len(measurements))
     existed = directory.exists()

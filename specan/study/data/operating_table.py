@@ -139,15 +139,7 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
     conditions, steps, groups, notes = _conditions(tables, frame, model)
     settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
     outside = check_limits(conditions, places, model, settings)
-    distinct = np.unique(np.stack([*conditions.values()], axis=1), axis=0) if conditions else np.empty((0, 0))
-    level, is_set = {}, {}
-    for k, (name, values) in enumerate(conditions.items()):
-        if name in groups:
-            level[name], is_set[name] = values, True
-            continue
-        points, is_set[name] = levels(distinct[:, k], settings[name])
-        back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
-        level[name] = np.array([back[x] for x in values.tolist()])
+    level, is_set = _levels(conditions, settings, groups)
     marks = {how: frame[how].to_numpy() for how in MARKS if all(how in t.frame for t in tables)}
     if "repeat" in marks and "setup" not in frame:
         level = parted(level, is_set, cells(recording, marks["repeat"]), conditions, settings)
@@ -185,6 +177,24 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
         groups=groups,
         units={n: next(iter(units)) for n, units in said.items() if len(units) == 1 and "" not in units},
     )
+
+
+def _levels(
+    conditions: Mapping[str, Array], settings: Mapping[str, SettingError], groups: Mapping[str, Any]
+) -> tuple[dict[str, Array], dict[str, bool]]:
+    """What each value was meant to be, and whether a column holds set values."""
+    if not conditions:
+        return {}, {}
+    distinct = np.unique(np.stack([*conditions.values()], axis=1), axis=0)
+    level, is_set = {}, {}
+    for k, (name, values) in enumerate(conditions.items()):
+        if name in groups:
+            level[name], is_set[name] = values, True
+            continue
+        points, is_set[name] = levels(distinct[:, k], settings[name])
+        back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
+        level[name] = np.array([back[x] for x in values.tolist()])
+    return level, is_set
 
 
 def _steps(tables: Sequence[Table], column: str) -> Array:

@@ -90,16 +90,7 @@ def read_table(
     if len(cells) < 2:
         raise InputError(f"the table {path} holds no rows", expected="a header line and rows of numbers")
     header = _header(cells)
-    doubled = sorted({name for name in header if name and header.count(name) > 1})
-    if doubled:
-        raise InputError(f"{path}: the column {doubled[0]!r} is there twice", remedy="rename one")
-    for line, row in cells.items():
-        if any(row[len(header) :]):
-            raise InputError(
-                f"{path}, line {line}: {len(row)} cells",
-                expected=f"{len(header)} as in the header",
-                remedy="a decimal comma in a comma-separated file does this: separate by semicolons",
-            )
+    _check(path, header, cells)
     kept = [name for name in header if name and not name.startswith("note")]
     names = {name: name for name in kept} if choose is None else choose(kept)
     found = Table(path, pd.DataFrame(index=list(cells)))
@@ -164,6 +155,19 @@ def _header(cells: dict[int, list[str]]) -> list[str]:
     del cells[second]
     below += [""] * (len(titles) - len(below))
     return [f"{t} [{u}]" if u else t for t, u in zip(titles, below, strict=False)]
+
+
+def _check(path: Path, header: list[str], cells: dict[int, list[str]]) -> None:
+    doubled = sorted({name for name in header if name and header.count(name) > 1})
+    if doubled:
+        raise InputError(f"{path}: the column {doubled[0]!r} is there twice", remedy="rename one")
+    for line, row in cells.items():
+        if any(row[len(header) :]):
+            raise InputError(
+                f"{path}, line {line}: {len(row)} cells",
+                expected=f"{len(header)} as in the header",
+                remedy="a decimal comma in a comma-separated file does this: separate by semicolons",
+            )
 
 
 def _is_number(word: str) -> bool:

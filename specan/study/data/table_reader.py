@@ -76,6 +76,12 @@ def read_measurement(
         table.frame = table.frame.assign(**found.columns)
         table.steps |= found.steps
         table.notes += found.notes
+    _check_filled(table, model, [*known], measurable)
+    return table
+
+
+def _check_filled(table: Table, model: Model, known: list[str], measurable: list[str]) -> None:
+    """Refuse rows without a condition, a mark or a measured value."""
     remedies = {**dict.fromkeys(known, "fill it or leave the rows out"),
                 **dict.fromkeys(MARKS, "number every row, or leave the column out")}  # fmt: skip
     for column, remedy in remedies.items():
@@ -87,7 +93,6 @@ def read_measurement(
     table.refuse(
         ~np.isfinite(read).any(axis=1), "no measured value", expected="one of " + ", ".join(measurable)
     )
-    return table
 
 
 def _numbers(table: Table, model: Model) -> dict[str, Any]:

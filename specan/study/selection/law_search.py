@@ -135,7 +135,7 @@ def search_laws(start: Refit) -> LawSearch:
         return LawSearch((), p_value, len(scans))
     alike = {count: sum(len(f.factors) == count for _, f in scans) for count in (1, 2)}
     found = [
-        _refined(start, *scans[k], variables, falls[k][1], rest, alike[len(scans[k][1].factors)])
+        _Refined(start, *scans[k], variables, rest).law(falls[k][1], alike[len(scans[k][1].factors)])
         for k in order[:REFINED]
     ]
     laws = _group(start, [law for law in found if law is not None], _sum(rest))
@@ -280,73 +280,70 @@ def _family_wise(share: float, largest: Array, dof: int) -> float:
     return float(-np.expm1(count * np.log1p(-min(float(single.sf(share)), 1 - 1e-12))))
 
 
-def _refined(
-    start: Refit,
-    target: Target,
-    formula: Formula,
-    variables: dict[str, Array],
-    place: tuple[float, ...],
-    rest: Array,
-    alike: int,
-) -> Law | None:
-    """The law with its shapes fitted (variable projection), its BIC and its cross-validated gain.
+class _Refined:
+    """A law with its shapes fitted (variable projection)."""
 
-    The BIC is that for a choice among many (Chen & Chen 2008, Biometrika 95:759): a law pays for the number `alike`
-    of laws with as many factors, so that products, which are many, do not crowd out single functions.
-    """
-    from scipy.optimize import least_squares
+    def __init__(
+        self, start: Refit, target: Target, formula: Formula, variables: dict[str, Array], rest: Array
+    ) -> None:
+        self.start, self.target, self.formula = start, target, formula
+        self.variables, self.rest = variables, rest
 
-    low, high = np.array([[s.low, s.high] for s in formula.shapes]).T
+    def column(self, x: Array) -> Array:
+        """What the law of amplitude one does that the model's own parameters cannot."""
+        columns = _columns(self.target, self.formula, self.variables, [x.tolist()])
+        return np.asarray(self.start.linear.project_out(columns[:, 0]))
 
-    def column(x: Array) -> Array:
-        return np.asarray(start.linear.project_out(_columns(target, formula, variables, [x.tolist()])[:, 0]))
+    def left(self, x: Array) -> Array:
+        """The residual beside the best amplitude."""
+        column = self.column(x)
+        return self.rest + self.amplitude(column) * column
 
-    def amplitude(c: Array) -> float:
-        square = float(c @ c)
-        return -float(c @ rest) / square if square > 0 else 0.0
+    def amplitude(self, column: Array) -> float:
+        square = _sum(column)
+        return -float(column @ self.rest) / square if square > 0 else 0.0
 
-    def left(x: Array) -> Array:
-        c = column(x)
-        return rest + amplitude(c) * c
+    def shapes(self, place: tuple[float, ...]) -> Array:
+        """Shapes fitted from a place of the scan."""
+        from scipy.optimize import least_squares
 
-    x: Array = np.array(place, dtype=np.float64)
-    scale = np.where(low > 0, np.abs(x), 1.0)  # widths move in proportion
-    inside = np.clip(x, low + 1e-9 * scale, high - 1e-9 * scale)
-    with suppress(ValueError):  # not finite
-        x = least_squares(left, inside, bounds=(low, high), x_scale=scale, diff_step=1e-4).x
-    # An exponent that a simple number explains as well is that number.
-    for k, factor in enumerate(formula.factors):
-        simple = x.copy()
-        simple[k] = round(2 * x[k]) / 2
-        allowed = simple[k] != 0 or factor.family == "signed power"
-        if factor.shape.unit == "1" and allowed and _sum(left(simple)) < _sum(left(x)) + 1.0:
-            x = simple
-    c = column(x)
-    size = amplitude(c)
-    chi2 = _sum(rest + size * c)
-    if not np.isfinite(chi2) or size == 0:
-        return None
-    dispersion = max(chi2 / max(start.dof - 1 - x.size, 1.0), 1.0)
-    price = (1 + x.size) * math.log(start.problem.n_effective) + 2.0 * math.log(alike)
-    steps = np.eye(x.size) * 1e-4 * np.maximum(np.abs(x), 1e-6)[:, None]
-    slopes = [(size / s.max()) * (column(x + s) - c) for s in steps]
-    extended = Projection.of(
-        rest + size * c,
-        np.column_stack([start.linear.basis, c, *slopes] if slopes else [start.linear.basis, c]),
-    )
-    rows, before = left_out_blocks(start.problem), Projection(rest, start.linear.basis)
-    gain = left_out_score(before, rows, dispersion) - left_out_score(extended, rows, dispersion)
-    unit = "1" if formula.scales else target.unit
-    return Law(
-        formula,
-        target.quantity,
-        unit,
-        size,
-        tuple(float(v) for v in x),
-        chi2,
-        price,
-        gain,
-    )
+        low, high = np.array([[s.low, s.high] for s in self.formula.shapes]).T
+        x: Array = np.array(place, dtype=np.float64)
+        scale = np.where(low > 0, np.abs(x), 1.0)  # widths move in proportion
+        inside = np.clip(x, low + 1e-9 * scale, high - 1e-9 * scale)
+        with suppress(ValueError):  # not finite
+            x = least_squares(self.left, inside, bounds=(low, high), x_scale=scale, diff_step=1e-4).x
+        # An exponent that a simple number explains as well is that number.
+        for k, factor in enumerate(self.formula.factors):
+            simple = x.copy()
+            simple[k] = round(2 * x[k]) / 2
+            allowed = simple[k] != 0 or factor.family == "signed power"
+            if factor.shape.unit == "1" and allowed and _sum(self.left(simple)) < _sum(self.left(x)) + 1.0:
+                x = simple
+        return x
+
+    def law(self, place: tuple[float, ...], alike: int) -> Law | None:
+        """The law with its BIC and its cross-validated gain.
+
+        The BIC is that for a choice among many (Chen & Chen 2008, Biometrika 95:759): a law pays for the number `alike`
+        of laws with as many factors, so that products, which are many, do not crowd out single functions.
+        """
+        start, x = self.start, self.shapes(place)
+        c = self.column(x)
+        size = self.amplitude(c)
+        chi2 = _sum(self.rest + size * c)
+        if not np.isfinite(chi2) or size == 0:
+            return None
+        dispersion = max(chi2 / max(start.dof - 1 - x.size, 1.0), 1.0)
+        price = (1 + x.size) * math.log(start.problem.n_effective) + 2.0 * math.log(alike)
+        steps = np.eye(x.size) * 1e-4 * np.maximum(np.abs(x), 1e-6)[:, None]
+        slopes = [(size / s.max()) * (self.column(x + s) - c) for s in steps]
+        extended = Projection.of(self.rest + size * c, np.column_stack([start.linear.basis, c, *slopes]))
+        rows, before = left_out_blocks(start.problem), Projection(self.rest, start.linear.basis)
+        gain = left_out_score(before, rows, dispersion) - left_out_score(extended, rows, dispersion)
+        unit = "1" if self.formula.scales else self.target.unit
+        shapes = tuple(float(v) for v in x)
+        return Law(self.formula, self.target.quantity, unit, size, shapes, chi2, price, gain)
 
 
 def _sum(values: Array) -> float:

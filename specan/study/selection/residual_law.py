@@ -20,7 +20,7 @@ from specan.study.estimation.fit import NORMAL_95
 from specan.study.estimation.linear import least_inside
 from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import noise_dof
-from specan.study.selection.law_search import target_named, values_of
+from specan.study.selection.law_search import Target, target_named, values_of
 from specan.study.selection.refits import Refit, kept_with_refit
 from specan.study.selection.significance import improvement_probability
 
@@ -60,6 +60,53 @@ class ResidualLaw:
     p_value: float
 
 
+class _Powers:
+    """Products of powers of some variables, added to a quantity: what they leave of a fitted model's residual.
+
+    Parameters
+    ----------
+    bases : array (variables, rows)
+        Variables over their means.
+    """
+
+    def __init__(self, start: Refit, target: Target, bases: Array) -> None:
+        self.linear, self.effect, self.bases = start.linear, target.effect, bases
+        self.most = float(np.mean(np.abs(target.value))) or 1.0
+        self.rest = start.linear.residual[:, None]
+
+    def columns(self, many: Array) -> Array:
+        """What laws of amplitude one do to the whitened residual, one a column; `many` holds their exponents."""
+        powers = np.prod(self.bases[:, :, None] ** many.T[:, None], axis=0)
+        return self.linear.project_out(self.effect @ powers)
+
+    def amplitudes(self, columns: Array) -> Array:
+        """The best ones, none larger than the whole quantity: a law next to one that the model has already would
+        otherwise trade hundreds of times the loss against it."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            free = -(columns.T @ self.rest)[:, 0] / np.sum(columns**2, axis=0)
+        return np.asarray(np.clip(np.nan_to_num(free), -self.most, self.most))
+
+    def left(self, many: Array) -> Array:
+        near = self.columns(many)
+        return np.asarray(self.rest + near * self.amplitudes(near))
+
+    def slopes(self, x: Array) -> Array:
+        inward = np.where(x + EXPONENT_STEP > HIGH, -EXPONENT_STEP, EXPONENT_STEP)
+        near = self.left(np.stack([x, *(x + np.diag(inward))]))
+        return np.asarray((near[:, 1:] - near[:, :1]) / inward)
+
+    def fitted(self) -> tuple[Array, float]:
+        """Exponents, and the chi-square that they leave."""
+        size = len(self.bases)
+        ends = np.full(size, LOW), np.full(size, HIGH)
+        coarse = np.array(list(product(COARSE, repeat=size)))
+        chosen = np.argsort(np.sum(self.left(coarse) ** 2, axis=0))[:STARTS]
+        found = [
+            least_inside(lambda x: self.left(x[None])[:, 0], self.slopes, coarse[k], *ends) for k in chosen
+        ]
+        return min(found, key=lambda one: one[1])
+
+
 @kept_with_refit  # a conclusion asks, and what is printed beside it
 def residual_law(start: Refit) -> ResidualLaw | None:
     """Fit a law to what a fitted model leaves of tables; None where no variable that the model offers varies."""
@@ -71,47 +118,23 @@ def residual_law(start: Refit) -> ResidualLaw | None:
     target = target_named(start, space.quantity) if means else None
     if target is None:
         return None
-    bases = np.stack([np.maximum(variables[symbol] / mean, FLOOR) for symbol, mean in means.items()])
-    most = float(np.mean(np.abs(target.value))) or 1.0
-    rest = start.linear.residual[:, None]
-
-    def columns(many: Array) -> Array:
-        """What laws of amplitude one do to the whitened residual, one a column."""
-        powers = np.prod(bases[:, :, None] ** many.T[:, None], axis=0)
-        return start.linear.project_out(target.effect @ powers)
-
-    def amplitudes(columns: Array) -> Array:
-        """The best ones, none larger than the whole quantity: a law next to one that the model has already would
-        otherwise trade hundreds of times the loss against it."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            free = -(columns.T @ rest)[:, 0] / np.sum(columns**2, axis=0)
-        return np.asarray(np.clip(np.nan_to_num(free), -most, most))
-
-    def left(many: Array) -> Array:
-        near = columns(many)
-        return np.asarray(rest + near * amplitudes(near))
-
-    def slopes(x: Array) -> Array:
-        inward = np.where(x + EXPONENT_STEP > HIGH, -EXPONENT_STEP, EXPONENT_STEP)
-        near = left(np.stack([x, *(x + np.diag(inward))]))
-        return np.asarray((near[:, 1:] - near[:, :1]) / inward)
-
-    ends = np.full(len(means), LOW), np.full(len(means), HIGH)
-    coarse = np.array(list(product(COARSE, repeat=len(means))))
-    chosen = np.argsort(np.sum(left(coarse) ** 2, axis=0))[:STARTS]
-    found = [least_inside(lambda x: left(x[None])[:, 0], slopes, coarse[k], *ends) for k in chosen]
-    x, least = min(found, key=lambda one: one[1])
-    near = columns(np.stack([x, *(x + EXPONENT_STEP * np.eye(x.size))]))
-    amplitude = float(amplitudes(near[:, :1])[0])
+    powers = _Powers(
+        start, target, np.stack([np.maximum(variables[s] / mean, FLOOR) for s, mean in means.items()])
+    )
+    x, least = powers.fitted()
+    near = powers.columns(np.stack([x, *(x + EXPONENT_STEP * np.eye(x.size))]))
+    amplitude = float(powers.amplitudes(near[:, :1])[0])
     jacobian = np.column_stack([near[:, 0], amplitude * (near[:, 1:] - near[:, :1]) / EXPONENT_STEP])
     dispersion = max(least / max(start.dof - 1 - x.size, 1.0), 1.0)
     variances = dispersion * np.diag(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10))
     errors = NORMAL_95 * np.sqrt(np.maximum(variances[1:], 0.0))
+    fall = float(np.sum(powers.rest**2)) - least
     p_value = improvement_probability(
-        float(np.sum(rest**2)) - least, 1 + x.size, dispersion=start.dispersion, noise_dof=noise_dof(start)
+        fall, 1 + x.size, dispersion=start.dispersion, noise_dof=noise_dof(start)
     )
     exponents, low, high = (dict(zip(means, map(float, y))) for y in (x, x - errors, x + errors))
-    text = _text(space, exponents, low, high, f"{amplitude:.3g} {target.unit}", abs(amplitude) > 0.999 * most)
+    as_large = abs(amplitude) > 0.999 * powers.most
+    text = _text(space, exponents, low, high, f"{amplitude:.3g} {target.unit}", as_large)
     return ResidualLaw(text, exponents, low, high, amplitude, target.unit, means, p_value)
 
 
