@@ -17,19 +17,6 @@ from specan.units import base_unit, convert
 _FORMS = "a number, (value, low, high), (value, low, high, unit), or dict(value=, min=, max=, vary=, unit=)"
 
 
-class ByName:
-    """A function called with its arguments by name, in whatever order it declares them."""
-
-    def __init__(self, function: Callable[..., Any], reads: tuple[str, ...]) -> None:
-        self.function, self.reads = function, reads
-        self.__code__ = getattr(function, "__code__", None)  # messages name the user's file and line
-        self.__module__ = str(function.__module__)
-
-    def __call__(self, *given: Any, **parameters: Any) -> Any:
-        """The function's value."""
-        return self.function(**dict(zip(self.reads, given, strict=True)), **parameters)
-
-
 def fields_from_functions(
     functions: Sequence[Callable[..., Any]],
     conditions: Mapping[str, Any],
@@ -64,7 +51,7 @@ def fields_from_functions(
                 )
         unit = _unit_of(name, measured, units)
         doc = (inspect.getdoc(function) or name).split("\n")[0]
-        quantities[name] = Quantity(name, unit, doc, ByName(function, reads), reads, own)
+        quantities[name] = Quantity(name, unit, doc, _by_name(function, reads), reads, own)
     rig = {
         "limits": {n: list(given[1:3]) for n, given in conditions.items() if _is_span(given)},
         "uncertainty": {
@@ -79,6 +66,11 @@ def fields_from_functions(
         "observables": measured,
         "rig": rig_statement(rig, known.values(), measured.values()),
     }
+
+
+def _by_name(function: Callable[..., Any], reads: tuple[str, ...]) -> Instead:
+    """The function called with its arguments by name, in whatever order it declares them."""
+    return Instead(lambda *given, **own: function(**dict(zip(reads, given, strict=True)), **own), function)
 
 
 def as_declared(effect: Effect) -> Effect:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from specan.errors import InputError, RequestError
+from specan.errors import RequestError
 from specan.models.model import Model
 from specan.models.quantity import quantity
 from specan.room.model.absorption import diffuse_absorption, normal_absorption
-from specan.schema import Settings, regular
+from specan.room.model.numbers_file import numbers, read_rows
+from specan.schema import Settings
 
 Real = NDArray[np.float64]
 
@@ -177,26 +177,10 @@ def _values(where: str, name: str, given: float | Sequence[float] | None, freque
 
 
 def _columns(path: Path) -> dict[str, tuple[float, ...]]:
-    try:
-        with regular(path).open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as fault:
-        raise InputError(
-            f"the table {path.name} cannot be read ({fault})", remedy="correct [walls] in the rig file"
-        ) from None
-    there = [str(name) for name in rows[0]] if rows else []
-    if "frequency_hz" not in there:
-        raise InputError(
-            f"the table {path.name} has the columns {', '.join(there) or 'none'}",
-            expected=f"frequency_hz, and of {', '.join(COLUMNS[1:])} those that are known",
-        )
-    try:
-        return {name: tuple(float(row[name]) for row in rows) for name in COLUMNS if name in there}
-    except (TypeError, ValueError):
-        raise InputError(
-            f"the table {path.name} has an entry that is no number",
-            remedy="use a decimal point, and commas between columns",
-        ) from None
+    rows = read_rows(
+        path, "frequency_hz", f"frequency_hz, and of {', '.join(COLUMNS[1:])} those that are known"
+    )
+    return {name: tuple(numbers(path, rows, name).tolist()) for name in COLUMNS if name in rows[0]}
 
 
 def tied(walls: Sequence[str], together: Sequence[Sequence[str]]) -> dict[str, tuple[str, ...]]:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import factorial
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from specan.errors import RequestError, nearest
 from specan.models.quantity import Quantity, constant
 from specan.room.model.field import COLD
 from specan.room.model.mesh_elements import Simplices
-from specan.room.model.mesh_field import Lines, MeshRoom, room_modes
+from specan.room.model.mesh_field import MeshRoom, room_modes
 from specan.room.model.mesh_file import RoomMesh, read_room_mesh, triangle_areas
 from specan.room.model.mesh_modes import MARGIN, expected_modes
 from specan.room.model.rig import Piston, Rig, microphone_outside
@@ -80,19 +79,12 @@ def mesh_shape(rig: Rig) -> RoomShape:
 
 
 def _notes(mesh: RoomMesh, degree: int, k_max: float, f_max_hz: float, name: str) -> tuple[str, ...]:
-    cost = expected_cost(mesh, degree, k_max)
     large = " x ".join(f"{edge:.3g}" for edge in mesh.edges)
     return (
         f"{name}: {len(mesh.tetrahedra)} tetrahedra of degree {degree}, {unknowns(mesh, degree)} unknowns; "
         f"{large} m large, {mesh.volume:.3g} m^3, {len(mesh.walls)} walls: {', '.join(mesh.walls)}",
-        f"up to {f_max_hz:.0f} Hz about {cost.vectors} modes and answers of walls: found once in about "
-        f"{_one_digit(cost.preparation_s)} s, then {_one_digit(1000 * cost.line_s)} s for each evaluation of "
-        "1000 lines",
+        f"up to {f_max_hz:.0f} Hz about {expected_vectors(mesh, k_max)} modes and answers of walls",
     )
-
-
-def _one_digit(seconds: float) -> str:
-    return f"{float(f'{seconds:.1g}'):g}"
 
 
 def _check_microphones(mesh: RoomMesh, rig: Rig) -> None:
@@ -238,46 +230,8 @@ def _edge_under(mesh: RoomMesh, centre: Real, radius: float) -> float:
     return float(np.sqrt(2 * triangle_areas(mesh.points, chosen).max()))
 
 
-@dataclass(frozen=True)
-class Cost:
-    """What a mesh will cost, before anything is solved.
-
-    Attributes
-    ----------
-    vectors : int
-        Modes and answers of walls that the room is reduced to.
-    preparation_s : float
-        Time in which they are found, once.
-    line_s : float
-        Time of one line of an evaluation.
-    """
-
-    vectors: int
-    preparation_s: float
-    line_s: float
-
-
-def expected_cost(mesh: RoomMesh, degree: int, k_max: float) -> Cost:
-    """Estimate the cost, by Weyl's law in the room and on its walls and by a system of that size tried here."""
-    modes = expected_modes(mesh, MARGIN * k_max)
+def expected_vectors(mesh: RoomMesh, k_max: float) -> int:
+    """About how many modes and answers of walls a room is reduced to, by Weyl's law in it and on its walls."""
     areas = np.array([triangle_areas(mesh.points, t).sum() for t in mesh.walls.values()])
     traces = (areas * k_max**2 / (4 * np.pi) + 4.2 * np.sqrt(areas) * k_max / (4 * np.pi) + 1).sum()
-    part = (
-        unknowns(mesh, degree) / 33_000
-    )  # as measured with so many unknowns: factors 3 s, a solution 0.05 s
-    preparation = 1 + 3 * part**2 + 0.05 * part ** (4 / 3) * (3 * modes + traces)
-    vectors = int(modes + traces)
-    return Cost(vectors, float(preparation), _seconds_a_line(vectors, mesh.surface / mesh.volume, k_max))
-
-
-def _seconds_a_line(vectors: int, exposure: float, k_max: float) -> float:
-    """Time a line takes on this machine: a few lines with walls drawn at random, one of them soft."""
-    random = np.random.default_rng(1)
-    felt = random.standard_normal((2, vectors, 1 + vectors // 4)) / np.sqrt(1 + vectors // 4)
-    walls = exposure / 2 * felt @ felt.transpose(0, 2, 1)
-    k = np.linspace(0.3, 1, 48) * k_max
-    soft = 1j * k * np.array([[0.005], [0.1]])
-    lines = Lines(np.linspace(0, (MARGIN * k_max) ** 2, vectors), walls, k**2 - 1e-3j * k, soft)
-    start = perf_counter()
-    lines.solve(np.ones((vectors, 1)))
-    return (perf_counter() - start) / len(k)
+    return int(expected_modes(mesh, MARGIN * k_max) + traces)

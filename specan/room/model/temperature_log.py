@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import InputError
-from specan.schema import regular
+from specan.room.model.numbers_file import numbers, read_rows
 
 COLUMN = "temperature_C"
 TIME = "time_utc"
@@ -82,33 +81,14 @@ def read_temperature_log(path: Path) -> TemperatureLog:
     InputError
         The file cannot be read, has no such column or no reading, or one that no room has.
     """
-    try:
-        with regular(path).open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as fault:
-        raise InputError(
-            f"the temperature log {path.name} cannot be read ({fault})",
-            remedy="correct [air] temperature_log in the rig file",
-        ) from None
-    columns = list(rows[0]) if rows else []
-    if COLUMN not in columns:
-        raise InputError(
-            f"the temperature log {path.name} has the columns {', '.join(map(str, columns)) or 'none'}",
-            expected=f"a column {COLUMN}, beside one of the time",
-        )
-    try:
-        readings = np.array([float(row[COLUMN]) for row in rows])
-    except (TypeError, ValueError):
-        raise InputError(
-            f"the temperature log {path.name} has a {COLUMN} that is no number",
-            remedy="use a decimal point, and commas between columns",
-        ) from None
+    rows = read_rows(path, COLUMN, f"a column {COLUMN}, beside one of the time")
+    readings = numbers(path, rows, COLUMN)
     if not np.all((readings > -50) & (readings < 80)):  # as [air] nominal_temperature_C allows
         raise InputError(
             f"the temperature log {path.name} goes from {readings.min():g} to {readings.max():g} degrees",
             expected="degrees Celsius between -50 and 80",
         )
-    return TemperatureLog(readings, _times(path, rows) if TIME in columns else None)
+    return TemperatureLog(readings, _times(path, rows) if TIME in rows[0] else None)
 
 
 def _times(path: Path, rows: list[dict[str, str]]) -> NDArray[np.datetime64]:
