@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan.errors import RequestError
-from specan_cli.output import emit_json, say, table
+from specan_cli.output import emit_json, say
+from specan_cli.simulate_recording import show_recording, write_recording
 
 if TYPE_CHECKING:
     from specan.models.model import Model
@@ -49,10 +50,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 
 
 def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
-    import numpy as np
-
     from specan.io.output_file import check_directory
-    from specan.io.write_tdms import write_tdms
     from specan.planetary_gear.model.compiled import HAS_NUMBA
     from specan.planetary_gear.model.dynamics import check_duration, simulate, step_error
     from specan.planetary_gear.model.simulated_recording import recorded_channels
@@ -67,30 +65,11 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     motion = simulate(rig, duration, sampling_rate=RATE)
     error = step_error(rig) if HAS_NUMBA else None
     channels = recorded_channels(motion, RATE)
-    noise = _noise(options, motion.time.size)
-    written = []
-    for channel in channels:
-        samples = channel.volts + (noise() if channel.unit != "V" else 0.0)
-        own = {"unit_string": "V", "QuantityUnit": channel.unit, **channel.properties}
-        if channel.unit != "V":
-            own |= {"Sensitivity": channel.sensitivity, "SensitivityUnit": channel.sensitivity_unit}
-        written.append((channel.name, samples, own))
-    names, volts, described = zip(*written, strict=True)
-    write_tdms(
-        path, names, np.stack(volts), RATE, channels=described, group=_described(rig), samples="float32"
-    )
+    write_recording(path, channels, RATE, _described(rig), noise=(options["noise"], options["seed"]))
     halved = "" if error is None else f": forces change by {error:.1e} when it is halved"
     say(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")
     say(f"step {1e6 * motion.step_s:.3g} us{halved}")
-    rows = [
-        {"channel": c.name, "unit": c.unit, "mean": float(c.samples.mean()), "rms": float(c.samples.std())}
-        for c in channels
-    ]
-    if options["as_json"]:
-        emit_json({"step_s": motion.step_s, "step_error": error, "channels": rows})
-    else:
-        cells = [[r["channel"], f"{r['mean']:.4g}", f"{r['rms']:.4g}", str(r["unit"])] for r in rows]
-        table("", ["channel", "mean", "rms about it", "unit"], cells)
+    show_recording(channels, options["as_json"], step_s=motion.step_s, step_error=error)
 
 
 def _announce(rig: Any, duration: float) -> None:
@@ -104,24 +83,10 @@ def _announce(rig: Any, duration: float) -> None:
         say(f"The run takes about {needed:.0f} s{slow}.")
 
 
-def _noise(options: Mapping[str, Any], count: int):
-    """Volts that each channel adds."""
-    import numpy as np
-
-    random = np.random.default_rng(options["seed"])
-    return lambda: options["noise"] * random.standard_normal(count)
-
-
 def _described(rig: Any) -> dict[str, object]:
     if rig.gear is None:
-        return {
-            "SamplingRate": RATE, "DriverSpeed_Hz": rig.pair.driver_speed_hz, "Torque_Nm": rig.pair.driver_torque_Nm,
-            "Description": "simulated",
-        }  # fmt: skip
-    return {
-        "SamplingRate": RATE, "SunSpeed_Hz": rig.operation.sun_speed_hz,
-        "Torque_Nm": rig.operation.carrier_torque_Nm, "Description": "simulated",
-    }  # fmt: skip
+        return {"DriverSpeed_Hz": rig.pair.driver_speed_hz, "Torque_Nm": rig.pair.driver_torque_Nm}
+    return {"SunSpeed_Hz": rig.operation.sun_speed_hz, "Torque_Nm": rig.operation.carrier_torque_Nm}
 
 
 def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, Any]:
@@ -145,7 +110,7 @@ def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     """Accelerations made of the order-domain model's lines, and tachos, at constant speed."""
     import numpy as np
 
-    from specan.io.write_tdms import write_tdms
+    from specan.models.simulated_channel import SimulatedChannel
     from specan.planetary_gear.model.dynamics import check_duration
     from specan.planetary_gear.model.kinematics import carrier_speed_ratio
     from specan.planetary_gear.model.simulated_recording import tacho_channel
@@ -156,26 +121,17 @@ def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     time = np.arange(round(options["duration"] * LINES_RATE)) / LINES_RATE
     turns = rig.operation.sun_speed_hz * carrier_speed_ratio(rig.gear) * time
     waves = np.exp(2j * np.pi * np.outer(orders, turns))
-    noise = _noise(options, time.size)
-    sensitivity = rig.sensors.acc_mV_per_m_s2
-    names, volts, described = [], [], []
-    for name, amplitude in zip(model.axes["sensor"], lines, strict=True):
-        names.append(name)
-        volts.append(1e-3 * sensitivity * (amplitude @ waves).real + noise())
-        described.append(
-            {"QuantityUnit": "m/s^2", "Sensitivity": sensitivity, "SensitivityUnit": "mV/(m/s^2)"}
-        )
-    ratio = 1.0 / carrier_speed_ratio(rig.gear)
-    for name, angle, pulses in (
-        ("Tacho sun", 2 * np.pi * ratio * turns, rig.sensors.tacho_sun_pulses),
-        ("Tacho carrier", 2 * np.pi * turns, rig.sensors.tacho_carrier_pulses),
-    ):
-        channel = tacho_channel(name, angle, pulses)
-        names.append(name)
-        volts.append(channel.samples)
-        described.append({"QuantityUnit": "V", **channel.properties})
-    group = {**_described(rig), "SamplingRate": LINES_RATE}
-    write_tdms(path, names, np.stack(volts), LINES_RATE, channels=described, group=group, samples="float32")
+    sensors, ratio = rig.sensors, 1.0 / carrier_speed_ratio(rig.gear)
+    channels = [
+        SimulatedChannel(name, "m/s^2", (amplitude @ waves).real, sensors.acc_mV_per_m_s2, "mV/(m/s^2)")
+        for name, amplitude in zip(model.axes["sensor"], lines, strict=True)
+    ]
+    channels += [
+        tacho_channel("Tacho sun", 2 * np.pi * ratio * turns, sensors.tacho_sun_pulses),
+        tacho_channel("Tacho carrier", 2 * np.pi * turns, sensors.tacho_carrier_pulses),
+    ]
+    write_recording(path, channels, LINES_RATE, _described(rig), noise=(options["noise"], options["seed"]))
+    names = [c.name for c in channels]
     say(
         f"{len(names)} channels of {options['duration']:g} s made of {orders.size} order lines written to {path}"
     )

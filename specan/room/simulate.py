@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan.errors import RequestError
-from specan_cli.output import emit_json, say, table
+from specan_cli.output import emit_json, say
+from specan_cli.simulate_recording import show_recording, write_recording
 
 if TYPE_CHECKING:
     from specan.models.chosen_model import ChosenModel
     from specan.models.model import Model
-    from specan.room.model.simulated_recording import SimulatedRecording
 
 
 @click.option(
@@ -55,63 +55,24 @@ def _record(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     from specan.room.model.simulated_recording import simulated_recording
 
     path = _checked(options["output"], (".tdms",))
-    made = simulated_recording(
+    frequency = options["frequency"]
+    channels, rate = simulated_recording(
         chosen,
         duration_s=options["duration"],
-        frequency_hz=options["frequency"],
+        frequency_hz=frequency,
         noise=options["noise"],
         seed=options["seed"],
     )
-    _write_tdms(path, made, chosen.assembly.model.settings["rig"])
-    say(
-        f"{len(made.names)} channels of {made.quantities.shape[1] / made.sampling_rate:g} s at "
-        f"{made.sampling_rate:g} samples a second written to {path}"
-    )
-    rows = [
-        {"channel": name, "unit": unit, "rms": float((signal**2).mean() ** 0.5)}
-        for name, unit, signal in zip(made.names, _units(made), made.quantities, strict=True)
-    ]
-    if options["as_json"]:
-        effects = [str(use) for use in chosen.assembly.uses]
-        emit_json({"effects": effects, "sampling_rate_hz": made.sampling_rate, "channels": rows})
-    else:
-        table(
-            "", ["channel", "rms", "unit"], [[r["channel"], f"{r['rms']:.4g}", str(r["unit"])] for r in rows]
-        )
-
-
-def _units(made: SimulatedRecording) -> list[str]:
-    return ["Pa"] * (len(made.names) - 2) + ["m/s", "V"]
-
-
-def _write_tdms(path: Path, made: SimulatedRecording, given: Mapping[str, Any]) -> None:
-    """As the laboratory's acquisition program would: volts of 24 bits, nominal sensitivities beside them."""
-    import numpy as np
-
-    from specan.io.output_file import whole_file
-    from specan.io.write_tdms import write_tdms
-
-    count = len(made.names) - 2
-    microphone = {
-        "QuantityUnit": "Pa",
-        "Sensitivity": given["mics"]["nominal_sensitivity_mV_per_Pa"],
-        "SensitivityUnit": "mV/Pa",
-    }
-    velocity = given["vibrometer"]["sensitivity_mm_s_per_V"] / 1000.0
-    vibrometer = {"QuantityUnit": "m/s", "Sensitivity": velocity, "SensitivityUnit": "(m/s)/V"}
-    gain = np.array([microphone["Sensitivity"] / 1000.0] * count + [1.0 / velocity, 1.0])
-    group: dict[str, object] = {"Excitation": "gaussian noise", "SamplingRate": made.sampling_rate}
-    if made.frequency_hz is not None:
-        group |= {"Excitation": "sine", "ExcitationFrequency_Hz": made.frequency_hz}
-    with whole_file(path) as half:
-        write_tdms(
-            half,
-            made.names,
-            made.quantities * gain[:, None],
-            made.sampling_rate,
-            channels=[*([microphone] * count), vibrometer, {"QuantityUnit": "V"}],
-            group=group | {"Description": "simulated"},
-        )
+    group: dict[str, object] = {"Excitation": "gaussian noise" if frequency is None else "sine"}
+    if frequency is not None:
+        group["ExcitationFrequency_Hz"] = frequency
+    write_recording(
+        path, channels, rate, group, samples="int32"
+    )  # 24 bits, as the laboratory's program writes
+    length = channels[0].samples.size / rate
+    say(f"{len(channels)} channels of {length:g} s at {rate:g} samples a second written to {path}")
+    effects = [str(use) for use in chosen.assembly.uses]
+    show_recording(channels, options["as_json"], effects=effects, sampling_rate_hz=rate)
 
 
 # --- the field on a plane ----------------------------------------------------------------------------------

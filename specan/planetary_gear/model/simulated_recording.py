@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models.simulated_channel import SimulatedChannel
 from specan.planetary_gear.model.geometry import planet_angles
 from specan.planetary_gear.model.rig import Rig
 
@@ -28,30 +28,7 @@ _DUTY = {
 _SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
 
 
-@dataclass(frozen=True)
-class RecordedChannel:
-    """Samples of one channel in the unit of the quantity, and what an acquisition program would say of it."""
-
-    name: str
-    unit: str
-    samples: Real
-    sensitivity: float
-    sensitivity_unit: str
-    properties: dict[str, object] = field(default_factory=dict)
-
-    @property
-    def volts(self) -> Real:
-        """What the converter saw."""
-        if self.unit == "V":
-            return self.samples
-        per_volt = self.sensitivity_unit.endswith("/V")
-        scale = 1e-3 if self.sensitivity_unit.startswith("mm") else 1.0
-        return (
-            self.samples / (self.sensitivity * scale) if per_volt else self.samples * 1e-3 * self.sensitivity
-        )
-
-
-def recorded_channels(motion: Motion, sampling_rate: float) -> list[RecordedChannel]:
+def recorded_channels(motion: Motion, sampling_rate: float) -> list[SimulatedChannel]:
     """Forces, torques, places of the planets, accelerations, tachos; a pair has forces, torques and tachos."""
     from specan.planetary_gear.model.dynamics import force_normal_angle
 
@@ -66,9 +43,9 @@ def recorded_channels(motion: Motion, sampling_rate: float) -> list[RecordedChan
         found += _forces("Sun-planet", motion.sun_force, on_sun, force)
         found += _forces("Ring-planet", motion.ring_force, on_ring, force)
     names = ("Torque driver", "Tacho driver") if rig.gear is None else ("Torque sun", "Tacho sun")
-    found.append(RecordedChannel(names[0], "Nm", motion.torque_in, torque, "Nm/V"))
+    found.append(SimulatedChannel(names[0], "Nm", motion.torque_in, torque, "Nm/V"))
     if rig.gear is not None:
-        found.append(RecordedChannel("Torque carrier", "Nm", _carrier_torque(motion, rig), torque, "Nm/V"))
+        found.append(SimulatedChannel("Torque carrier", "Nm", _carrier_torque(motion, rig), torque, "Nm/V"))
         found += _centres(motion, rig)
         found += _accelerations(motion, rig, sampling_rate)
     found.append(tacho_channel(names[1], motion.sun_angle, sensors.tacho_sun_pulses))
@@ -79,12 +56,12 @@ def recorded_channels(motion: Motion, sampling_rate: float) -> list[RecordedChan
 
 def _forces(
     mesh: str, forces: Real, angle: Real, per_volt: float, numbered: bool = True
-) -> list[RecordedChannel]:
+) -> list[SimulatedChannel]:
     found = []
     for i in range(forces.shape[0]):
         name = f"{mesh} {i + 1} force" if numbered else f"{mesh} force"
-        found.append(RecordedChannel(f"{name} normal", "N", forces[i], per_volt, "N/V"))
-        found.append(RecordedChannel(f"{name} vertical", "N", forces[i] * np.sin(angle[i]), per_volt, "N/V"))
+        found.append(SimulatedChannel(f"{name} normal", "N", forces[i], per_volt, "N/V"))
+        found.append(SimulatedChannel(f"{name} vertical", "N", forces[i] * np.sin(angle[i]), per_volt, "N/V"))
     return found
 
 
@@ -106,10 +83,10 @@ def planet_centres(motion: Motion) -> list[tuple[Real, Real]]:
     return [(radius * np.cos(angle), radius * np.sin(angle)) for angle in angles]
 
 
-def _centres(motion: Motion, rig: Rig) -> list[RecordedChannel]:
+def _centres(motion: Motion, rig: Rig) -> list[SimulatedChannel]:
     per_volt = rig.sensors.displacement_mm_per_V
     return [
-        RecordedChannel(f"Planet {i} {axis}", "m", samples, per_volt, "mm/V")
+        SimulatedChannel(f"Planet {i} {axis}", "m", samples, per_volt, "mm/V")
         for i, centre in enumerate(planet_centres(motion), 1)
         for axis, samples in zip("xy", centre, strict=True)
     ]
@@ -126,7 +103,7 @@ def path_window(angle: Real) -> Real:
     return hann * hann * hann  # ten times as fast as a power
 
 
-def _accelerations(motion: Motion, rig: Rig, sampling_rate: float) -> list[RecordedChannel]:
+def _accelerations(motion: Motion, rig: Rig, sampling_rate: float) -> list[SimulatedChannel]:
     """The rim gives way to the planets' forces as a spring; the sensor sees the second derivative of that."""
     gear = rig.gear
     assert gear is not None
@@ -139,7 +116,7 @@ def _accelerations(motion: Motion, rig: Rig, sampling_rate: float) -> list[Recor
         inside = np.convolve(pressed, _SECOND, mode="valid") * sampling_rate**2 / RIM_STIFFNESS
         acceleration = np.pad(inside, 4, mode="edge")
         found.append(
-            RecordedChannel(
+            SimulatedChannel(
                 f"Acc {k}", "m/s^2", acceleration, rig.sensors.acc_mV_per_m_s2, "mV/(m/s^2)",
                 {"Angle_deg": degrees},
             )
@@ -147,7 +124,7 @@ def _accelerations(motion: Motion, rig: Rig, sampling_rate: float) -> list[Recor
     return found
 
 
-def tacho_channel(name: str, angle: Real, pulses: int) -> RecordedChannel:
+def tacho_channel(name: str, angle: Real, pulses: int) -> SimulatedChannel:
     """Rectangular pulses with edges of one sample, so that their instants are known between samples."""
     phase = angle / (2 * np.pi) * pulses
     step = np.gradient(phase)
@@ -156,4 +133,4 @@ def tacho_channel(name: str, angle: Real, pulses: int) -> RecordedChannel:
     rise = np.clip(np.where(inside < 0.5 + duty / 2, inside, inside - 1.0) / step + 0.5, 0.0, 1.0)
     fall = np.clip((inside - duty) / step + 0.5, 0.0, 1.0)
     volts = TACHO_V * np.where(inside > 0.5 + duty / 2, rise, rise - fall)
-    return RecordedChannel(name, "V", volts, 1.0, "V/V", {"PulsesPerRevolution": pulses})
+    return SimulatedChannel(name, "V", volts, 1.0, "V/V", {"PulsesPerRevolution": pulses})

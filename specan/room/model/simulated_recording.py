@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models.chosen_model import ChosenModel
+from specan.models.simulated_channel import SimulatedChannel
 
 VELOCITY = 5e-3  # m/s RMS of the diaphragm
 LOUDSPEAKER = 0.1  # m/s per volt at the generator, at all frequencies
@@ -22,27 +22,6 @@ _LINES_AT_ONCE = 2000
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class SimulatedRecording:
-    """Channels in SI units.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Microphones in the order of the rig file, ``Vibrometer``, ``Generator``.
-    sampling_rate : float
-    quantities : array (channels, samples)
-        Pressures as indicated (Pa), velocity (m/s), voltage (V).
-    frequency_hz : float or None
-        Of the sine; noise where there is none.
-    """
-
-    names: tuple[str, ...]
-    sampling_rate: float
-    quantities: Array
-    frequency_hz: float | None
-
-
 def simulated_recording(
     chosen: ChosenModel,
     *,
@@ -50,7 +29,7 @@ def simulated_recording(
     frequency_hz: float | None = None,
     noise: float = 0.0,
     seed: int = 0,
-) -> SimulatedRecording:
+) -> tuple[list[SimulatedChannel], float]:
     """A recording under gaussian noise over the rig's band, or under a sine.
 
     The noise repeats with the recording's length, and so does everything that it drives: what the room heard before
@@ -89,8 +68,16 @@ def simulated_recording(
         transfer = _transfer(chosen, np.array([frequency_hz]), np.array([VELOCITY**2 * duration_s]))
         pressure = np.real(transfer * turning)
     pressure = pressure + noise * rng.standard_normal(pressure.shape)
-    names = (*chosen.assembly.model.axes["microphone"], "Vibrometer", "Generator")
-    return SimulatedRecording(names, rate, np.vstack([pressure, moving, moving / LOUDSPEAKER]), frequency_hz)
+    rig = chosen.assembly.model.settings["rig"]
+    sensitivity = rig["mics"]["nominal_sensitivity_mV_per_Pa"]
+    channels = [
+        SimulatedChannel(name, "Pa", samples, sensitivity, "mV/Pa")
+        for name, samples in zip(chosen.assembly.model.axes["microphone"], pressure, strict=True)
+    ]
+    velocity = rig["vibrometer"]["sensitivity_mm_s_per_V"] / 1000.0
+    channels.append(SimulatedChannel("Vibrometer", "m/s", moving, velocity, "(m/s)/V"))
+    channels.append(SimulatedChannel("Generator", "V", moving / LOUDSPEAKER, 1.0, "V/V"))
+    return channels, rate
 
 
 def _check(duration_s: float, frequency_hz: float | None, noise: float, highest: float) -> None:

@@ -1,0 +1,61 @@
+"""Write a simulated recording as an acquisition program would: volts, with units and sensitivities beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from specan_cli.output import emit_json, table
+
+if TYPE_CHECKING:
+    from specan.models.simulated_channel import SimulatedChannel
+
+
+def write_recording(
+    path: Path,
+    channels: Sequence[SimulatedChannel],
+    rate: float,
+    group: Mapping[str, object],
+    *,
+    samples: Literal["int32", "float32"] = "float32",
+    noise: tuple[float, int] = (0.0, 0),
+) -> None:
+    """Write channels into a TDMS file; `noise` is the standard deviation that sensors add in V, and its seed."""
+    import numpy as np
+
+    from specan.io.output_file import whole_file
+    from specan.io.write_tdms import write_tdms
+
+    random = np.random.default_rng(noise[1])
+    volts = [
+        c.volts + (noise[0] * random.standard_normal(c.samples.size) if noise[0] and c.unit != "V" else 0.0)
+        for c in channels
+    ]
+    described = [
+        {
+            "QuantityUnit": c.unit,
+            **(
+                {"Sensitivity": c.sensitivity, "SensitivityUnit": c.sensitivity_unit} if c.unit != "V" else {}
+            ),
+            **c.properties,
+        }
+        for c in channels
+    ]
+    about = {"SamplingRate": rate, "Description": "simulated", **group}
+    with whole_file(path) as half:
+        names = [c.name for c in channels]
+        write_tdms(half, names, np.stack(volts), rate, channels=described, group=about, samples=samples)
+
+
+def show_recording(channels: Sequence[SimulatedChannel], as_json: bool, **facts: Any) -> None:
+    """Print mean and scatter of every channel, or, with what else is known, JSON."""
+    rows = [
+        {"channel": c.name, "unit": c.unit, "mean": float(c.samples.mean()), "rms": float(c.samples.std())}
+        for c in channels
+    ]
+    if as_json:
+        emit_json({**facts, "channels": rows})
+        return
+    cells = [[str(r["channel"]), f"{r['mean']:.4g}", f"{r['rms']:.4g}", str(r["unit"])] for r in rows]
+    table("", ["channel", "mean", "rms about it", "unit"], cells)
