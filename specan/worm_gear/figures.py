@@ -31,7 +31,7 @@ def efficiency_map(chosen: ChosenModel) -> Figure:
     speeds = np.linspace(*span(chosen, "worm_speed"), 60)
     low, high = span(chosen, "indicated_output_torque")
     torques = np.linspace(max(low, 0.02 * high), high, 60)
-    axes_of = {"speed_rpm": speeds, "output_torque_Nm": torques}
+    axes_of = {"speed_rpm": speeds.tolist(), "output_torque_Nm": torques.tolist()}
     rows = simulated_table(chosen, grid(chosen.assembly.model, axes_of))
     x, y, z = (rows[n].reshape(speeds.size, torques.size) for n in (*axes_of, "efficiency"))
     figure = new_figure(4.2, 6.4)

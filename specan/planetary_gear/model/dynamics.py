@@ -70,7 +70,7 @@ class _System:
     The driver turns at `driver_speed`, its torque is `lever` times that of the sun's base circle.
     """
 
-    machine: tuple[Any, ...]
+    machine: Any
     carrier_speed: float
     driver_speed: float
     lever: float
