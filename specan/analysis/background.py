@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import NDArray
 
 from specan.data.band_levels import BandLevels, OtherSettling
 from specan.errors import RequestError
+
+Real = NDArray[np.float64]
 
 STANDS_OUT_DB = 6.0
 """By how much a level has to exceed the background's to be corrected with confidence; ISO 3744:2010, 8.2.3."""
@@ -67,30 +70,31 @@ def without_background(levels: BandLevels, background: BandLevels) -> BandLevels
             expected=f"bands from {levels.nominal_hz[0]:g} to {levels.nominal_hz[-1]:g} Hz",
         )
     rows = [_row(levels, row, background) for row in range(len(levels.channels))]
-    corrected, low_snr = background_correction(levels.level_dB, background.level_dB[rows])
-    overall, flags = {}, [list(words) for words in levels.flags]
-    for name, values in levels.overall_dB.items():
-        overall[name], low = background_correction(values, background.overall_dB[name][rows])
-        for words, is_low in zip(flags, low):
-            if is_low and "low-snr" not in words:
-                words.append("low-snr")
+
+    def corrected(mine: Mapping[str, Real], other: Mapping[str, Real]) -> dict[str, tuple[Real, Real]]:
+        return {name: background_correction(values, other[name][rows]) for name, values in mine.items()}
+
+    level_dB, low_snr = background_correction(levels.level_dB, background.level_dB[rows])
+    overall = corrected(levels.overall_dB, background.overall_dB)
+    low = np.any([is_low for _, is_low in overall.values()], axis=0)
     other_settling = None
     if levels.other is not None and background.other is not None:
+        totals = corrected(levels.other.overall_dB, background.other.overall_dB)
         other_settling = OtherSettling(
             levels.other.name,
             background_correction(levels.other.level_dB, background.other.level_dB[rows])[0],
-            {
-                name: background_correction(values, background.other.overall_dB[name][rows])[0]
-                for name, values in levels.other.overall_dB.items()
-            },
+            {name: values for name, (values, _) in totals.items()},
         )
     return replace(
         levels,
         other=other_settling,
-        level_dB=corrected,
-        overall_dB=overall,
+        level_dB=level_dB,
+        overall_dB={name: values for name, (values, _) in overall.items()},
         low_snr=low_snr,
-        flags=tuple(tuple(words) for words in flags),
+        flags=tuple(
+            (*words, "low-snr") if is_low and "low-snr" not in words else words
+            for words, is_low in zip(levels.flags, low, strict=True)
+        ),
         notes=(
             *levels.notes,
             f"corrected for the background {background.label}; low-snr: less than {STANDS_OUT_DB:g} dB above it, "

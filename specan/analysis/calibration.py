@@ -81,12 +81,12 @@ def join_insertions(
     for group in groups:
         phases |= _with_polarity({name: phases[name] for name in _members(group, phases)}, group)
     heard = {name: [(i, h) for i in insertions for h in i.heard if h.channel == name] for name in names}
-    common = _Common.of(heard, settings)
+    common, levels = _Common.of(heard, settings), {insertion.level_dB for insertion in insertions}
     return Calibration(
         channels=tuple(_channel(name, heard[name], phases.get(name), common) for name in names),
         made_from=tuple(insertion.label for insertion in insertions),
         calibrator_frequency_hz=_plain(float(np.mean(tones[0]))) if len(tones) == 1 else None,
-        calibrator_level_dB=_only({insertion.level_dB for insertion in insertions}),
+        calibrator_level_dB=levels.pop() if len(levels) == 1 else None,
         u_calibrator_percent=_plain(common.u_level_percent),
         calibrator_decided=_decided(insertions),
         notes=tuple(notes),
@@ -281,7 +281,7 @@ def _channel(
         ]
     return ChannelCalibration(
         channel=name,
-        sensitivity=_significant(mean),
+        sensitivity=float(f"{mean:.7g}"),  # never zero, however faint the channel
         unit="mV/Pa",
         u_sensitivity_percent=_plain(float(np.sqrt(sum(c.u**2 for c in budget if c.of == "sensitivity")))),
         phase=phase.calibration if phase else None,
@@ -302,15 +302,6 @@ def _percent(dB: float) -> float:
     return 100 * dB * float(np.log(10)) / 20
 
 
-def _significant(value: float) -> float:
-    """Rounded to seven digits: never to zero, however faint the channel."""
-    return float(f"{value:.7g}")
-
-
 def _plain(value: float) -> float:
     """Rounded to what a calibration can be worth, so that its file reads well and is the same everywhere."""
     return round(value, 5) + 0.0
-
-
-def _only(values: set[float]) -> float | None:
-    return values.pop() if len(values) == 1 else None

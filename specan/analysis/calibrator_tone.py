@@ -183,14 +183,18 @@ def find_tone(recording: Recording, found: Candidates, settings: CalibrationSett
         No channel has a signal, or the tone is somewhere else than was said.
     """
     channels, rate = found.channels, found.rate
-    nominal, why = _nominal_frequency(recording, found, settings)
-    tones = [t for t in _tones(recording, channels, (nominal,)) if t is not None]
+    nominal, by = settings.frequency_hz, "--frequency"
+    if nominal is None:
+        written = _stated_number(recording, channels[0].group, "CalibratorFrequency_Hz") or 0.0
+        nominal, by = (written if written > 0 else None), "CalibratorFrequency_Hz"
+    why = f"found near the {nominal:g} Hz of {by}" if nominal else "the strongest tone"
+    tones = _tones(recording, channels, nominal)
     if not tones:
         raise InputError(
             f"{recording.label}: no calibrated channel has a signal", expected="the tone of a calibrator"
         )
     pure = [t for t in tones if t.pure]
-    _reject_other_tone(recording, found, tones, nominal, why)
+    _reject_other_tone(recording, found, tones, nominal, by)
     loudest = max(pure or tones, key=lambda tone: tone.amplitude)
     n = min(found.n_samples, int(LONGEST_FOR_FREQUENCY_S * rate))
     start = (found.n_samples - n) // 2
@@ -212,98 +216,68 @@ class _Tone:
     pure: bool  # holds more than half of the power
 
 
-def _nominal_frequency(
-    recording: Recording, found: Candidates, settings: CalibrationSettings
-) -> tuple[float | None, str]:
-    if settings.frequency_hz is not None:
-        return settings.frequency_hz, f"found near the {settings.frequency_hz:g} Hz of --frequency"
-    written = _stated_number(recording, found.channels[0].group, "CalibratorFrequency_Hz")
-    if written is not None and written > 0:
-        return written, f"found near the {written:g} Hz of CalibratorFrequency_Hz"
-    return None, "the strongest tone"
-
-
 def _search(nominal: float | None, rate: float) -> tuple[float, float]:
     return ((1 - NEAR) * nominal, (1 + NEAR) * nominal) if nominal else (50.0, rate / 2)
 
 
-def _tones(
-    recording: Recording, channels: Sequence[Channel], nominals: tuple[float | None, ...]
-) -> list[_Tone | None]:
-    """For each channel and nominal frequency the strongest tone of three sections of at most a second."""
+def _tones(recording: Recording, channels: Sequence[Channel], nominal: float | None) -> list[_Tone]:
+    """The strongest tone of each channel that has a signal, in three sections of at most a second."""
     rate = channels[0].sampling_rate
     n = min(c.n_samples for c in channels)
     size = min(n, int(rate))
-    best: list[_Tone | None] = [None] * (len(channels) * len(nominals))
-    if size < 16:
-        return best
-    for start in sorted({0, (n - size) // 2, n - size}):
-        samples = np.nan_to_num(
-            volts(recording, channels, start, start + size), nan=0.0, posinf=0.0, neginf=0.0
-        )
-        for row, channel in enumerate(channels):
-            if not np.ptp(samples[row]) > 0:
+    best: dict[int, _Tone] = {}
+    for start in sorted({0, (n - size) // 2, n - size}) if size >= 16 else ():
+        samples = volts(recording, channels, start, start + size)
+        for row, x in enumerate(np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0)):
+            if not np.ptp(x) > 0:
                 continue
-            for column, nominal in enumerate(nominals):
-                place = row * len(nominals) + column
-                tone = _tone_of(channel, samples[row], rate, nominal, recording.label)
-                known = best[place]
-                if known is None or (tone.pure, tone.amplitude) > (known.pure, known.amplitude):
-                    best[place] = tone
-    return best
-
-
-def _tone_of(
-    channel: Channel, samples: NDArray[np.float64], rate: float, nominal: float | None, label: str
-) -> _Tone:
-    try:
-        frequency = peak_frequency(samples, rate, *_search(nominal, rate))
-    except ValueError as fault:
-        raise InputError(
-            f"{label}: no tone can be sought ({fault})",
-            expected="a recording that is long enough for its tone",
-        ) from None
-    fit = fit_sine(samples, rate, frequency)
-    amplitude = float(abs(fit.phasors[0]))
-    return _Tone(channel, frequency, amplitude, bool(amplitude > np.sqrt(2) * float(fit.residual_rms)))
+            try:
+                frequency = peak_frequency(x, rate, *_search(nominal, rate))
+            except ValueError as fault:
+                raise InputError(
+                    f"{recording.label}: no tone can be sought ({fault})",
+                    expected="a recording that is long enough for its tone",
+                ) from None
+            fit = fit_sine(x, rate, frequency)
+            amplitude = float(abs(fit.phasors[0]))
+            pure = bool(amplitude > np.sqrt(2) * float(fit.residual_rms))
+            known = best.get(row)
+            if known is None or (pure, amplitude) > (known.pure, known.amplitude):
+                best[row] = _Tone(channels[row], frequency, amplitude, pure)
+    return [best[row] for row in sorted(best)]
 
 
 def _reject_other_tone(
-    recording: Recording, found: Candidates, tones: Sequence[_Tone], nominal: float | None, why: str
+    recording: Recording, found: Candidates, tones: Sequence[_Tone], nominal: float | None, by: str
 ) -> None:
     """Say so where the tone is on other channels, or at another frequency, than somebody stated."""
     heard = max((t.amplitude for t in tones if t.pure), default=0.0)
     names = {c.label for c in found.channels}
     rest = [c for c in found.microphones if c.label not in names and c.sampling_rate == found.rate]
     if found.named_by == "CalibratedChannels" and rest:
-        others = [t for t in _tones(recording, rest, (nominal,)) if t is not None and t.pure]
+        others = [t for t in _tones(recording, rest, nominal) if t.pure]
         loud = [t for t in others if t.amplitude > heard * 10 ** (HEARD_FROM_OUTSIDE_DB / 20)]
         if loud:
             far = (
                 "show no tone" if heard == 0 else f"hear it {HEARD_FROM_OUTSIDE_DB:g} dB or more below others"
             )
+            named = _listed([c.label for c in found.channels])
             raise InputError(
-                f"{recording.label}: the channels that CalibratedChannels names ({_listed(names_of(found.channels))}) "
-                f"{far}; the tone of {loud[0].frequency_hz:.6g} Hz is on {_listed([t.channel.label for t in loud])}",
+                f"{recording.label}: the channels that CalibratedChannels names ({named}) {far}; the tone of "
+                f"{loud[0].frequency_hz:.6g} Hz is on {_listed([t.channel.label for t in loud])}",
                 expected="the tone on the channels that are named",
                 remedy="correct the property, or name the channels with --channel",
             )
     if heard == 0 and nominal is not None:
-        anywhere = [t for t in _tones(recording, found.channels, (None,)) if t is not None and t.pure]
+        anywhere = [t for t in _tones(recording, found.channels, None) if t.pure]
         if anywhere:
             loudest = max(anywhere, key=lambda tone: tone.amplitude)
-            stated_by = "--frequency" if "--frequency" in why else "CalibratorFrequency_Hz"
             raise InputError(
                 f"{recording.label}: the tone is at {loudest.frequency_hz:.6g} Hz ({loudest.channel.label}), "
-                f"and {stated_by} says {nominal:g} Hz",
+                f"and {by} says {nominal:g} Hz",
                 expected=f"a tone within {NEAR:.0%} of what is stated",
                 remedy=f"give --frequency {loudest.frequency_hz:.0f} if that is the calibrator",
             )
-
-
-def names_of(channels: Sequence[Channel]) -> list[str]:
-    """Names of the channels."""
-    return [c.label for c in channels]
 
 
 def _listed(names: Sequence[str]) -> str:

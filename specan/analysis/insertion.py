@@ -19,7 +19,6 @@ from specan.analysis.calibrator_tone import (
 )
 from specan.analysis.quality import QualityAccumulator
 from specan.data.channel import Channel
-from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.dsp.sine_fit import fit_sine
 from specan.errors import InputError
@@ -172,7 +171,11 @@ def _fit_windows(
     shape = (len(channels), count)
     phasors, rest = np.zeros(shape, dtype=complex), np.zeros(shape)
     there, finite = np.ones(shape, dtype=bool), np.ones(shape, dtype=bool)
-    quality = QualityAccumulator(tuple(_in_volts(c) for c in channels))
+    # Full scales in volts; they are stated in the channel's unit.
+    tops = [None if c.full_scale is None else abs(c.full_scale * c.raw_scale / c.gain) for c in channels]
+    quality = QualityAccumulator(
+        tuple(replace(c, full_scale=top) for c, top in zip(channels, tops, strict=True))
+    )
     for window in range(count):
         start = window * size
         samples = volts(recording, channels, start, start + size)
@@ -196,23 +199,16 @@ def _fit_windows(
         (amplitude * there).sum(axis=1) / number,
         np.sqrt((rest**2 * there).sum(axis=1) / number),
         np.logical_and.reduce(finite, axis=1),
+        # The tone rests on a rail, or one sample reaches a range that is known.
         np.array(
-            [_clipped(q, c.full_scale) for q, c in zip(quality.result(), quality.channels, strict=True)]
+            [
+                q.clipped_low
+                or q.clipped_high
+                or (top is not None and max(q.maximum, -q.minimum) >= top * (1 - 1e-6))
+                for q, top in zip(quality.result(), tops, strict=True)
+            ]
         ),
     )
-
-
-def _clipped(quality: Quality, full_scale: float | None) -> bool:
-    """Whether the tone rests on a rail, or one sample reaches a range that is known."""
-    reaches = full_scale is not None and max(quality.maximum, -quality.minimum) >= full_scale * (1 - 1e-6)
-    return quality.clipped_low or quality.clipped_high or reaches
-
-
-def _in_volts(channel: Channel) -> Channel:
-    """The channel with its full scale in volts, which is stated in the channel's unit."""
-    if channel.full_scale is None:
-        return channel
-    return replace(channel, full_scale=abs(channel.full_scale * channel.raw_scale / channel.gain))
 
 
 def _stands_still(samples: NDArray[np.float64], period: float) -> NDArray[np.bool_]:

@@ -7,17 +7,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from specan.analysis.accumulator import READ_BLOCK
-from specan.analysis.order_settings import (
-    DRIFT_PERCENT,
-    OrderSettings,
-    Shaft,
-    steady_shaft,
-    tacho_of,
-    tracked_shaft,
-)
-from specan.analysis.section import aligned, of_one_rate, section
+from specan.analysis.section import SectionSettings, aligned, of_one_rate, section
+from specan.analysis.shaft import DRIFT_PERCENT, Shaft, steady_shaft, tacho_of, tracked_shaft
 from specan.data.channel import Channel
 from specan.data.orders import OrderLines, OrderSpectrum, TachoReport
 from specan.data.recording import Recording
@@ -36,14 +30,92 @@ from specan.dsp.order_lines import (
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.errors import InputError, RequestError
 from specan.result import counted
-from specan.units import MOTION, QUANTITIES
+from specan.units import MOTION, QUANTITIES, Quantity
 
 Real = NDArray[np.float64]
 
 HELD = 2e9  # bytes of resampled signal that are held for lines, at most
+BLOCK_TURNS = 8
 STRONGEST = 2  # lines whose phase is looked at
 NEIGHBOURS = 8.0  # orders about such a line that hold no stronger one: pieces of an eighth of a turn see them
 _HELD_TURNS = 4000  # of the first channel, to see whether a stated speed is constant
+
+
+class Orders(SectionSettings):
+    """Settings of an order analysis.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        Names or patterns; all but the tachos by default.
+    tacho : str or None
+        Channel; the recording's only tacho by default.
+    pulses_per_turn : float or None
+        Of the tacho's shaft; its property ``PulsesPerRevolution`` by default.
+    ratio : float
+        Turns of the tacho's shaft per turn of the reference shaft, to which orders belong.
+    speed_hz : float or None
+        Known constant speed of the reference shaft, instead of a tacho.
+    max_order : float or None
+        By default what 1/2.56 of the sampling rate holds at the highest speed.
+    turns : int
+        Turns of a block of the spectrum: lines lie 1/turns apart.
+    average_turns : int
+        Turns of the synchronous average: as many as the machine takes to repeat itself.
+    orders : tuple of float
+        Orders whose complex amplitudes are wanted.
+    mesh : float or None
+        Order of tooth meshing: its first `harmonics` multiples with `sidebands` orders to either side join `orders`.
+    quantity : str or None
+        Convert vibration to displacement, velocity or acceleration, by the frequency of each line.
+    envelope_hz : pair or None
+        Analyse the envelope of this band instead of the signal.
+    columns : int
+        Columns of the map over speed, at most.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from specan.data.channel import Channel
+    >>> from specan.data.recording import ArraySource
+    >>> t = np.arange(20000) / 10000
+    >>> channel = Channel("Acc 1", unit="m/s^2", sampling_rate=10000.0, n_samples=20000)
+    >>> recording = Recording("a.tdms", (channel,), ArraySource([3.0 * np.cos(2 * np.pi * 240 * t)]))
+    >>> found = Orders(speed_hz=10.0, orders=(24.0,))(recording)
+    >>> np.abs(found.lines.amplitude).round(3).tolist(), float(found.order[np.argmax(found.amplitude[0])])
+    ([[3.0]], 24.0)
+    """
+
+    tacho: str | None = None
+    pulses_per_turn: float | None = Field(default=None, gt=0.0)
+    ratio: float = Field(default=1.0, gt=0.0)
+    speed_hz: float | None = Field(default=None, gt=0.0)
+    max_order: float | None = Field(default=None, gt=0.0)
+    turns: int = Field(default=BLOCK_TURNS, ge=1)
+    average_turns: int = Field(default=1, ge=1)
+    orders: tuple[float, ...] = ()
+    mesh: float | None = Field(default=None, gt=0.0)
+    harmonics: int = Field(default=3, ge=1)
+    sidebands: int = Field(default=0, ge=0)
+    quantity: Quantity | None = None
+    envelope_hz: tuple[float, float] | None = None
+    columns: int = Field(default=200, ge=1)
+
+    @property
+    def wanted(self) -> tuple[float, ...]:
+        """Orders whose amplitudes are wanted, sorted, each once."""
+        found = {float(order) for order in self.orders}
+        if self.mesh is not None:
+            reach = range(-self.sidebands, self.sidebands + 1)
+            found |= {h * self.mesh + k for h in range(1, self.harmonics + 1) for k in reach}
+        return tuple(sorted(order for order in found if order > 0))
+
+    def __call__(self, recording: Recording) -> OrderSpectrum:
+        """Read the recording once and return what it holds per turn."""
+        accumulator = OrderAccumulator(recording, self)
+        for samples in accumulator.pieces():
+            accumulator.add(samples)
+        return accumulator.result()
 
 
 class OrderAccumulator:
@@ -57,7 +129,7 @@ class OrderAccumulator:
         The section holds less than one turn.
     """
 
-    def __init__(self, recording: Recording, settings: OrderSettings) -> None:
+    def __init__(self, recording: Recording, settings: Orders) -> None:
         others: tuple[str, ...] = ()
         if settings.speed_hz is None:
             lead = tacho_of(recording, settings.tacho)
@@ -383,7 +455,7 @@ class OrderAccumulator:
         return self._kept[0]
 
 
-def _channels(recording: Recording, settings: OrderSettings) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+def _channels(recording: Recording, settings: Orders) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
     """Channels of one rate; tachos are left out where none is named."""
     chosen, notes = of_one_rate(recording, settings.channels)
     if not settings.channels:
@@ -394,7 +466,7 @@ def _channels(recording: Recording, settings: OrderSettings) -> tuple[tuple[Chan
     return chosen, notes
 
 
-def _shaft(recording: Recording, settings: OrderSettings) -> Shaft:
+def _shaft(recording: Recording, settings: Orders) -> Shaft:
     if settings.speed_hz is not None:
         if settings.tacho is not None:
             raise RequestError("a tacho and a speed are given", remedy="leave one of them out")
@@ -403,7 +475,7 @@ def _shaft(recording: Recording, settings: OrderSettings) -> Shaft:
     return tracked_shaft(recording, settings.tacho, settings.pulses_per_turn, settings.ratio, section_s)
 
 
-def _derivations(channels: tuple[Channel, ...], settings: OrderSettings, into: OrderAccumulator) -> list[int]:
+def _derivations(channels: tuple[Channel, ...], settings: Orders, into: OrderAccumulator) -> list[int]:
     """How often each channel is differentiated to give the quantity that is wanted."""
     if settings.quantity is None:
         return [c.derivatives for c in channels]
@@ -428,56 +500,3 @@ def _unit(channel: Channel, times: int) -> str:
         return channel.unit
     at = MOTION.index(channel.unit) + times
     return MOTION[at] if 0 <= at < len(MOTION) else channel.unit
-
-
-class Orders(OrderSettings):
-    """Settings of an order analysis.
-
-    Attributes
-    ----------
-    channels : tuple of str
-        Names or patterns; all but the tachos by default.
-    tacho : str or None
-        Channel; the recording's only tacho by default.
-    pulses_per_turn : float or None
-        Of the tacho's shaft; its property ``PulsesPerRevolution`` by default.
-    ratio : float
-        Turns of the tacho's shaft per turn of the reference shaft, to which orders belong.
-    speed_hz : float or None
-        Known constant speed of the reference shaft, instead of a tacho.
-    max_order : float or None
-        By default what 1/2.56 of the sampling rate holds at the highest speed.
-    turns : int
-        Turns of a block of the spectrum: lines lie 1/turns apart.
-    average_turns : int
-        Turns of the synchronous average: as many as the machine takes to repeat itself.
-    orders : tuple of float
-        Orders whose complex amplitudes are wanted.
-    mesh : float or None
-        Order of tooth meshing: its first `harmonics` multiples with `sidebands` orders to either side join `orders`.
-    quantity : str or None
-        Convert vibration to displacement, velocity or acceleration, by the frequency of each line.
-    envelope_hz : pair or None
-        Analyse the envelope of this band instead of the signal.
-    columns : int
-        Columns of the map over speed, at most.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from specan.data.channel import Channel
-    >>> from specan.data.recording import ArraySource
-    >>> t = np.arange(20000) / 10000
-    >>> channel = Channel("Acc 1", unit="m/s^2", sampling_rate=10000.0, n_samples=20000)
-    >>> recording = Recording("a.tdms", (channel,), ArraySource([3.0 * np.cos(2 * np.pi * 240 * t)]))
-    >>> found = Orders(speed_hz=10.0, orders=(24.0,))(recording)
-    >>> np.abs(found.lines.amplitude).round(3).tolist(), float(found.order[np.argmax(found.amplitude[0])])
-    ([[3.0]], 24.0)
-    """
-
-    def __call__(self, recording: Recording) -> OrderSpectrum:
-        """Read the recording once and return what it holds per turn."""
-        accumulator = OrderAccumulator(recording, self)
-        for samples in accumulator.pieces():
-            accumulator.add(samples)
-        return accumulator.result()

@@ -22,11 +22,9 @@ from specan.analysis.spectrum import (
 )
 from specan.data.recording import Recording
 from specan.data.spectrum import Spectrogram
-from specan.dsp.motion import convert
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.weighting import power_weighting
-from specan.dsp.welch import has_mirror, hop_of
-from specan.dsp.windows import window
+from specan.dsp.welch import CrossSpectra, has_mirror, hop_of
 
 VALUES = 8_000_000
 """Most numbers of a spectrogram: channels times columns times lines, 64 MB."""
@@ -72,28 +70,22 @@ class SpectrogramSettings(BlockSettings):
         kept = lines_between(frequency, self)
         room = max(1, VALUES // (len(channels) * int(kept.sum())))
         per_column = -(-n_blocks // min(self.columns, room))
-        shape = window(self.window, block)
-        scale = (2.0 / (rate * np.sum(shape**2))) * np.where(has_mirror(len(frequency), block), 1.0, 0.5)
-        weights = power_weighting(frequency, self.weighting)
-        factors = [correction_of_block(c, frequency, self.window) for c in channels]
-        gain = np.square(np.abs(factors)) * weights
+        gain = np.square(np.abs([correction_of_block(c, frequency, self.window) for c in channels]))
+        gain *= power_weighting(frequency, self.weighting)
         count = n_blocks // per_column  # an incomplete last column is left out
         density = np.zeros((len(channels), count, int(kept.sum())))
-        grid, number = OverlappedBlocks(block, hop), 0
+        grid, average = OverlappedBlocks(block, hop), CrossSpectra(
+            rate, block, self.window, n_channels=len(channels), detrend=self.detrend,
+            derivatives=[c.derivatives for c in channels],
+        )  # fmt: skip
+        column = 0
         for samples in recording.blocks(channels, READ_BLOCK, start, stop):
             for part in grid.feed(samples):
-                column, number = number // per_column, number + 1
-                if column >= count:
-                    break
-                if self.detrend:
-                    part = part - np.add.reduce(part, axis=-1, keepdims=True) / block
-                part = np.array(part)
-                for row, channel in zip(part, channels, strict=True):
-                    if channel.derivatives:
-                        convert(row, channel.derivatives)
-                spectra = np.fft.rfft(part * shape, axis=-1)
-                density[:, column] += ((spectra.real**2 + spectra.imag**2) * scale * gain)[:, kept]
-        density /= per_column
+                average.add_block(part)
+                if average.n_blocks == per_column and column < count:
+                    density[:, column] = (average.result().auto * gain)[:, kept]
+                    average.clear()
+                    column += 1
         time: NDArray[np.float64] = np.arange(count, dtype=np.float64) * (per_column * hop / rate)
         width = ((per_column - 1) * hop + block) / rate
         return Spectrogram(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy.fft
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.accumulator import read_through
-from specan.analysis.section import SectionSettings, compared, section, weightable
+from specan.analysis.section import SectionSettings, compared, joined, section, weightable
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.spectrum import Scaling, Spectrum, SpectrumScale
@@ -155,18 +155,9 @@ class SpectrumAccumulator:
             over = correction * np.conj(correction_of_block(self.reference, f, self.settings.window))
             phase = np.where(found.auto[:count] > 0, phase_deg(found.cross[0, :count] * over), np.nan)
         density = found.auto[:count] * np.abs(correction) ** 2
-        return spectrum_of(
-            self.recording,
-            self.shown,
-            self.settings,
-            f,
-            density,
-            self.block,
-            phase,
-            n_blocks=found.n_blocks,
-            n_effective=found.n_effective,
-            notes=(*self.notes, *integrated(self.shown, self.settings.window, self.block)),
-        )
+        notes = (*self.notes, *integrated(self.shown, self.settings.window, self.block))
+        lines = Lines(f, density, phase, self.block, found.n_blocks, found.n_effective)
+        return spectrum_of(self.recording, self.shown, self.settings, lines, notes)
 
 
 def chosen(
@@ -223,14 +214,12 @@ def single_blocks(
         density = np.square(np.abs(found)) / np.where(mirrored, 2.0 * scale.enbw_hz, scale.enbw_hz)
         if turn is not None:
             found *= turn
+        lines = Lines(f, density[None], None, block, phased=True)
         yield (
-            spectrum_of(
-                recording, (channel,), settings, f, density[None], block, None,
-                n_blocks=1, n_effective=1.0, notes=notes, kept=kept, phased=True,
-            ),
+            spectrum_of(recording, (channel,), settings, lines, notes, kept),
             found if kept.all() else found[kept],
-        )  # fmt: skip
-        del found, density  # while the next channel is read
+        )
+        del found, density, lines  # while the next channel is read
 
 
 def correction_of_block(channel: Channel, f: NDArray[np.float64], name: WindowName) -> NDArray[np.complex128]:
@@ -262,15 +251,7 @@ def phase_of_lines(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
 def _single_block(recording: Recording, settings: FourierSpectrum) -> Spectrum:
     """All channels of `single_blocks` together."""
     parts = [with_phase(*part) for part in single_blocks(recording, settings)]
-    return replace(
-        parts[0],
-        channels=tuple(name for part in parts for name in part.channels),
-        units=tuple(unit for part in parts for unit in part.units),
-        density=np.concatenate([part.density for part in parts]),
-        phase_deg=np.concatenate([part.phase_deg for part in parts if part.phase_deg is not None]),
-        rms=np.concatenate([part.rms for part in parts]),
-        flags=tuple(words for part in parts for words in part.flags),
-    )
+    return joined(parts, "channels units density phase_deg rms flags")
 
 
 def block_of(recording: Recording, settings: BlockSettings, n: int) -> int:
@@ -326,22 +307,28 @@ def lines_between(frequency_hz: NDArray[np.float64], settings: BlockSettings) ->
     return np.asarray(kept)
 
 
+class Lines(NamedTuple):
+    """Lines of blocks of `block` samples, and what was averaged; `phased` where their phase follows later."""
+
+    frequency_hz: NDArray[np.float64]
+    density: NDArray[np.float64]
+    phase: NDArray[np.float64] | None
+    block: int
+    n_blocks: int = 1
+    n_effective: float = 1.0
+    phased: bool = False
+
+
 def spectrum_of(
     recording: Recording,
     channels: tuple[Channel, ...],
     settings: FourierSpectrum,
-    frequency_hz: NDArray[np.float64],
-    density: NDArray[np.float64],
-    block: int,
-    phase: NDArray[np.float64] | None,
-    *,
-    n_blocks: int,
-    n_effective: float,
+    lines: Lines,
     notes: tuple[str, ...],
     kept: NDArray[np.bool_] | None = None,
-    phased: bool = False,
 ) -> Spectrum:
-    """The lines that were asked for, with all that belongs to them; `phased` where the phase follows."""
+    """The lines that were asked for, with all that belongs to them."""
+    frequency_hz, density, phase, block, n_blocks, n_effective, phased = lines
     kept = lines_between(frequency_hz, settings) if kept is None else kept
     rate = channels[0].sampling_rate
     if not kept.all():  # a copy of all lines of a whole recording is large

@@ -182,9 +182,16 @@ class CrossSpectra:
     def add(self, samples: Real) -> None:
         """Take the next samples (channels, m), m of any length."""
         for block in self._grid.feed(samples):
-            self._add_block(block)
+            self.add_block(block)
 
-    def _add_block(self, block: Real) -> None:
+    def clear(self) -> None:
+        """Begin another average."""
+        self.n_blocks = 0
+        self._auto[...] = 0.0
+        self._cross[...] = 0.0
+
+    def add_block(self, block: Real) -> None:
+        """Take one block (channels, block)."""
         if self._scratch is None:
             self._scratch = _Scratch.of(len(block), self.block, self._lines, cross=bool(self.references))
         windowed, transformed, power, square, product = self._scratch

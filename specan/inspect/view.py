@@ -10,7 +10,7 @@ from urllib.parse import urlencode
 
 from pydantic import Field, model_validator
 
-from specan.analysis.order_settings import BLOCK_TURNS
+from specan.analysis.orders import BLOCK_TURNS
 from specan.data.spectrum import Scaling
 from specan.dsp.transfer_function import Estimator
 from specan.dsp.weighting import Weighting

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator
 
 from specan.analysis.calibrator_tone import CalibrationSettings
 from specan.analysis.octave import Octave
-from specan.analysis.order_settings import OrderSettings
+from specan.analysis.orders import Orders
 from specan.analysis.tone import Tone
 from specan.analysis.transfer_function import DEFAULT_LINES, TransferFunction
 from specan.schema import Settings, parse, read_toml
@@ -36,7 +36,7 @@ class BatchSettings(Settings):
         Band levels of noise recordings and of those that are neither.
     calibration : CalibrationSettings
         Of calibrator recordings among the files.
-    orders : OrderSettings or None
+    orders : Orders or None
         Of all recordings; by default those that have a tacho are analysed, with its own settings.
     """
 
@@ -47,7 +47,7 @@ class BatchSettings(Settings):
     transfer_function: TransferFunction = TransferFunction(lines=DEFAULT_LINES)
     octave: Octave = Octave()
     calibration: CalibrationSettings = CalibrationSettings()
-    orders: OrderSettings | None = None
+    orders: Orders | None = None
 
     @field_validator("transfer_function")
     @classmethod

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from specan.analysis.accumulator import feed
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.order_settings import OrderSettings
+from specan.analysis.orders import Orders
 from specan.analysis.quality import QualityAccumulator
 from specan.data.band_levels import BandLevels
 from specan.data.channel import Channel
@@ -196,7 +196,7 @@ def _columns(levels: BandLevels) -> Iterator[dict[str, Any]]:
 
 TABLE = "orders.txt"
 # Up to the highest order by default, every order is seen at every speed: one column says it all.
-_NO_MAP = OrderSettings(columns=1)
+_NO_MAP = Orders(columns=1)
 
 
 def with_orders(found: FileResult, recording: Recording, settings: BatchSettings) -> FileResult:
@@ -222,9 +222,7 @@ def with_orders(found: FileResult, recording: Recording, settings: BatchSettings
     )
 
 
-def _analyse(
-    recording: Recording, settings: OrderSettings
-) -> tuple[OrderSpectrum, Sequence[tuple[str, ...]]]:
+def _analyse(recording: Recording, settings: Orders) -> tuple[OrderSpectrum, Sequence[tuple[str, ...]]]:
     from specan.analysis.orders import OrderAccumulator
 
     accumulator = OrderAccumulator(recording, settings)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.analysis.order_settings import Shaft, tracked_shaft
 from specan.analysis.orders import Orders
 from specan.analysis.section import aligned
+from specan.analysis.shaft import Shaft, tracked_shaft
 from specan.data.channel import Channel
 from specan.data.orders import OrderLines as FoundLines
 from specan.data.orders import TachoReport
