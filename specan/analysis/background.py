@@ -71,7 +71,9 @@ def without_background(levels: BandLevels, background: BandLevels) -> BandLevels
         )
     rows = [_row(levels, row, background) for row in range(len(levels.channels))]
 
-    def corrected(mine: Mapping[str, Real], other: Mapping[str, Real]) -> dict[str, tuple[Real, Real]]:
+    def corrected(
+        mine: Mapping[str, Real], other: Mapping[str, Real]
+    ) -> dict[str, tuple[Real, NDArray[np.bool_]]]:
         return {name: background_correction(values, other[name][rows]) for name, values in mine.items()}
 
     level_dB, low_snr = background_correction(levels.level_dB, background.level_dB[rows])
