@@ -40,8 +40,6 @@ NAME = "history.jsonl"
 
 LOCK = ".lock"
 PENDING = ".pending.json"
-# A change that is being written takes milliseconds; a longer wait means a process that hangs.
-PATIENCE_S = 5.0
 
 FOLDER = ".kept"
 MOST_FILES = 12  # the oldest go
@@ -242,7 +240,8 @@ def recover(directory: Path) -> None:
     RequestError
         The change cannot be finished here.
     """
-    end = time.monotonic() + PATIENCE_S
+    # A change that is being written takes milliseconds; a longer wait means a process that hangs.
+    end = time.monotonic() + 5.0
     while (directory / PENDING).exists():
         try:
             with changing(directory):

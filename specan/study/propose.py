@@ -26,8 +26,6 @@ from specan.study.study import Study
 from specan.study.user_effects import LAWS, trust_file
 from specan.study.verdict import parameters_of
 
-AT_ONCE = 20.0  # an amplitude may grow by this factor in a fit
-
 
 @dataclass(frozen=True, eq=False)
 class ProposedLaw:
@@ -285,7 +283,8 @@ def source_of(law: Law, name: str) -> str:
         Python, with the fitted values as defaults and the units of the model.
     """
     reads = list(dict.fromkeys(f.variable for f in law.formula.factors))
-    most = AT_ONCE * abs(law.size)
+    # 20.0: an amplitude may grow by this factor in a fit
+    most = 20.0 * abs(law.size)
     parameters = [f'size=Parameter({law.size:.6g}, "{law.unit}", lower={-most:.4g}, upper={most:.4g})']
     parameters += [
         f'{s.name}=Parameter({value:.6g}, "{s.unit}", min={s.low:.6g}, max={s.high:.6g})'

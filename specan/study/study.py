@@ -71,7 +71,6 @@ if TYPE_CHECKING:
 STOPPED = "stopped_diagnosis.json"  # in a study: what a diagnosis had found when it was interrupted
 FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
-SLIGHT = 1.2  # reduced chi-square; errors of 0.2 to 0.6 % of the response, mode by mode, made 1.11 of a null
 PREDICTED = 0.01  # probability of chi-square from which data are predicted as well as they can be
 
 
@@ -399,7 +398,8 @@ class Study:
     def _well_predicted(self, found: Diagnosis) -> tuple[str, ...]:
         """A remark where what was put aside speaks against something unknown in a small misfit."""
         lack, held = found.lack_of_fit, self.held_out
-        if found.verdict != "unknown-effect" or held is None or lack is None or lack.reduced_chi2 > SLIGHT:
+        # 1.2: reduced chi-square; errors of 0.2 to 0.6 % of the response, mode by mode, made 1.11 of a null
+        if found.verdict != "unknown-effect" or held is None or lack is None or lack.reduced_chi2 > 1.2:
             return ()
         if misfit_p_value(held.chi2, held.n) < PREDICTED:
             return ()

@@ -12,7 +12,6 @@ from specan.data.recording import Recording
 from specan.errors import InputError
 
 NEAR_DB = 10.0  # below the recording, within which a line is said to be near the background
-LOUD_DB = 3.0  # below the recording; where half of the lines are nearer, the source was not silent
 MOST_RUNS = 6  # of neighbouring lines that are named
 SURE = (
     0.999  # quantile of a Welch estimate below which the background agrees with the noise between the lines
@@ -77,7 +76,8 @@ def background_noise(
         )
     quiet = _densities(background, own, block_s, lines_hz)
     loud = _densities(recording, channels, block_s, lines_hz)
-    if np.mean(quiet > 10 ** (-LOUD_DB / 10) * loud) > 0.5:
+    # 3.0: below the recording; where half of the lines are nearer, the source was not silent
+    if np.mean(quiet > 10 ** (-3.0 / 10) * loud) > 0.5:
         raise InputError(
             f"the background {background.label} is as loud as {recording.label} on most lines",
             expected="a recording with the source switched off",

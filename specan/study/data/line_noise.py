@@ -16,7 +16,6 @@ Real = NDArray[np.float64]
 
 LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
 ORDER = 3  # of the polynomial
-SMOOTHED = 15  # lines over which the logarithm of the noise is averaged
 HALF = 5  # lines of the whole record to either side; 11 equations for 8 unknowns
 
 
@@ -110,7 +109,8 @@ def _smooth(density: Real, freedom: float) -> Real:
 
     logarithm = np.log(np.maximum(density, np.finfo(float).tiny))
     bias = float(digamma(freedom)) - np.log(freedom)
+    # 15: lines over which the logarithm of the noise is averaged
     smooth: Real = np.exp(
-        uniform_filter1d(logarithm, min(SMOOTHED, density.shape[1]), axis=1, mode="nearest") - bias
+        uniform_filter1d(logarithm, min(15, density.shape[1]), axis=1, mode="nearest") - bias
     )
     return smooth

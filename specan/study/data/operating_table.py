@@ -261,9 +261,7 @@ def check_varied(rows: Rows, model: Model) -> None:
         )
 
 
-THOUSAND = 1000.0  # a point that parts thousands, read as a decimal point
 SCATTER = 3.0  # standard deviations of setting by which a limit may be passed
-OF_RANGE = 0.05  # and the share of the limits' range
 IDLE = 0.05  # share of the upper limit below which a condition that `idles` does so
 OUTRAGEOUS = 8.0  # standard deviations beyond which a repeat is no scatter
 MOST_NAMED = 5  # lines in one message
@@ -348,7 +346,8 @@ def duplicates(columns: Sequence[NDArray[Any]], places: Sequence[str]) -> str:
 def _outside(
     values: Array, low: float, high: float, condition: Condition, setting: SettingError
 ) -> NDArray[np.bool_]:
-    reach = SCATTER * np.asarray(setting.at(values)) + OF_RANGE * (high - low)
+    # 0.05: and the share of the limits' range
+    reach = SCATTER * np.asarray(setting.at(values)) + 0.05 * (high - low)
     bad = (values < low - reach) | (values > high + reach)
     if condition.idles:
         bad &= ~(np.abs(values) <= IDLE * high)
@@ -364,7 +363,8 @@ def _likely_unit(values: Array, low: float, high: float, condition: Condition, s
         )
         if not np.any(_outside(meant, low, high, condition, setting)):
             return f"they are likely in {name}"
-    meant = np.asarray(convert(THOUSAND * shown, condition.column_unit, condition.unit))
+    # 1000.0: a point that parts thousands, read as a decimal point
+    meant = np.asarray(convert(1000.0 * shown, condition.column_unit, condition.unit))
     if not np.any(_outside(meant, low, high, condition, setting)):
         return "a thousands separator was probably read as a decimal point (1.200 for 1200)"
     return ""

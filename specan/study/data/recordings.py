@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from specan.errors import InputError, RequestError, nearest
 from specan.study.observation import DataFile, MeasuredFiles, Observation
 
-SAME_LEVEL = 0.02  # relative, of a level that a user writes: conditions are printed to three digits
-
 
 def reads(path: Path) -> bool:
     """Whether a file is a recording by its content."""
@@ -70,6 +68,7 @@ def _alike(labels: NDArray[Any], level: str) -> NDArray[np.bool_]:
         # one that stands elsewhere in another recording is named after its channel there, too
         return np.asarray((labels == level) | np.char.startswith(labels.astype(str), f"{level} in "))
     try:
-        return np.isclose(labels, float(level), rtol=SAME_LEVEL)
+        # 0.02: relative, of a level that a user writes: conditions are printed to three digits
+        return np.isclose(labels, float(level), rtol=0.02)
     except ValueError:
         return np.zeros(labels.size, dtype=bool)

@@ -28,16 +28,9 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 
-STARTS = 2  # of the fit of the base: where both lead is the minimum
 ASKED_FOR = 9.0  # gain in 2 log-likelihood that takes in a component: p = 0.01 over some four that are tried
-ASKED_FOR_MORE = 3.84  # the same for a second size of what is known to be there: p = 0.05
 
-ROUNDS = 4  # of weights for the slopes; the second differs from the first, the fourth hardly from the third
 LEAST_SHARE = 0.05  # of the scatter of set-ups that is at least their own and not that of their readings
-SCORING = 12  # steps of Fisher's scoring; each halves the error or better
-THERE = 0.1  # of a declared variance that must be found for it to be there at all
-
-CRUDE = 0.01  # relative weight of a row in the first fit
 
 
 @dataclass(frozen=True)
@@ -109,7 +102,8 @@ def pooled(
     told = None if instrument is None else np.bincount(index, instrument) / counts
     size, best = np.ones(counts.size), None
     share = np.zeros(counts.size) if known is None else np.bincount(index, known) / counts
-    for _ in range(ROUNDS if slopes.shape[1] else 1):
+    # 4: of weights for the slopes; the second differs from the first, the fourth hardly from the third
+    for _ in range(4 if slopes.shape[1] else 1):
         rest, dof = _within(values, index, counts, slopes, size)
         if dof < 1:
             return None
@@ -140,7 +134,8 @@ class _Variances:
         if not np.any(self.known):
             return whole
         least, a = LEAST_SHARE * whole, whole
-        for _ in range(SCORING):
+        # 12: steps of Fisher's scoring; each halves the error or better
+        for _ in range(12):
             weight = self.nu * shape / (self.known + a * shape) ** 2
             a = max(float(np.sum(weight * (self.found - self.known)) / np.sum(weight * shape)), least)
         return a
@@ -172,7 +167,8 @@ def _likeliest(
     best, misfit = constant, of.misfit(np.full(of.nu.size, constant.level))
     if declared and np.any(means[declared] > 0):
         known, left = _as_declared(of, means[declared], told, declared, dof)
-        if known.share > THERE and left - misfit < ASKED_FOR:
+        # 0.1: of a declared variance that must be found for it to be there at all
+        if known.share > 0.1 and left - misfit < ASKED_FOR:
             best, misfit = known, left
     most = ASKED_FOR
     for name, mean in means.items():
@@ -196,7 +192,8 @@ def _as_declared(
     size = of.level(shape)
     left = of.misfit(size * shape)
     one = VarianceFunction(size * float(np.mean(instrument)), size, name, dof), left
-    return two if left - two[1] > ASKED_FOR_MORE else one
+    # 3.84: the same for a second size of what is known to be there: p = 0.05
+    return two if left - two[1] > 3.84 else one
 
 
 def _within(
@@ -266,7 +263,8 @@ def crude(rows: Rows, conditions: Mapping[str, Array] | None = None) -> TableObs
     """Rows as an observation, each weighted by its size: good enough for a first fit."""
     size = np.abs(rows.measured)
     largest = {name: float(size[rows.observable == name].max()) for name in set(rows.observable.tolist())}
-    weight = CRUDE * np.maximum(size, [0.01 * (largest[name] or 1.0) for name in rows.observable.tolist()])
+    # 0.01: relative weight of a row in the first fit
+    weight = 0.01 * np.maximum(size, [0.01 * (largest[name] or 1.0) for name in rows.observable.tolist()])
     return TableObservation(
         name=", ".join(rows.recordings),
         observable=rows.observable,
@@ -286,6 +284,7 @@ def reference(model: Model, rows: Rows) -> Reference:
     try:
         assembly = model.assemble(model.base_effects)
         free = assembly.free(varying([rows.conditions]))
-        return Reference(assembly, fit(Problem(assembly, (crude(rows),), free), starts=STARTS).values)
+        # 2: of the fit of the base: where both lead is the minimum
+        return Reference(assembly, fit(Problem(assembly, (crude(rows),), free), starts=2).values)
     except SpecanError:  # too few rows, or data that the base cannot follow at all: the ideal slopes serve
         return Reference(ideal, ideal.defaults)

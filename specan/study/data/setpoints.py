@@ -126,9 +126,6 @@ def _break(ordered: Array, setting: SettingError) -> float:
     return float(np.sqrt(size[k] * size[k + 1]))
 
 
-MOST = 0.8  # of the rounds that have to hold the same number of rows of a level
-
-
 def apart_in_rounds(values: Array, level: Array, rounds: NDArray[np.intp], scatter: Array) -> Array:
     """Levels of a column that was read, parted where one round of a plan holds several rows of a level.
 
@@ -158,7 +155,8 @@ def apart_in_rounds(values: Array, level: Array, rounds: NDArray[np.intp], scatt
         _, first, counts = np.unique(rounds[order], return_index=True, return_counts=True)
         several = int(np.median(counts))
         full = counts == several
-        if several < 2 or np.mean(full) < MOST:
+        # 0.8: of the rounds that have to hold the same number of rows of a level
+        if several < 2 or np.mean(full) < 0.8:
             continue
         rank = np.arange(order.size) - np.repeat(first, counts)
         gaps = np.diff(values[order])[rank[1:] > 0] / scatter[order][1:][rank[1:] > 0]

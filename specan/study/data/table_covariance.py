@@ -25,12 +25,9 @@ from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.units import printed_unit
 
-LEAST = 3  # degrees of freedom below which repeats say nothing
-COARSE = 1e-3  # rounding below this share of the reading is no account of a measurement's uncertainty
 SETTING = "the scatter of setting that the rig declares"
 CONDITIONS = "the reading noise of conditions that the rig declares"
 CORNERS = 7  # of a course over time
-REACH = 0.5  # correlation length of the discrepancy, in ranges of each operating variable
 
 
 @dataclass(frozen=True)
@@ -143,7 +140,8 @@ class Uncertainty:
         distance = np.zeros((rows.n, rows.n))
         for name, (low, high) in self.ranges.items():
             u = stretched(rows.conditions[name], low, high)
-            distance += ((u[:, None] - u) / REACH) ** 2
+            # 0.5: correlation length of the discrepancy, in ranges of each operating variable
+            distance += ((u[:, None] - u) / 0.5) ** 2
         return np.exp(-0.5 * distance)
 
 
@@ -306,7 +304,8 @@ def _noise_of(
         rounding = f", rounding in steps of {np.median(part.steps['']):g}"
         return Noise(), [text + rounding + ", " + _anew(model, rows)]
     share = np.median(part.steps[""] / np.sqrt(12) / np.maximum(np.abs(part.measured), 1e-300))
-    if share >= COARSE:
+    # 1e-3: rounding below this share of the reading is no account of a measurement's uncertainty
+    if share >= 1e-3:
         return Noise(), [
             f"printed in steps of {np.median(part.steps['']):g}: uncertainty at least that over root 12; "
             + _anew(model, rows)
@@ -327,7 +326,8 @@ class _SetupMeans:
 
 
 def _usable(found: VarianceFunction | None, declared: bool) -> bool:
-    return found is not None and found.dof >= (ENOUGH if declared else LEAST) and found.level > 0
+    # 3: degrees of freedom below which repeats say nothing
+    return found is not None and found.dof >= (ENOUGH if declared else 3) and found.level > 0
 
 
 def _slopes(rows: Rows, predicted: Array) -> Array:

@@ -7,8 +7,6 @@ from functools import cache
 
 from scipy import special
 
-LARGE = 1e8  # noncentrality from which chi-square is normal to 1e-4; its series grows with the root
-
 
 def tail(value: float, dof: float, noise_dof: float = math.inf) -> float:
     """Probability that chi-square per degree of freedom, over a noise known from `noise_dof` degrees, is larger.
@@ -54,7 +52,8 @@ def noncentral(value: float, dof: float, noise_dof: float, noncentrality: float)
     """
     if not math.isinf(noise_dof):
         return float(special.ncfdtr(dof, noise_dof, noncentrality, value))
-    if noncentrality > LARGE:
+    # 1e8: noncentrality from which chi-square is normal to 1e-4; its series grows with the root
+    if noncentrality > 1e8:
         away = dof * (value - 1) - noncentrality
         return float(special.ndtr(away / math.sqrt(2 * dof + 4 * noncentrality)))
     return float(special.chndtr(dof * value, dof, noncentrality))

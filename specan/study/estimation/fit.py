@@ -29,9 +29,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 
 NEAR = 1e-4  # relative, where the trust-region steps of each start end; those of `refine` go on from the best
-MOST_WIDENED = 12  # steps outward to an end of a profile
 MOST_STEPS = 60  # of one start, before another method is tried
-LEVEL = 0.95  # confidence of profile intervals
 NORMAL_95 = 1.96  # standard deviations on either side of 95 % of a normal law
 PART_OF_SPREAD = 0.05  # of the uncertainty of what is held, over which a derivative is taken
 FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
@@ -365,7 +363,8 @@ def profile_interval(problem: Problem, best: Fit, name: str, *, inflate: bool = 
     """
     if name not in problem.names:
         raise RequestError(f"{name!r} is not a free parameter", remedy=nearest(name, problem.names))
-    allowed = quantile(1 - LEVEL, 1, problem.noise_dof)
+    # 0.95: confidence of profile intervals
+    allowed = quantile(1 - 0.95, 1, problem.noise_dof)
     if inflate and best.dof > 0:
         allowed *= max(1.0, best.reduced_chi2)
     excess = _Excess(problem, best, name, allowed)
@@ -373,7 +372,8 @@ def profile_interval(problem: Problem, best: Fit, name: str, *, inflate: bool = 
     for side, bounds in zip((-1, 1), problem.bounds(), strict=True):
         end = found = float(bounds[excess.index])
         inner, step = centre, float(np.sqrt(allowed)) * best.standard_error(name)
-        for _ in range(MOST_WIDENED if centre != end else 0):
+        # 12: steps outward to an end of a profile
+        for _ in range(12 if centre != end else 0):
             outer = centre + side * step
             if side * (outer - end) >= 0:
                 if excess(end) <= 0:

@@ -28,28 +28,15 @@ from specan.study.processes import each
 # In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
 STEP_TOLERANCE = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
 STALL_TOLERANCE = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
-POOR_FIT = 10.0  # reduced chi-square above which the exact minimum of a frugal fit is of no interest
-FAR_TOLERANCE = 0.05  # share by which five Jacobians have to lower chi-square there to be worth going on
 MOST_JACOBIANS = 25  # of one descent, before it counts as not converged
 SCREENING_JACOBIANS = 3  # Jacobians that each of several starts is led by before the others are left
-MOST_SECANTS = 12  # steps between two exact Jacobians
-MOST_DOUBLINGS = 8  # of a step that keeps paying
 # Damping of the first step, in units of the diagonal of J'J. In a valley of nearly collinear parameters 1e-4 shortens
 # every step; where an evaluation is expensive a step that fails costs more than that.
 FAR_START, LEAST_START = 1e-4, 1e-8
-LEAST_DAMPING = 1e-6  # damping with which a minimum is confirmed: a large one must not pass for it
 
-SHARE = 1e-4  # of all predictions, by which a step of a derivative changes them: rounding then errs by 1e-12
-MOST_OF_ITSELF = 1e-3  # of a parameter's size, which a step does not exceed
-ORTHOGONAL = 1e-16  # share of chi-square that another step may still promise
 ROUNDED = 1e-10  # share of chi-square below which rounding hides whether a step lowers it
-ROUNDING = 1e-14  # of chi-square, that a sum over some hundred rows may be off by
-UNDETERMINED = 1e-11  # of the largest singular value: directions that no step goes in
-FAR = 1e-3  # share of chi-square promised, above which derivatives of second order do
 MOST_REFINING = 200  # of one refinement
-MOST_DAMPED = 25  # tries of one step
 REACH = 0.1  # of a step, at which its acceleration is measured
-MOST_BEND = 0.75  # acceleration over velocity, both of a step that is trusted
 
 
 @dataclass(frozen=True)
@@ -197,10 +184,12 @@ class _Descent(_Place):
     @property
     def little(self) -> float:
         """By how much five Jacobians must lower chi-square to be worth going on."""
-        far_off = self.problem.strategy.frugal and self.chi2 > POOR_FIT * (
+        # 10.0: reduced chi-square above which the exact minimum of a frugal fit is of no interest
+        far_off = self.problem.strategy.frugal and self.chi2 > 10.0 * (
             self.problem.n_data + self.problem.n_priors
         )
-        return FAR_TOLERANCE * self.chi2 if far_off else STALL_TOLERANCE * self.unit
+        # 0.05: share by which five Jacobians have to lower chi-square there to be worth going on
+        return 0.05 * self.chi2 if far_off else STALL_TOLERANCE * self.unit
 
     def minimum(self, jacobian: Array) -> Minimum:
         return Minimum(self.theta, self.residual, jacobian, self.chi2)
@@ -208,12 +197,12 @@ class _Descent(_Place):
     def follow(self, jacobian: Array, guessed: bool) -> Minimum | None:
         """Steps by secants from one Jacobian; the minimum if it, or a guess kept current, promises no more."""
         slope = jacobian * self.size
-        for secant in range(MOST_SECANTS):
+        # 12: steps between two exact Jacobians
+        for secant in range(12):
             step, promised = self._step(slope, self.damping)
             if promised < STEP_TOLERANCE * self.unit:
-                if (secant == 0 or guessed) and self._step(slope, LEAST_DAMPING)[
-                    1
-                ] < STEP_TOLERANCE * self.unit:
+                # 1e-6: damping with which a minimum is confirmed: a large one must not pass for it
+                if (secant == 0 or guessed) and self._step(slope, 1e-6)[1] < STEP_TOLERANCE * self.unit:
                     return self.minimum(slope / self.size)
                 if secant > 0:
                     return None
@@ -253,7 +242,8 @@ class _Descent(_Place):
     def _further(self, theta: Array, trial: Array, there: Array) -> tuple[Array, Array]:
         """Go on in the direction of a good damped step while it pays: a valley costs residuals, no Jacobians."""
         reach = 2.0
-        for _ in range(MOST_DOUBLINGS):
+        # 8: of a step that keeps paying
+        for _ in range(8):
             beyond, residual = self.at(theta + reach * (trial - theta))
             if residual is None or residual @ residual >= there @ there:
                 break
@@ -315,11 +305,14 @@ def refine(problem: Problem, start: Array) -> tuple[Minimum, bool]:
     descent.look_around()
     before, promised, order = np.inf, descent.derive(2), 2
     for _ in range(MOST_REFINING):
-        if order == 2 and promised < FAR * descent.chi2:
+        # 1e-3: share of chi-square promised, above which derivatives of second order do
+        if order == 2 and promised < 1e-3 * descent.chi2:
             order, promised = 4, descent.derive(4)
         chi2 = descent.chi2
-        moved = promised > ORTHOGONAL * chi2 and descent.step()
-        gained = moved and descent.chi2 < chi2 * (1 - ROUNDING)
+        # 1e-16: share of chi-square that another step may still promise
+        moved = promised > 1e-16 * chi2 and descent.step()
+        # 1e-14: of chi-square, that a sum over some hundred rows may be off by
+        gained = moved and descent.chi2 < chi2 * (1 - 1e-14)
         if order == 4 and not (gained or (moved and promised <= ROUNDED * chi2 and promised <= before / 2)):
             break  # rounding, or the accuracy of the model, is reached
         order = order if gained else 4
@@ -350,20 +343,24 @@ class _Refinement(_Place):
         slopes = self.jacobian[:, self.moving]
         self.norms = np.linalg.norm(slopes, axis=0)
         left, values, right = np.linalg.svd(slopes / self.norms, full_matrices=False)
-        determined = values > UNDETERMINED * values.max(initial=0.0)
+        # 1e-11: of the largest singular value: directions that no step goes in
+        determined = values > 1e-11 * values.max(initial=0.0)
         self.left, self.values, self.right = left[:, determined], values[determined], right[determined]
         return float(np.sum((self.left.T @ self.residual) ** 2))
 
     def _steps(self) -> Array:
         """Steps of derivatives: such that each changes the predictions by the same share."""
         columns = np.linalg.norm(self.jacobian[: self.problem.n_data], axis=0)
-        most = MOST_OF_ITSELF * np.maximum(self.size, np.abs(self.theta))
-        share = SHARE * self.predicted / np.maximum(columns, 1e-300)
+        # 1e-3: of a parameter's size, which a step does not exceed
+        most = 1e-3 * np.maximum(self.size, np.abs(self.theta))
+        # 1e-4: of all predictions, by which a step of a derivative changes them: rounding then errs by 1e-12
+        share = 1e-4 * self.predicted / np.maximum(columns, 1e-300)
         return np.where(share > 0, np.minimum(share, most), most)
 
     def step(self) -> bool:
         """Take a step that does not raise chi-square, if there is one."""
-        for _ in range(MOST_DAMPED):
+        # 25: tries of one step
+        for _ in range(25):
             velocity = self._solve(self.residual)
             after = self.residual + self.jacobian @ velocity
             promised = self.chi2 - float(after @ after)
@@ -396,7 +393,8 @@ class _Refinement(_Place):
         turn = 2 / REACH * ((near - self.residual) / REACH - self.jacobian @ velocity)
         acceleration = self._solve(turn)
         length = np.linalg.norm(self.norms * velocity[self.moving])
-        if np.linalg.norm(self.norms * acceleration[self.moving]) > MOST_BEND * length:
+        # 0.75: acceleration over velocity, both of a step that is trusted
+        if np.linalg.norm(self.norms * acceleration[self.moving]) > 0.75 * length:
             return None
         return velocity + acceleration / 2
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-STEADY = 1e-9  # share of the sum of squares below which a step is the last
 SETTLED = 1e-10  # the same of a linear problem, and of steps
 STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
 
@@ -172,7 +171,8 @@ def least_inside(
 
     bounds = low, np.maximum(high, np.nextafter(low, np.inf))  # apart
     inside = np.clip(x, *bounds)
-    found = least_squares(residual, inside, slopes, bounds, x_scale="jac", ftol=STEADY, xtol=SETTLED)
+    # 1e-9: share of the sum of squares below which a step is the last
+    found = least_squares(residual, inside, slopes, bounds, x_scale="jac", ftol=1e-9, xtol=SETTLED)
     return found.x, float(2 * found.cost)
 
 

@@ -19,11 +19,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 from specan.study.observation.frf import FrfObservation
 
-ROUNDS = 10  # of Gauss-Newton steps; from shifts that are known two
-AGAIN = 3  # rounds after which errors of places are taken about the field as it is then
 PARTS = (1.0, 0.5, 0.2)  # of a step, until one leads lower
-SETTLED = 0.003  # part of chi-square that a round must gain for another to follow
-FAR = 4.0  # standard uncertainties that an instrument is off which is no longer held: an effect names it
 FARTHEST = 4.0  # standard uncertainties that a mode may be shifted
 
 
@@ -53,8 +49,10 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
         return replace(here, values={**whole.values, **shifts.named(z)})
 
     here, held = whole, None
-    for number in range(ROUNDS):
-        if number % AGAIN == 0:
+    # 10: of Gauss-Newton steps; from shifts that are known two
+    for number in range(10):
+        # 3: rounds after which errors of places are taken about the field as it is then
+        if number % 3 == 0:
             now = replace(whole, values={**whole.values, **shifts.named(z)})
             seen = [
                 o.about_unshifted(assembly, now.seen_by(o, now.values_at(theta)), seen=False)
@@ -64,7 +62,8 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
             here = whole.over(seen)
         now = at(theta, z)
         residual, n = now.residual(theta), now.n_data
-        held = np.abs(residual[n:]) < FAR if held is None else held
+        # 4.0: standard uncertainties that an instrument is off which is no longer held: an effect names it
+        held = np.abs(residual[n:]) < 4.0 if held is None else held
         excess = max(float(residual[:n] @ residual[:n]) / n, 1.0)
         weights = np.concatenate([np.full(n, excess**-0.5), held])
         jacobian = now.jacobian(theta) * whole.scale
@@ -84,7 +83,8 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
             if cost < before:
                 theta, z = there, moved
                 break
-        if not cost < (1 - SETTLED) * before:
+        # 0.003: part of chi-square that a round must gain for another to follow
+        if not cost < (1 - 0.003) * before:
             break
     return {**values, **whole.values_at(theta), **shifts.named(z)}
 

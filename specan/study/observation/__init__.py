@@ -21,8 +21,6 @@ from numpy.typing import NDArray
 from specan.errors import InputError, RequestError, nearest
 from specan.models import Assembly, Model
 
-MANY_ROWS = 2000  # from which an evaluation of the model is worth saving
-
 Array = NDArray[np.float64]
 
 
@@ -58,7 +56,8 @@ class Strategy:
     @property
     def tolerance(self) -> float:
         """Times the convergence tolerances of `specan.study.estimation.levenberg_marquardt`."""
-        return NO_VERDICT if self.frugal else 1.0
+        # 0.02 of chi-square: no verdict shows it
+        return 20.0 if self.frugal else 1.0
 
     @property
     def explained_limit(self) -> float:
@@ -91,7 +90,8 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
     >>> joined([TABLE], 48_000).exact_minimum
     False
     """
-    parts, many = list(parts), n_data > MANY_ROWS
+    # an evaluation of the model is worth saving then
+    parts, many = list(parts), n_data > 2000
     return Strategy(
         frugal=many or any(p.frugal for p in parts),
         exact_minimum=not many and all(p.exact_minimum for p in parts),

@@ -28,7 +28,6 @@ LINE_CORRELATION = (1.0, 4 / 9, 1 / 36)
 
 DOWN_WEIGHTED_HZ = 3.0  # between the lines of a down-weighted view
 DOWN_WEIGHTED_NEIGHBOURS = 5  # lines on either side that its uncertainty is averaged over
-PLACED = 2  # times that the places of receivers are improved
 FARTHEST = 3.5  # standard uncertainties that a receiver may be found away
 
 
@@ -297,7 +296,8 @@ class FrfObservation(KeptLines):
         found = replace(drawn, shared=shared, modal=modal)
         if not seen:
             return found
-        for _ in range(PLACED):
+        # 2: times that the places of receivers are improved
+        for _ in range(2):
             moved = self.declared.position_m * found._places(assembly, values)
             there = replace(drawn, moved=moved)
             del found, shared, modal  # by far the largest arrays

@@ -20,7 +20,6 @@ REACH = 25  # lines to either side from which a window lets energy through: Hann
 NODES_PER_LINE = 2  # for responses of up to a block
 _ORDER = 12  # points of the Lagrange interpolation between nodes
 _LAGRANGE = np.array([np.prod([i - j for j in range(_ORDER) if j != i]) for i in range(_ORDER)], dtype=float)
-_MIDDLE = 0.35  # blocks: between nodes a response turns about as quickly as one that comes so late
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,8 @@ def _interpolation(at: Real, nodes: NDArray[np.intp], per_line: int) -> Any:
         weights[:, i:] *= factors[:, i - 1 : i]
         weights[:, :-i] *= factors[:, _ORDER - i : _ORDER - i + 1]
     weights = weights / _LAGRANGE
-    turned = np.exp(-2j * np.pi * _MIDDLE / per_line * factors)
+    # 0.35: blocks: between nodes a response turns about as quickly as one that comes so late
+    turned = np.exp(-2j * np.pi * 0.35 / per_line * factors)
     weights = weights * turned
     columns = (left - nodes[0])[:, None] + np.arange(_ORDER)
     rows = np.repeat(inside, _ORDER)

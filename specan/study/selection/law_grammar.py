@@ -20,8 +20,6 @@ Array = NDArray[np.float64]
 EXPONENTS = (-3.0, -2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0)
 SECOND = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)
 RANGE = (-4.0, 5.0)  # of a fitted exponent
-WIDTHS = 12  # in a scan, in equal ratios
-VARIES = 1.05  # ratio of largest to smallest magnitude below which a variable says nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +54,8 @@ class Spread:
         """The spread of a variable; None where it does not vary."""
         size = np.abs(values)
         positive = size[size > 0]
-        if not positive.size or np.ptp(values) <= (VARIES - 1) * positive.max():
+        # a variable that varies by less says nothing
+        if not positive.size or np.ptp(values) <= 0.05 * positive.max():
             return None
         middle = float(f"{np.sqrt(np.mean(values**2)):.3g}")
         return cls(
@@ -165,7 +164,8 @@ def _exponentials(s: Spread) -> Iterator[Factor]:
     """Decay, saturation and growth."""
     size, shown = _size(s)
     least, span = max(s.smallest, 1e-3 * s.largest) / 2, s.high - s.low
-    scan = tuple(float(w) for w in np.geomspace(least, 3 * s.largest, WIDTHS))
+    # 12: in a scan, in equal ratios
+    scan = tuple(float(w) for w in np.geomspace(least, 3 * s.largest, 12))
     width = Shape(f"{s.name}_width", s.unit, scan, least / 5, 15 * s.largest)
     growth = Shape(f"{s.name}_growth", s.unit, tuple(np.geomspace(0.15, 3, 8) * span), 0.05 * span, 30 * span)
     yield Factor(

@@ -27,11 +27,8 @@ from specan.study.selection.refits import Refit
 Array = NDArray[np.float64]
 
 LEVEL = 0.005  # family-wise: of two hundred models that lack nothing, one gets a law
-INDISTINGUISHABLE = 6.0  # BIC: posterior odds of twenty to one
 MOST_LAWS = 4  # that are proposed
-REFINED = 40  # formulas whose shapes are fitted after the scan
 SIMULATIONS = 200  # of data without a law, for the family-wise level
-STEP = 1e-3  # of a quantity's typical size: by how much it is changed to see what the observables do
 LEAST_ROWS = 12  # below which no law is looked for
 NAME = "proposed-shift"
 
@@ -134,9 +131,10 @@ def search_laws(start: Refit) -> LawSearch:
     if p_value >= LEVEL:
         return LawSearch((), p_value, len(scans))
     alike = {count: sum(len(f.factors) == count for _, f in scans) for count in (1, 2)}
+    # 40: formulas whose shapes are fitted after the scan
     found = [
         _Refined(start, *scans[k], variables, rest).law(falls[k][1], alike[len(scans[k][1].factors)])
-        for k in order[:REFINED]
+        for k in order[:40]
     ]
     laws = _group(start, [law for law in found if law is not None], _sum(rest))
     return LawSearch(tuple(laws[:MOST_LAWS]), p_value, len(scans), max(0, len(laws) - MOST_LAWS))
@@ -199,7 +197,8 @@ def target_named(start: Refit, name: str) -> Target | None:
     if quantity.collection or quantity.opaque:
         return None
     value = values_of(start, name)
-    size = STEP * (float(np.mean(np.abs(value))) or 1.0)
+    # 1e-3: of a quantity's typical size: by how much it is changed to see what the observables do
+    size = 1e-3 * (float(np.mean(np.abs(value))) or 1.0)
     shifted = np.concatenate(_shifted(start, name, quantity.unit, size))
     slope = (shifted - np.concatenate(problem.predictions(start.fit.theta))) / size
     if not np.isfinite(slope).all() or not slope.any():
@@ -366,7 +365,8 @@ def _group(start: Refit, laws: Sequence[Law], before: float) -> list[Law]:
         return []
     kept: dict[tuple[str, ...], Law] = {}
     for law in usable:
-        if law.delta_bic > usable[0].delta_bic - INDISTINGUISHABLE:
+        # 6.0: BIC: posterior odds of twenty to one
+        if law.delta_bic > usable[0].delta_bic - 6.0:
             kept.setdefault(law.formula.family, law)
     return [law for law in kept.values() if not any(_within(other, law) for other in kept.values())]
 

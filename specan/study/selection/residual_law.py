@@ -28,8 +28,6 @@ Array = NDArray[np.float64]
 
 LOW, HIGH = -1.0, 4.0  # exponents that are looked for
 COARSE = (0.0, 1.0, 2.0, 3.0)  # exponents of the grid on which the starts are chosen
-STARTS = 4  # exponents of the grid from which the law is fitted
-VARIES = 1.05  # ratio of largest to smallest value below which a variable says nothing
 FLOOR = 0.01  # of the largest value or of the mean: a power of zero load is not asked for
 EXPONENT_STEP = 1e-3  # for derivatives by an exponent
 
@@ -100,7 +98,8 @@ class _Powers:
         size = len(self.bases)
         ends = np.full(size, LOW), np.full(size, HIGH)
         coarse = np.array(list(product(COARSE, repeat=size)))
-        chosen = np.argsort(np.sum(self.left(coarse) ** 2, axis=0))[:STARTS]
+        # 4: exponents of the grid from which the law is fitted
+        chosen = np.argsort(np.sum(self.left(coarse) ** 2, axis=0))[:4]
         found = [
             least_inside(lambda x: self.left(x[None])[:, 0], self.slopes, coarse[k], *ends) for k in chosen
         ]
@@ -143,7 +142,8 @@ def _means(variables: Mapping[str, Array]) -> dict[str, float]:
     found = {}
     for symbol, values in variables.items():
         loaded = values[values > FLOOR * max(values.max(), 0.0)]
-        if loaded.size and loaded.max() > VARIES * loaded.min():
+        # 1.05: ratio of largest to smallest value below which a variable says nothing
+        if loaded.size and loaded.max() > 1.05 * loaded.min():
             found[symbol] = float(np.exp(np.mean(np.log(loaded))))
     return found
 
