@@ -72,16 +72,21 @@ def command(
     except KeyboardInterrupt:
         say("Finished results are kept; repeat the command to resume.")
         raise
+    page = _write_report(report, chosen, output) if with_report else None
+    return _say(report, page, chosen if as_json else None, output)
+
+
+def _say(report: BatchReport, page: Path | None, settings: BatchSettings | None, output: Path) -> int:
+    """What was done, as JSON where there are settings; the exit code."""
     if report.resumed:
         say(f"{report.resumed} results of an earlier run are unchanged and were reused.")
-    page = _write_report(report, chosen, output) if with_report else None
     failed = report.of_kind("failed")
     for result in failed[:SHOWN]:
         say(f"Failed: {result.label}: {result.reason}")
     if len(failed) > SHOWN:
         say(f"Failed: {len(failed) - SHOWN} more; all of them are in skipped.txt.")
     done, aside = len(report.of_kind("done")), len(report.of_kind("aside"))
-    if as_json:
+    if settings is not None:
         emit_json(
             {
                 "done": done,
@@ -90,8 +95,8 @@ def command(
                 "calibration": report.calibration,
                 "tables": [str(path) for path in report.tables],
                 "report": None if page is None else str(page),
-                "settings": chosen.model_dump(mode="json"),
-                "settings_hash": chosen.fingerprint,
+                "settings": settings.model_dump(mode="json"),
+                "settings_hash": settings.fingerprint,
             }
         )
     else:
@@ -100,9 +105,7 @@ def command(
             click.echo(f"Calibration: {line}.")
         table("", ["table", "rows"], [[p.name, n] for p, n in zip(report.tables, report.rows, strict=True)])
         click.echo(f"Written to {output}." if page is None else f"Written to {output}; the page is {page}.")
-    if failed:
-        return 1 if done or aside else 3
-    return 0
+    return 0 if not failed else 1 if done or aside else 3
 
 
 def _write_report(report: BatchReport, settings: BatchSettings, output: Path) -> Path:

@@ -14,8 +14,14 @@ from specan_cli.study import open_study, probability, study_options
 
 if TYPE_CHECKING:
     from specan.study.comparison import Comparison
+    from specan.study.estimation.fit import Fit
     from specan.study.localisation.frf_errors import FrfErrors
+    from specan.study.localisation.localise import Localisation
     from specan.study.study import Study
+
+
+FITS = 1e-3  # probability of a worse fit of a true model
+BLOCKS = 8  # of conditions where it fails
 
 
 @click.command("compare", cls=Verb)
@@ -54,11 +60,7 @@ def command(
 
 def _print(study: Study, found: Comparison) -> None:
     from specan.report import study_sheets
-    from specan.study.diagnose import untestable
-    from specan.study.selection.pulls import data_alone
-    from specan.study.selection.refits import Refit
 
-    best, where = found.fit, found.localisation
     click.echo("Model: " + (", ".join(study.model_effects) or study.model.words.ideal))
     click.echo()
     show_sheets([study_sheets.errors(found.errors, "Error on the fitted data")])
@@ -67,40 +69,18 @@ def _print(study: Study, found: Comparison) -> None:
             f"\n{one['recording']}: gains of the path, fitted to these lines. Without them the RMS error is "
             f"{one['rms_without']:.3g} {found.errors[0].unit}."
         )
-        table(
-            "",
-            ["channel", "harmonic", "dB", "phase deg"],
-            [
-                [channel, harmonic, f"{level:+.2f}", f"{phase:+.1f}"]
-                for channel, harmonic, level, phase in zip(
-                    one["channel"], one["harmonic"], one["gain_dB"], one["phase_deg"], strict=True
-                )
-            ],
-        )
+        gains = zip(one["channel"], one["harmonic"], one["gain_dB"], one["phase_deg"], strict=True)
+        rows = [
+            [channel, harmonic, f"{level:+.2f}", f"{phase:+.1f}"] for channel, harmonic, level, phase in gains
+        ]
+        table("", ["channel", "harmonic", "dB", "phase deg"], rows)
     click.echo("")
     show_sheets([study_sheets.parameters(found.parameters)] if found.parameters else [])
+    where = found.localisation
     if where is None:
         return
-    spent = " excluding those of the repeats" if study.problem.pure_error_dof else ""
-    click.echo(
-        f"\nReduced chi-square {best.reduced_chi2:.2f} ({best.n_effective:.0f} independent values, "
-        f"{best.dof - study.problem.pure_error_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}; "
-        f"model discrepancy of {study.data.discrepancy_percent:g} % of the {study.model.words.discrepancy_of} "
-        "allowed for"
-    )
-    verdict = "The model fits." if best.p_value > 1e-3 else "The model does not fit."
-    outside = [name for name, p in found.parameters.items() if not p["plausible"]]
-    start = Refit(frozenset(), study.problem, best)
-    why = untestable(start)
-    if not why and best.p_value > 1e-3 and not outside and (alone := data_alone(start)).contradicts:
-        outside = [pull.text for pull in alone.values]
-    if why:
-        verdict = f"These data cannot tell whether the model fits: {why}."
-    elif best.p_value > 1e-3 and outside:
-        verdict = f"The model fits, but only with values outside what is known: {', and '.join(outside)}."
-    elif best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):
-        verdict = "The model fits overall, but:"
-    click.echo(verdict)
+    _print_fit(study, found.fit)
+    click.echo(_verdict(study, found, where))
     if study.mistaken_set_up.text:
         click.echo(f"Check the set-up: {study.mistaken_set_up.sentence}.")
     if study.shown is not study.best:
@@ -110,25 +90,46 @@ def _print(study: Study, found: Comparison) -> None:
         )
     for text in where.sentences():
         click.echo(f"  {text}")
-    blocks = where.fails_at[:8]
-    if blocks:
+    rows = [
+        [b.short_place, b.n, f"{b.z:+.1f}", f"{b.p_value:.1g}", ", ".join(filter(None, (b.text, b.most_at)))]
+        for b in where.fails_at[:BLOCKS]
+    ]
+    if rows:
         click.echo("")
-        table(
-            "Where the model fails, most significant first",
-            ["conditions", "values", "z", "p", ""],
-            [
-                [
-                    b.short_place,
-                    b.n,
-                    f"{b.z:+.1f}",
-                    f"{b.p_value:.1g}",
-                    ", ".join(filter(None, (b.text, b.most_at))),
-                ]
-                for b in blocks
-            ],
-        )
-    if best.p_value <= 1e-3:
+        table("Where the model fails, most significant first", ["conditions", "values", "z", "p", ""], rows)
+    if found.fit.p_value <= FITS:
         click.echo(f"\nNext: specan study diagnose {study.directory}")
+
+
+def _print_fit(study: Study, best: Fit) -> None:
+    spent = " excluding those of the repeats" if study.problem.pure_error_dof else ""
+    click.echo(
+        f"\nReduced chi-square {best.reduced_chi2:.2f} ({best.n_effective:.0f} independent values, "
+        f"{best.dof - study.problem.pure_error_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}; "
+        f"model discrepancy of {study.data.discrepancy_percent:g} % of the {study.model.words.discrepancy_of} "
+        "allowed for"
+    )
+
+
+def _verdict(study: Study, found: Comparison, where: Localisation) -> str:
+    """Whether the model fits, in a sentence."""
+    from specan.study.diagnose import untestable
+    from specan.study.selection.pulls import data_alone
+    from specan.study.selection.refits import Refit
+
+    start = Refit(frozenset(), study.problem, found.fit)
+    if why := untestable(start):
+        return f"These data cannot tell whether the model fits: {why}."
+    if found.fit.p_value <= FITS:
+        return "The model does not fit."
+    outside = [name for name, p in found.parameters.items() if not p["plausible"]]
+    if not outside and (alone := data_alone(start)).contradicts:
+        outside = [pull.text for pull in alone.values]
+    if outside:
+        return f"The model fits, but only with values outside what is known: {', and '.join(outside)}."
+    if where.fails_at or any(t.significant for t in where.trends):
+        return "The model fits overall, but:"
+    return "The model fits."
 
 
 def _print_recordings(study: Study, recorded: Sequence[FrfErrors]) -> None:

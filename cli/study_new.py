@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from specan_cli.options import json_option, opt
-from specan_cli.output import Verb, plot_option
+from specan_cli.output import Verb, emit_json, plot_option, show_sheets
+
+if TYPE_CHECKING:
+    from specan.study.create import Begun
 
 FILE = click.Path(path_type=Path)
 
@@ -80,7 +84,11 @@ def command(
         columns=_named_columns(columns),
         **options,
     )
-    _show(begun, as_json)
+    content = _content(begun)
+    if as_json:
+        emit_json(content)
+    else:
+        _print(begun, content)
     if plot is not None:
         from specan.report.figure_style import save_figure
         from specan.report.figures_study import figure_compare
@@ -102,46 +110,40 @@ def _named_columns(given: tuple[str, ...]) -> dict[str, str]:
     return found
 
 
-def _show(begun: object, as_json: bool) -> None:
+def _content(begun: Begun) -> dict[str, Any]:
+    """What ``--json`` prints."""
+    from specan.study.build_problem import calibration_priors, held_for_want_of_variation
+
+    study = begun.study
+    return {
+        "directory": str(study.directory),
+        "model_effects": list(study.model_effects),
+        "notes": list(study.model.notes),
+        "fitted_values": sum(o.n for o in study.data.fitted),
+        "held_out_values": sum(o.n for o in study.data.held_out),
+        "uncertainty_known": study.data.known,
+        "model_discrepancy_percent": study.data.discrepancy_percent,
+        "assumptions": list(study.data.statements),
+        "certificates": {
+            name: {"standard_uncertainty": sd, "unit": unit}
+            for name, (sd, unit) in calibration_priors(study.problem).items()
+        },
+        "rig_defaults_used": study.model.rig.defaults_used,
+        "parameters_held": [*held_for_want_of_variation(study.problem), *begun.held],
+        "fit_error": begun.step.fit_error,
+        "mistaken_set_up": study.mistaken_set_up.text,
+    }
+
+
+def _print(begun: Begun, content: Mapping[str, Any]) -> None:
     from specan.report import study_sheets
     from specan.result import counted
-    from specan.study.build_problem import calibration_priors, held_for_want_of_variation
-    from specan.study.create import Begun
-    from specan_cli.output import emit_json, show_sheets
 
-    assert isinstance(begun, Begun)
-    study, step = begun.study, begun.step
-    held = held_for_want_of_variation(study.problem)
-    defaults = study.model.rig.defaults_used
-    fitted = sum(o.n for o in study.data.fitted)
-    aside = sum(o.n for o in study.data.held_out)
-    if as_json:
-        emit_json(
-            {
-                "directory": str(study.directory),
-                "model_effects": list(study.model_effects),
-                "notes": list(study.model.notes),
-                "fitted_values": fitted,
-                "held_out_values": aside,
-                "uncertainty_known": study.data.known,
-                "model_discrepancy_percent": study.data.discrepancy_percent,
-                "assumptions": list(study.data.statements),
-                "certificates": {
-                    name: {"standard_uncertainty": sd, "unit": unit}
-                    for name, (sd, unit) in calibration_priors(study.problem).items()
-                },
-                "rig_defaults_used": defaults,
-                "parameters_held": [*held, *begun.held],
-                "fit_error": step.fit_error,
-                "mistaken_set_up": study.mistaken_set_up.text,
-            }
-        )
-        return
-    each = (
-        f" ({', '.join(f'{e.n} of {e.observable}' for e in study.errors)})" if len(study.errors) > 1 else ""
-    )
+    study, errors = begun.study, begun.study.errors
+    each = f" ({', '.join(f'{e.n} of {e.observable}' for e in errors)})" if len(errors) > 1 else ""
+    fitted = counted(content["fitted_values"], "value")
     click.echo(
-        f"{study.directory}: {study.model.title}, {counted(fitted, 'value')} to fit{each}, {aside} held out"
+        f"{study.directory}: {study.model.title}, {fitted} to fit{each}, {content['held_out_values']} held out"
     )
     for note in study.model.notes:
         click.echo(f"  {note}")
@@ -149,28 +151,37 @@ def _show(begun: object, as_json: bool) -> None:
     click.echo("\nWhat was found and assumed about the measurement:")
     for text in study.data.statements:
         click.echo(f"  {text}")
-    for name, (sd, unit) in calibration_priors(study.problem).items():
-        per = study.problem.assembly.parameters[name].per
-        size = f"{100 * sd:.3g} %" if unit == "1" and not per else f"{sd:.3g} {unit}".removesuffix(" 1")
-        of = f"an error of each {per}" if per else "an error common to all readings"
-        click.echo(f"  {name}: {of}, standard uncertainty {size}")
-    for name, needed in held.items():
-        columns = ", ".join(study.model.conditions[n].column for n in needed if n in study.model.conditions)
-        click.echo(f"  {name} is held at its default: {columns or ', '.join(needed)} does not vary")
-    for name in begun.held:
-        click.echo(f"  {name} is held: these data do not determine it (fixed = true in study.toml)")
-    if defaults:
-        click.echo("  from the defaults, since the rig file does not say:")
-        for key, value in defaults.items():
-            click.echo(f"    {key} = {value}")
+    for text in _assumed(begun, content):
+        click.echo(f"  {text}")
     click.echo("")
-    show_sheets([study_sheets.errors(study.errors, "Error of the fitted model")])
+    show_sheets([study_sheets.errors(errors, "Error of the fitted model")])
     if not study.data.known:
         click.echo(
             "\nThe uncertainty of the measurement is unknown: compare shows errors, diagnose will refuse."
         )
     if study.mistaken_set_up.text:
         click.echo(f"\nCheck the set-up: {study.mistaken_set_up.sentence}.")
-    errors = ", ".join(f"{e['metric']} {study_sheets.amount(e)}" for e in step.of_each("fit").values())
-    click.echo(f"\nStep 0 is kept ({errors}). ", nl=False)
+    step = ", ".join(f"{e['metric']} {study_sheets.amount(e)}" for e in begun.step.of_each("fit").values())
+    click.echo(f"\nStep 0 is kept ({step}). ", nl=False)
     click.echo(f"Next: specan study compare {study.directory}")
+
+
+def _assumed(begun: Begun, content: Mapping[str, Any]) -> Iterator[str]:
+    """Certificates, parameters that are held, defaults of the rig."""
+    from specan.study.build_problem import held_for_want_of_variation
+
+    study = begun.study
+    for name, certificate in content["certificates"].items():
+        sd, unit = certificate["standard_uncertainty"], certificate["unit"]
+        per = study.problem.assembly.parameters[name].per
+        size = f"{100 * sd:.3g} %" if unit == "1" and not per else f"{sd:.3g} {unit}".removesuffix(" 1")
+        of = f"an error of each {per}" if per else "an error common to all readings"
+        yield f"{name}: {of}, standard uncertainty {size}"
+    for name, needed in held_for_want_of_variation(study.problem).items():
+        columns = ", ".join(study.model.conditions[n].column for n in needed if n in study.model.conditions)
+        yield f"{name} is held at its default: {columns or ', '.join(needed)} does not vary"
+    for name in begun.held:
+        yield f"{name} is held: these data do not determine it (fixed = true in study.toml)"
+    if content["rig_defaults_used"]:
+        yield "from the defaults, since the rig file does not say:"
+        yield from (f"  {key} = {value}" for key, value in content["rig_defaults_used"].items())

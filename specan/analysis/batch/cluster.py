@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -79,9 +80,8 @@ def spread_over_cluster(
     if not entries:
         return
     with _connected(address) as client:
-        work = _Work(client, entries, settings, calibrations, whole, warn)
         try:
-            yield from work.outcomes()
+            yield from _outcomes(client, entries, settings, calibrations, whole, warn)
         except (CancelledError, OSError) as fault:
             raise RequestError(
                 f"the connection to the scheduler {address} was lost ({type(fault).__name__})",
@@ -114,112 +114,93 @@ def _connected(address: str) -> Iterator[Client]:
         client.close(timeout=ANSWER)
 
 
-class _Work:
-    """The files of a batch on their way through the workers."""
+def _outcomes(
+    client: Client,
+    entries: Sequence[Input],
+    settings: BatchSettings,
+    calibrations: Mapping[str, Calibration],
+    whole: bool,
+    warn: Callable[[str], None],
+) -> Iterator[tuple[int, Outcome]]:
+    """Keep every worker busy until all is done; few tasks are under way, so that memory stays bounded."""
+    from distributed import wait
 
-    def __init__(
-        self,
-        client: Client,
-        entries: Sequence[Input],
-        settings: BatchSettings,
-        calibrations: Mapping[str, Calibration],
-        whole: bool,
-        warn: Callable[[str], None],
-    ) -> None:
-        self._client, self._entries, self._warn = client, entries, warn
-        self._calibrations, self._whole = calibrations, whole
-        self._settings = settings.model_dump_json()
-        self._running: dict[Future, int] = {}
-        self._refused: dict[int, dict[str, str]] = {}
-        self._told: set[str] = set()
-
-    def outcomes(self) -> Iterator[tuple[int, Outcome]]:
-        """Keep every worker busy until all is done; few tasks are under way, so that memory stays bounded."""
-        self._wait_for_workers()
-        waiting = list(range(len(self._entries)))[::-1]
-        while waiting or self._running:
-            room = 2 * sum(self._client.nthreads().values()) - len(self._running)
-            for _ in range(min(max(room, 0 if self._running else 1), len(waiting))):
-                self._submit(waiting.pop())
-            for future in self._ready():
-                position = self._running.pop(future)
-                outcome = self._outcome(position, future)
-                if outcome is not None:
-                    yield position, outcome
-
-    def _wait_for_workers(self) -> None:
+    running: dict[Future, int] = {}
+    refused: dict[int, dict[str, str]] = defaultdict(dict)  # position to worker to reason
+    told: set[str] = set()
+    waiting = list(range(len(entries)))[::-1]
+    _wait_for_workers(client)
+    while waiting or running:
+        room = 2 * sum(client.nthreads().values()) - len(running)
+        for _ in range(min(max(room, 0 if running else 1), len(waiting))):
+            position = waiting.pop()
+            entry = entries[position]
+            task = _task(entry, settings, calibrations.get(entry.calibration), whole)
+            others = [worker for worker in client.nthreads() if worker not in refused[position]]
+            allowed = others if refused[position] else None
+            running[client.submit(run_task, task, pure=False, workers=allowed)] = position
         try:
-            self._client.wait_for_workers(1, timeout=WORKER)
+            with client.as_current():
+                ready = list(wait(list(running), timeout=WORKER, return_when="FIRST_COMPLETED").done)
         except TimeoutError:
-            raise RequestError(
-                f"the scheduler {self._client.scheduler.address} has no worker",  # type: ignore[union-attr]
-                remedy="start some with 'dask worker ADDRESS'; what is done is kept",
-            ) from None
+            if not client.nthreads():
+                _wait_for_workers(client)
+            continue
+        for future in ready:
+            position = running.pop(future)
+            found = _result(future, entries[position])
+            if isinstance(found, Outcome):
+                yield position, found
+                continue
+            refused[position][found.worker] = found.reason
+            if found.everywhere or not set(client.nthreads()) - set(refused[position]):
+                expected = (
+                    ""
+                    if found.everywhere
+                    else "recordings on a path that every worker sees, the same as here"
+                )
+                same = "install the same versions everywhere and restart the workers"
+                remedy = same if found.everywhere else "mount it there; what is done is kept"
+                raise RequestError(found.reason, expected=expected, remedy=remedy)
+            if found.worker not in told:
+                told.add(found.worker)
+                warn(f"{found.reason}; its files go to other workers.")
+            waiting.append(position)
 
-    def _submit(self, position: int) -> None:
-        entry = self._entries[position]
-        path = os.path.abspath(entry.path)
-        try:
-            digest = identify(path).digest
-        except OSError:
-            digest = ""  # gone or not to be read from here either: the analysis will say so
-        task = Task(
-            replace(entry, path=path, root=os.path.abspath(entry.root)),
-            digest,
-            self._settings,
-            self._calibrations.get(entry.calibration),
-            program_identity(),
-            self._whole,
-        )
-        refused = self._refused.get(position, {})
-        allowed = [worker for worker in self._client.nthreads() if worker not in refused] if refused else None
-        self._running[self._client.submit(run_task, task, pure=False, workers=allowed)] = position
 
-    def _ready(self) -> list[Future]:
-        from distributed import wait
+def _wait_for_workers(client: Client) -> None:
+    try:
+        client.wait_for_workers(1, timeout=WORKER)
+    except TimeoutError:
+        raise RequestError(
+            f"the scheduler {client.scheduler.address} has no worker",  # type: ignore[union-attr]
+            remedy="start some with 'dask worker ADDRESS'; what is done is kept",
+        ) from None
 
-        while True:
-            try:
-                with self._client.as_current():
-                    found = wait(list(self._running), timeout=WORKER, return_when="FIRST_COMPLETED")
-                return list(found.done)
-            except TimeoutError:
-                if not self._client.nthreads():
-                    self._wait_for_workers()
 
-    def _outcome(self, position: int, future: Future) -> Outcome | None:
-        """What a task has given; None where it was given to another worker."""
-        from distributed import KilledWorker
+def _task(entry: Input, settings: BatchSettings, calibration: Calibration | None, whole: bool) -> Task:
+    path = os.path.abspath(entry.path)
+    try:
+        digest = identify(path).digest
+    except OSError:
+        digest = ""  # gone or not to be read from here either: the analysis will say so
+    entry = replace(entry, path=path, root=os.path.abspath(entry.root))
+    return Task(entry, digest, settings.model_dump_json(), calibration, program_identity(), whole)
 
-        entry = self._entries[position]
-        try:
-            found: Outcome | Refusal = future.result()
-        except KilledWorker:
-            reason = "every worker that analysed it was ended from outside (memory?); run it alone"
-            return Outcome(FileResult(entry.label, "failed", reason))
-        except ImportError as fault:
-            raise RequestError(
-                f"a worker of the cluster cannot load specan ({fault})", remedy="install it on every worker"
-            ) from None
-        if isinstance(found, Outcome):
-            return found
-        if found.everywhere:
-            raise RequestError(
-                found.reason, remedy="install the same versions everywhere and restart the workers"
-            )
-        refused = self._refused.setdefault(position, {})
-        refused[found.worker] = found.reason
-        if not set(self._client.nthreads()) - set(refused):
-            raise RequestError(
-                found.reason,
-                expected="recordings on a path that every worker sees, the same as here",
-                remedy="mount it there; what is done is kept",
-            )
-        if found.worker not in self._told:
-            self._told.add(found.worker)
-            self._warn(f"{found.reason}; its files go to other workers.")
-        self._submit(position)
-        return None
+
+def _result(future: Future, entry: Input) -> Outcome | Refusal:
+    from distributed import KilledWorker
+
+    try:
+        found: Outcome | Refusal = future.result()
+    except KilledWorker:
+        reason = "every worker that analysed it was ended from outside (memory?); run it alone"
+        return Outcome(FileResult(entry.label, "failed", reason))
+    except ImportError as fault:
+        raise RequestError(
+            f"a worker of the cluster cannot load specan ({fault})", remedy="install it on every worker"
+        ) from None
+    return found
 
 
 def run_task(task: Task) -> Outcome | Refusal:
