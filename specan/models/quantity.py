@@ -358,47 +358,37 @@ def rig_statement(
     >>> said.limits, said.reading, said.setting
     ({'load': (0.0, 2000.0)}, {'stretch': 0.0005}, {'load': SettingError(relative=0.01, absolute=0.0)})
     """
-    by_column = {c.column: c for c in conditions}
-    reads = {o.header: o for o in observables}
+    settable = {c.column: c for c in conditions}
+    known: dict[str, Condition | Observable] = {**settable, **{o.header: o for o in observables}}
     limits: dict[str, tuple[float, float]] = {}
-    for key, (low, high) in dict(rig.get("limits", {})).items():
-        known = by_column.get(key)
-        if known is None:
+    for key, ends in dict(rig.get("limits", {})).items():
+        if key not in settable:
             raise RequestError(
-                f"[limits] names {key!r}, which is not a condition", remedy=nearest(key, by_column)
+                f"[limits] names {key!r}, which is not a condition", remedy=nearest(key, settable)
             )
-        ends = [float(convert(float(end), known.column_unit, known.unit)) for end in (low, high)]
-        limits[known.name] = (ends[0], ends[1])
+        node = settable[key]
+        low, high = (float(convert(float(end), node.column_unit, node.unit)) for end in ends)
+        limits[node.name] = (low, high)
     setting: dict[str, SettingError] = {}
     reading: dict[str, float] = {}
-    reading_percent: dict[str, float] = {}
-    percent = 0.0
-    for key, value in dict(rig.get("uncertainty", {})).items():
-        if key == "model_discrepancy_percent":
-            percent = float(value)
-        elif key in reads:
-            node = reads[key]
-            reading[node.name] = float(value) * scale_to(node.column_unit or node.unit, node.unit)
-        elif key in by_column:
-            known = by_column[key]
-            reading[known.name] = float(value) * scale_to(known.column_unit, known.unit)
-        elif (column := key.removesuffix("_percent")) in reads or column in by_column:
-            reading_percent[(reads[column] if column in reads else by_column[column]).name] = float(value)
-        elif (column := key.removesuffix("_setting_percent")) in by_column:
-            setting[by_column[column].name] = SettingError(relative=float(value) / 100)
-        elif (column := key.removesuffix("_setting")) in by_column:
-            known = by_column[column]
-            setting[known.name] = SettingError(
-                absolute=float(value) * scale_to(known.column_unit, known.unit)
-            )
-        else:
-            usual = [
-                *reads,
-                *by_column,
-                *(f"{c}_setting_percent" for c in by_column),
-                "model_discrepancy_percent",
-            ]
+    percent: dict[str, float] = {}
+    given = dict(rig.get("uncertainty", {}))
+    discrepancy = float(given.pop("model_discrepancy_percent", 0.0))
+    for key, value in given.items():
+        fitting = (("", known), ("_percent", known), ("_setting_percent", settable), ("_setting", settable))
+        parts = [s for s, columns in fitting if key.endswith(s) and key.removesuffix(s) in columns]
+        if not parts:
+            usual = [*known, *(f"{c}_setting_percent" for c in settable), "model_discrepancy_percent"]
             raise RequestError(
                 f"[uncertainty] has the key {key!r}, which names nothing", remedy=nearest(key, usual)
             )
-    return RigStatement(limits, setting, reading, percent, reading_percent)
+        of = known[key.removesuffix(parts[0])]
+        si = float(value) * scale_to(of.column_unit or of.unit, of.unit)
+        if parts[0] == "":
+            reading[of.name] = si
+        elif parts[0] == "_percent":
+            percent[of.name] = float(value)
+        else:
+            relative = parts[0] == "_setting_percent"
+            setting[of.name] = SettingError(float(value) / 100) if relative else SettingError(absolute=si)
+    return RigStatement(limits, setting, reading, discrepancy, percent)

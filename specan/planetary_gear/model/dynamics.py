@@ -80,7 +80,8 @@ class _System:
     def advance(self, rows: int, every: int, dt: float, start: float) -> Real:
         """Forces of sun and ring meshes, angle of the carrier and torque, every so many steps; goes on from there."""
         out = np.zeros((rows, 2 * self.machine[0] + 2))
-        contact_steps.advance(rows * every, every, dt, start, *self.machine, self.state, out)
+        own = (*self.machine, self.state, out)
+        contact_steps.advance(rows * every, every, dt, start, *own)
         return out
 
 

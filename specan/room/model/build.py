@@ -27,6 +27,13 @@ WORDS = Words(
     remedy_uncertainty="position_m = 0.002",
     what_else="Positions that would tell more of the walls: specan study impedance {study}",
 )
+CONDITIONS = (
+    Condition("frequency", "Hz", "Frequency of each line.", "frequency_hz", "Hz"),
+    Condition("velocity_psd", "m^2/s", "Power spectral density of the vibrometer's signal.", "velocity_psd", "m^2/s"),
+    Condition("temperature_difference", "K", "Air of a recording over the nominal temperature.",
+              "temperature_difference_K", "K", default=0.0),
+    Condition("driven", "1", "Number of the set of loudspeakers that move.", "driven", "1", default=0.0),
+)  # fmt: skip
 MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
 NOTHING_KNOWN = {"known_wall": "the rig file states the impedance of no wall ([walls])"}
 ONE_LOUDSPEAKER = {"loudspeaker": "the rig file has no further loudspeaker ([[loudspeakers]])"}
@@ -72,27 +79,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         name="room",
         title=shape.title,
         notes=(*shape.notes, *notes, *mode_shifts.notes(settings, modes)),
-        conditions={
-            "frequency": Condition("frequency", "Hz", "Frequency of each line.", "frequency_hz", "Hz"),
-            "velocity_psd": Condition(
-                "velocity_psd",
-                "m^2/s",
-                "Power spectral density of the vibrometer's signal.",
-                "velocity_psd",
-                "m^2/s",
-            ),
-            "temperature_difference": Condition(
-                "temperature_difference",
-                "K",
-                "Air of a recording over the nominal temperature.",
-                "temperature_difference_K",
-                "K",
-                default=0.0,
-            ),
-            "driven": Condition(
-                "driven", "1", "Number of the set of loudspeakers that move.", "driven", "1", default=0.0
-            ),
-        },
+        conditions={c.name: c for c in CONDITIONS},
         quantities={q.name: q for q in quantities},
         effects={name: effect for name, effect in effects.items() if name not in unsuited},
         unsuited={name: lacks[effects[name].at] for name in sorted(unsuited)},

@@ -287,6 +287,12 @@ def complete(columns: Columns, steps: Mapping[str, float], ratio: float) -> Comp
     return Completed(found | ({LOSS: empty} if LOSS in columns else {}), printed, tuple(notes))
 
 
+def _refuse(rows: NDArray[np.bool_], found: str, values: Array, expected: str, remedy: str = "") -> None:
+    """Refuse rows, if there are any; `found` says what the first of them has."""
+    if np.any(rows):
+        raise TableFault(found.format(values[rows][0]), rows=rows, expected=expected, remedy=remedy)
+
+
 def _check_efficiency(eta: Array) -> None:
     given = eta[np.isfinite(eta)]
     if given.size and np.median(given) > 1.5 and np.all(given <= 100):
@@ -296,28 +302,15 @@ def _check_efficiency(eta: Array) -> None:
             remedy="divide it by 100",
         )
     with np.errstate(invalid="ignore"):
-        bad = (eta > 1) | (eta < 0)
-    if np.any(bad):
-        raise TableFault(
-            f"efficiency {eta[bad][0]:g}",
-            rows=bad,
-            expected="a value between 0 and 1",
-        )
+        _refuse((eta > 1) | (eta < 0), "efficiency {:g}", eta, "a value between 0 and 1")
 
 
 def _check_operation(columns: Columns) -> None:
-    speed = columns.get(SPEED)
-    if speed is not None:
-        bad = ~(speed > 0)
-        if np.any(bad):
-            raise TableFault(
-                f"the speed is {speed[bad][0]:g} rpm",
-                rows=bad,
-                expected="a speed above zero; a standing gear has no efficiency",
-                remedy="leave such rows out",
-            )
-    temperature = columns.get(TEMPERATURE)
-    if temperature is not None and np.nanmedian(temperature) > 220:
+    speed = columns.get(SPEED, np.ones(1))
+    above = "a speed above zero; a standing gear has no efficiency"
+    _refuse(~(speed > 0), "the speed is {:g} rpm", speed, above, "leave such rows out")
+    temperature = columns.get(TEMPERATURE, np.zeros(1))
+    if np.nanmedian(temperature) > 220:
         raise TableFault(
             f"the column {TEMPERATURE!r} goes up to {np.nanmax(temperature):g}, it seems to be in kelvin",
             expected="degrees Celsius",
@@ -326,21 +319,11 @@ def _check_operation(columns: Columns) -> None:
 
 def _check_torques(torque_in: Array, torque_out: Array, ratio: float) -> None:
     with np.errstate(invalid="ignore"):
-        bad = torque_in <= 0
-        negative = torque_out < -_idle_reading(torque_out)
+        driving, braking = torque_in <= 0, torque_out < -_idle_reading(torque_out)
         impossible = torque_out > 1.02 * ratio * torque_in
-    if np.any(bad):
-        raise TableFault(
-            f"the input torque is {torque_in[bad][0]:g} Nm",
-            rows=bad,
-            expected="a driving torque above zero",
-        )
-    if np.any(negative):
-        raise TableFault(
-            f"the output torque is {torque_out[negative][0]:g} Nm",
-            rows=negative,
-            expected="the torque of the brake counted positive",
-        )
+    _refuse(driving, "the input torque is {:g} Nm", torque_in, "a driving torque above zero")
+    positive = "the torque of the brake counted positive"
+    _refuse(braking, "the output torque is {:g} Nm", torque_out, positive)
     if np.any(impossible):
         exchanged = np.mean(impossible) > 0.5
         hint = "are the two torque columns exchanged, or in other units?" if exchanged else "correct the row"
