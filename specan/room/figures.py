@@ -197,14 +197,9 @@ def field_figure(found: FieldMap) -> Figure:
     found = _finer(found)
     level, phase = found.level_dB(), found.phase_deg
     top = float(np.max(level))
+    least = max(top - _DEPTH_DB, float(np.min(level)))
     maps = (
-        (
-            level,
-            "cividis",
-            max(top - _DEPTH_DB, float(np.min(level))),
-            top,
-            "Level at 1 mm/s RMS / dB re 20 µPa",
-        ),
+        (level, "cividis", least, top, "Level at 1 mm/s RMS / dB re 20 µPa"),
         (phase, "twilight", -180.0, 180.0, "Phase over the velocity / degrees"),
     )
     for place, (values, colours, low, high, text) in zip(axes, maps, strict=True):

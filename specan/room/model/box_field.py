@@ -25,7 +25,7 @@ from specan.room.model.frequency_interpolation import interpolations
 from specan.room.model.modal_sum import Modes
 from specan.room.model.port import Port, beyond, point
 from specan.room.model.resonances import Resonances, resonances
-from specan.room.model.static_correction import StaticCorrection, join, static_correction
+from specan.room.model.static_correction import corrections_at, static_correction
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
@@ -178,12 +178,11 @@ class BoxField:
         if new:
             at = np.array([place[1:] for place in new])
             found = static_correction(*room, at[:, :3], at[:, 3])
-            _REMAINDERS.update(zip(new, found.split(), strict=True))
+            _REMAINDERS.update(zip(new, found, strict=True))
         near = 0 if source.position[source.axis] < self.lengths[source.axis] / 2 else 1
         some = slice(None) if self.resonances is None else self.resonances.few.chosen
-        return join([_REMAINDERS[p] for p in places]).at(
-            self.modes.k2, self.soft[2 * source.axis + near, some]
-        )
+        wall = self.soft[2 * source.axis + near, some]
+        return corrections_at(np.array([_REMAINDERS[p] for p in places]), self.k2_max, self.modes.k2, wall)
 
 
 def box(
@@ -266,6 +265,6 @@ def _axes(
 
 
 # The static_correction depends on geometry alone; fits ask for the same geometry hundreds of times.
-_REMAINDERS: dict[object, StaticCorrection] = {}
+_REMAINDERS: dict[object, Real] = {}
 forgotten_by(_REMAINDERS.clear)
 _KEPT = 4000

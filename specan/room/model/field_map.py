@@ -68,15 +68,13 @@ class FieldMap:
 
     def rows(self) -> list[tuple[float, ...]]:
         """One row a point: x, y, z in m, level in dB at 1 mm/s, phase in degrees, real and imaginary part."""
-        level, phase = self.level_dB(), self.phase_deg
-        found = []
-        for i, a in enumerate(self.first_m):
-            for k, b in enumerate(self.second_m):
-                place = dict(zip(self.along, (a, b), strict=True)) | {self.axis: self.at_m}
-                value = self.response[i, k]
-                where = tuple(float(place[name]) for name in "xyz")
-                found.append((*where, float(level[i, k]), float(phase[i, k]), value.real, value.imag))
-        return found
+        first, second = (axis.ravel() for axis in np.meshgrid(self.first_m, self.second_m, indexing="ij"))
+        place = dict(zip(self.along, (first, second), strict=True)) | {
+            self.axis: np.full(first.size, self.at_m)
+        }
+        shown = (self.level_dB(), self.phase_deg, self.response.real, self.response.imag)
+        columns = [*(place[name] for name in "xyz"), *(values.ravel() for values in shown)]
+        return [tuple(row) for row in np.column_stack(columns).tolist()]
 
 
 COLUMNS = (

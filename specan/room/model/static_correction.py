@@ -23,47 +23,17 @@ FAR = 6.0  # times the wave number, above which a mode is taken in powers of the
 _ROOTS = (1.0, 1 / 2, 3 / 8, 5 / 16, 35 / 128)  # of (1 - x)^(-1/2); those of 1 / (1 - x) are all one
 
 
-@dataclass(frozen=True)
-class StaticCorrection:
-    """Polynomials in ``(k^2 - centre) / radius``, one a receiver.
-
-    Attributes
-    ----------
-    rigid : array (order, receivers)
-        Of the rigid box.
-    soft : array (order, receivers)
-        First-order change by ``j k beta`` (1/m) of the wall that holds the source.
-    """
-
-    centre: float
-    radius: float
-    rigid: Real
-    soft: Real
-
-    def at(self, k2: Complex, source_wall: Complex) -> Complex:
-        """Values (lines, receivers)."""
-        t = ((k2 - self.centre) / self.radius)[:, None]
-        return _horner(self.rigid, t) + source_wall[:, None] * _horner(self.soft, t)
-
-    def split(self) -> list[StaticCorrection]:
-        """One for every receiver."""
-        columns = zip(self.rigid.T, self.soft.T, strict=True)
-        return [StaticCorrection(self.centre, self.radius, r[:, None], s[:, None]) for r, s in columns]
+CENTRE, CIRCLE = 0.5, 0.6  # of the largest k^2: about which, and in units of which, polynomials are taken
 
 
-def join(parts: Sequence[StaticCorrection]) -> StaticCorrection:
-    """Those of several receivers of one room."""
-    rigid, soft = ([getattr(p, name) for p in parts] for name in ("rigid", "soft"))
-    return StaticCorrection(
-        parts[0].centre, parts[0].radius, np.concatenate(rigid, axis=1), np.concatenate(soft, axis=1)
-    )
-
-
-def _horner(coefficients: Real, t: Complex) -> Complex:
-    total = np.zeros((len(t), coefficients.shape[1]), dtype=complex)
-    for row in coefficients[::-1]:
-        total = total * t + row
-    return total
+def corrections_at(coefficients: Real, k2_max: float, k2: Complex, source_wall: Complex) -> Complex:
+    """Values (lines, receivers) of what `static_correction` gives; `source_wall` is ``j k beta`` of the closed wall."""
+    t = ((k2 - CENTRE * k2_max) / (CIRCLE * k2_max))[:, None]
+    rigid, soft = (np.zeros((len(t), len(coefficients)), dtype=complex) for _ in range(2))
+    for power in reversed(range(coefficients.shape[2])):
+        rigid = rigid * t + coefficients[:, 0, power]
+        soft = soft * t + coefficients[:, 1, power]
+    return rigid + source_wall[:, None] * soft
 
 
 def static_correction(
@@ -76,7 +46,7 @@ def static_correction(
     points: Real,
     radii: Real,
     order: int = 4,
-) -> StaticCorrection:
+) -> Real:
     """Rigid-box coupling above the truncation `counts`, for ``0 <= k^2 <= k2_max``.
 
     Along `axis` all modes are summed in closed form,
@@ -92,17 +62,20 @@ def static_correction(
     points, radii : arrays (receivers, 3), (receivers,)
     order : int
         Order of the polynomials.
+
+    Returns
+    -------
+    array (receivers, 2, order + 1)
+        Coefficients between rigid walls, and of the change by a soft source wall; see `corrections_at`.
     """
-    centre, circle = k2_max / 2, 0.6 * k2_max
     nodes = 2 * order + 4
     angles = 2 * np.pi * (np.arange(nodes // 2) + 0.5) / nodes  # the lower half is the conjugate
-    k2 = centre + circle * np.exp(1j * angles)
+    k2 = k2_max * (CENTRE + CIRCLE * np.exp(1j * angles))
     closed = _Closed.along(lengths, counts, axis, source[axis] < lengths[axis] / 2, tuple(k2.tolist()))
     terms = _Terms.prepare(closed, source, radius)
     values = np.array([terms.sums(p, r) for p, r in zip(points, radii, strict=True)])
     powers = np.exp(-1j * np.outer(np.arange(order + 1), angles))
-    coefficients = np.einsum("on,rsn->sor", powers, values).real * (2 / nodes)
-    return StaticCorrection(centre, circle, coefficients[0], coefficients[1])
+    return np.asarray(np.einsum("on,rsn->rso", powers, values).real * (2 / nodes))
 
 
 @dataclass(frozen=True, eq=False)
