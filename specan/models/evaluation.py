@@ -312,7 +312,9 @@ class Evaluator:
 
 
 def _same(old: Any, new: Any) -> bool:
-    if old is new or type(old) is type(new) is float:
+    if old is new:
+        return True
+    if type(old) is type(new) is float:
         return bool(old == new)
     import numpy as np
 
