@@ -307,7 +307,7 @@ class OrderAccumulator:
         time = np.linspace(self.start, self.stop, 2001) / self.rate
         return self.shaft.turns(time), time
 
-    def _time_of(self, turn: float) -> NDArray[np.float64]:
+    def _time_of(self, turn: float | Real) -> Real:
         """When the shaft has made so many turns."""
         return np.asarray(np.interp(turn, *self._clock))
 
@@ -332,18 +332,10 @@ class OrderAccumulator:
         average = np.roll(average, round(self.first_turn * self.per_turn) % average.shape[1], axis=1)
         centre = self._sum / max(self._seen, 1)
         rms = np.sqrt(np.maximum(self._square / max(self._seen, 1) - centre**2, 0.0))
-        low, middle, high = self.speed_range
         tacho = TachoReport(
             self.shaft.channel, self.shaft.pulses, self.shaft.missing, self.shaft.double, self.shaft.jitter_s,
-            (low, middle, high),
+            self.speed_range,
         )  # fmt: skip
-        step = self.per_column * max(1, self.block // 2) / self.per_turn
-        turns = (
-            self.first_turn
-            + self.block_turns / 2
-            + step * (np.arange(power.shape[0]) + 0.5)
-            - step / (2 * self.per_column)
-        )
         return OrderSpectrum(
             label=self.recording.label,
             channels=tuple(c.label for c in self.channels),
@@ -351,7 +343,7 @@ class OrderAccumulator:
             order=self.order,
             amplitude=np.sqrt(mean),
             speed_hz=speed,
-            time_s=np.asarray([float(self._time_of(u)) for u in turns]),
+            time_s=self._time_of(self._middles(power.shape[0])),
             map=np.sqrt(power),
             average=average,
             average_turns=self.period,
@@ -365,6 +357,12 @@ class OrderAccumulator:
             notes=(*self.notes, *self.shaft.notes, *self._remarks(tacho)),
             settings=self.settings.model_dump(),
         )
+
+    def _middles(self, columns: int) -> Real:
+        """Turns in the middle of the columns."""
+        step = self.per_column * max(1, self.block // 2) / self.per_turn
+        first = self.first_turn + self.block_turns / 2 - step / (2 * self.per_column)
+        return first + step * (np.arange(columns) + 0.5)
 
     def _lines(self) -> OrderLines | None:
         wanted = self.settings.wanted

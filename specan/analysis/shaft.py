@@ -122,13 +122,11 @@ def tracked_shaft(
     ends = ((0.0, times[0], spacing[0]), (times[-1], samples.size / channel.sampling_rate, spacing[-1]))
     silent = [*pulses.silent, *((a, b) for a, b, usual in ends if b - a > COUNTABLE * usual)]
     silent = sorted((max(a, first), min(b, last)) for a, b in silent if a < last and b > first)
-    before = [b for _, b in silent if b <= found.time[0]]
-    after = [a for a, _ in silent if a >= found.time[-1]]
     return Shaft(
         lambda t: found.at(np.asarray(t) - delay),
         lambda t: found.speed(np.asarray(t) - delay),
-        float(max([found.time[0] - spacing[0], *before]) + delay),
-        float(min([found.time[-1] + spacing[-1], *after]) + delay),
+        float(max([found.time[0] - spacing[0], *(b for _, b in silent if b <= found.time[0])]) + delay),
+        float(min([found.time[-1] + spacing[-1], *(a for a, _ in silent if a >= found.time[-1])]) + delay),
         channel.label,
         pulses.time.size,
         pulses.missing,

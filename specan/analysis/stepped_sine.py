@@ -83,11 +83,7 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
             f"{label or 'the sine recordings'} are over different references: {', '.join(references)}",
             expected="one reference",
         )
-    units: dict[str, str] = {}
-    for table in usable:
-        for name, unit in zip(table.channels, table.magnitude_units):
-            if name != table.reference and units.setdefault(name, unit) != unit:
-                raise InputError(f"{table.label}: {name} is in {unit}, in other recordings in {units[name]}")
+    units = _units(usable)
     steps = _steps(usable)
     shape = (len(units), len(steps))
     response = np.full(shape, np.nan + 0j)
@@ -133,6 +129,16 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
         notes=tuple(f"{name} is left out: it has no phases over a reference" for name in left_out),
         settings=usable[0].settings,
     )
+
+
+def _units(tables: Sequence[ToneTable]) -> dict[str, str]:
+    """Of every response over the reference, the same in all recordings."""
+    units: dict[str, str] = {}
+    for table in tables:
+        for name, unit in zip(table.channels, table.magnitude_units):
+            if name != table.reference and units.setdefault(name, unit) != unit:
+                raise InputError(f"{table.label}: {name} is in {unit}, in other recordings in {units[name]}")
+    return units
 
 
 def _steps(tables: Sequence[ToneTable]) -> list[list[ToneTable]]:

@@ -792,38 +792,29 @@ class BandHistoryAccumulator:
             running = self._levels[k]
             count = -(-fresh * way.intervals // GRAIN)
             cut = running.cut(count)
-            if way.values.size:
-                more = drifting if way.start is not None else None
-                work = partial(
-                    way.squares,
-                    shape=shape,
-                    count=count,
-                    scratch=self._scratch,
-                    cut=cut,
-                    record=begins,
-                )
-                watch = before = None
-                if k == self._peak_of:
-                    watch = partial(self._see, self._peaks, section.scale, inside)
-                if way.start is not None and begins is not None:
-                    before = partial(self._see_cut, k, way, section.scale, inside)
-                square = work(
-                    section.spectrum if more is None else section.spectrum + more,
-                    watch=watch,
-                    with_cut=before,
-                )
-                uneven = _uneven(square[:, running.inside(count)])
-                if uneven.any():
-                    exact = section.exact() if more is None else section.exact() + more
-                    square[uneven] = work(exact[slice(None) if uneven.all() else uneven])
-                running.take(square, np.square(section.scale))
-            else:
-                samples = (
-                    section.fresh
-                    if drift is None
-                    else section.fresh + drift[:, shape.before :][:, : shape.hop]
-                )
+            if not way.values.size:
+                samples = section.fresh
+                if drift is not None:
+                    samples = samples + drift[:, shape.before :][:, : shape.hop]
                 running.take(_unfiltered_square(samples, round(way.together), count, cut))
+                continue
+            more = 0.0 if drifting is None or way.start is None else drifting
+            work = partial(
+                way.squares, shape=shape, count=count, scratch=self._scratch, cut=cut, record=begins
+            )
+            watch = before = None
+            if k == self._peak_of:
+                watch = partial(self._see, self._peaks, section.scale, inside)
+            if way.start is not None and begins is not None:
+                before = partial(self._see_cut, k, way, section.scale, inside)
+            square = work(
+                section.spectrum + more if np.ndim(more) else section.spectrum, watch=watch, with_cut=before
+            )
+            uneven = _uneven(square[:, running.inside(count)])
+            if uneven.any():
+                exact = section.exact() + more
+                square[uneven] = work(exact[slice(None) if uneven.all() else uneven])
+            running.take(square, np.square(section.scale))
         if section.low.size:
             self._pass_on(number + 1, section.low)
 

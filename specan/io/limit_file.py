@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -48,9 +49,15 @@ def read_limits(path: Path) -> LimitCurve:
         raise InputError(
             f"{path} has the columns {', '.join(names)}", expected=f"band_hz, and {UPPER} or {LOWER}"
         )
+    return _curve(path, names, [number for number, _ in lines[1:]], rows[1:], separator)
+
+
+def _curve(
+    path: Path, names: Sequence[str], numbers: Sequence[int], rows: Sequence[Sequence[str]], separator: str
+) -> LimitCurve:
     points: list[tuple[float, float, float]] = []
     totals: dict[str, tuple[float, float]] = {}
-    for (number, _), row in zip(lines[1:], rows[1:]):
+    for number, row in zip(numbers, rows):
         cells = dict(zip(names, (cell.strip() for cell in row)))
         lower, upper = (_number(cells.get(name, ""), path, number, separator) for name in (LOWER, UPPER))
         where = next(cells[name] for name in FREQUENCY if name in cells)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
@@ -136,12 +136,7 @@ def from_keys(places: Sequence[tuple[str, Mapping[str, Any]]], tried: list[str],
     InputError
         Two keys contradict each other; both are named.
     """
-    found = [
-        (f"the {place} key {key!r} = {value}", hz)
-        for place, properties in places
-        for key, value in properties.items()
-        if (hz := _rate_of(key, value)) is not None
-    ]
+    found = list(_stated(places))
     if not found:
         tried.append("no known key of the channel, its group or the file gives a rate")
         return None
@@ -158,12 +153,18 @@ def from_keys(places: Sequence[tuple[str, Mapping[str, Any]]], tried: list[str],
 
 def contradiction(rate: Rate, places: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
     """A key that says something else than the rate found before it; empty where there is none."""
+    for said, hz in _stated(places):
+        if abs(hz - rate.hz) > _SAME * rate.hz:
+            return f"{said} says something else and is not used"
+    return ""
+
+
+def _stated(places: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[tuple[str, float]]:
+    """What known keys say: where and what it stands for, and the rate."""
     for place, properties in places:
         for key, value in properties.items():
-            hz = _rate_of(key, value)
-            if hz is not None and abs(hz - rate.hz) > _SAME * rate.hz:
-                return f"the {place} key {key!r} = {value} says something else and is not used"
-    return ""
+            if (hz := _rate_of(key, value)) is not None:
+                yield f"the {place} key {key!r} = {value}", hz
 
 
 def _rate_of(key: str, value: Any) -> float | None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from specan.data.channel import Channel
 from specan.data.recording import Recording, SampleSource
 from specan.errors import NoSignalError
 from specan.io.channel_table import ChannelTable
@@ -70,10 +71,7 @@ def recording_of(
         raise NoSignalError(f"{label} holds no time signal" + (f" ({why})" if why else ""))
     channels = []
     for place, signal in enumerate(signals):
-        said = {"unit_string": signal.unit} if signal.unit else {}
-        channel = identify(signal.name, {**signal.properties, **said}, signal.group)
-        known = {"decisions": {**channel.decisions, **signal.decisions}, **signal.known}
-        channel = replace(channel, **known)
+        channel = _identified(signal)
         if channel_table is not None:
             channel = channel_table.applied(channel, label)
         rate = signal.rate or Rate(0.0, "nothing says it")
@@ -96,3 +94,11 @@ def recording_of(
             )
         )
     return Recording(label, tuple(channels), source, set_aside=set_aside or {}, **about)
+
+
+def _identified(signal: Signal) -> Channel:
+    """Role, unit and gain as the file has them."""
+    said = {"unit_string": signal.unit} if signal.unit else {}
+    channel = identify(signal.name, {**signal.properties, **said}, signal.group)
+    known = {"decisions": {**channel.decisions, **signal.decisions}, **signal.known}
+    return replace(channel, **known)

@@ -99,11 +99,8 @@ class _Opening:
         """The recording of what was taken."""
         if not self.signals:
             self._refuse()
-        layout, notes = self.headers.layout, []
-        if layout.truncated:
-            notes.append("the file is cut off; every channel is used as far as all channels reach")
-        if index := _stray_index(self.headers.path):
-            notes.append(f"{index} belongs to another file; it is not used")
+        layout = self.headers.layout
+        cut_off = ("the file is cut off; every channel is used as far as all channels reach",)
         found = recording_of(
             self.label,
             self.signals,
@@ -114,7 +111,7 @@ class _Opening:
             properties=self.headers.properties,
             group_properties=self.headers.groups,
             flags=("truncated",) if layout.truncated else (),
-            notes=tuple(notes),
+            notes=cut_off if layout.truncated else (),
         )
         # Starts are counted from the first wf_start_time.
         late = 1e-6 * (np.array(self.begun) - min((t for t in self.begun if t == t), default=0.0))
@@ -254,22 +251,6 @@ def _began(properties: Mapping[str, Any]) -> float:
 
 class _Aside(InputError):
     """The channel is set aside; the file is not."""
-
-
-def _stray_index(path: Path) -> str:
-    """Name of an index file beside the recording that was not written with it; empty for none."""
-    index = path.with_name(path.name + "_index")
-    try:
-        with index.open("rb") as file, path.open("rb") as data:
-            ours, theirs = data.read(28), file.read(28)
-            offset = int.from_bytes(ours[20:28], "big" if ours[4] & (1 << 6) else "little")
-            offset = min(offset, index.stat().st_size)  # it may be damaged
-            same = theirs[:4] == b"TDSh" and ours[4:] == theirs[4:] and data.read(offset) == file.read(offset)
-    except FileNotFoundError:
-        return ""
-    except OSError:
-        return index.name
-    return "" if same else index.name
 
 
 def recognises(start: bytes) -> bool:

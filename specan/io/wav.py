@@ -79,23 +79,12 @@ def open_wav(
         raise InputError(f"{name} holds no sample", remedy="record it again")
     signals = []
     for place in range(1, frames.n_channels + 1):
-        row = channel_table.find("", f"Channel {place}") if channel_table else None
-        volts: dict[str, object] = {}
-        if row is not None and row.sensitivity is not None:
-            if row.full_scale is None:
-                raise InputError(
-                    f"{name}: the samples of 'Channel {place}' are fractions of full scale, and "
-                    f"{channel_table.source if channel_table else ''} gives {row.sensitivity:g} {row.sensitivity_unit}",
-                    expected="full_scale beside it, in volts",
-                    remedy="add it, or give a gain and a unit",
-                )
-            volts = {"raw_unit": "V", "raw_scale": row.full_scale}
         signals.append(
             Signal(
                 f"Channel {place}",
                 frames.n_frames,
                 rate=Rate(float(frames.rate), "the header of the file"),
-                known=volts,
+                known=_in_volts(name, f"Channel {place}", channel_table),
                 decisions={"unit": "fractions of full scale", "scaling": frames.text},
             )
         )
@@ -107,6 +96,21 @@ def open_wav(
         replace(c, full_scale=None if top is None else top * abs(c.gain)) for c in found.channels
     )
     return replace(found, channels=channels)
+
+
+def _in_volts(label: str, name: str, table: ChannelTable | None) -> dict[str, object]:
+    """What turns fractions of full scale into volts, where a channel table gives a sensitivity."""
+    row = table.find("", name) if table else None
+    if table is None or row is None or row.sensitivity is None:
+        return {}
+    if row.full_scale is None:
+        raise InputError(
+            f"{label}: the samples of {name!r} are fractions of full scale, and {table.source} gives "
+            f"{row.sensitivity:g} {row.sensitivity_unit}",
+            expected="full_scale beside it, in volts",
+            remedy="add it, or give a gain and a unit",
+        )
+    return {"raw_unit": "V", "raw_scale": row.full_scale}
 
 
 def _frames(path: Path) -> _Frames:

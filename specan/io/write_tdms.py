@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +15,14 @@ VOLTS_PER_COUNT = RANGE_V / 2**23  # 24 bit
 STARTED = datetime.datetime(2012, 3, 14, 9, 30)  # a fixed time, so that equal samples give equal bytes
 
 Volts = NDArray[np.floating]
+_LINEAR_SCALE = {
+    "NI_Scaling_Status": "unscaled",
+    "NI_Number_Of_Scales": np.uint32(1),
+    "NI_Scale[0]_Scale_Type": "Linear",
+    "NI_Scale[0]_Linear_Slope": VOLTS_PER_COUNT,
+    "NI_Scale[0]_Linear_Y_Intercept": 0.0,
+    "NI_Scale[0]_Linear_Input_Source": np.uint32(0xFFFFFFFF),  # the raw samples
+}
 
 
 def write_tdms(
@@ -53,57 +61,31 @@ def write_tdms(
     """
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
-    name = "Measurement"
-    block = int(sampling_rate)
+    name, block = "Measurement", int(sampling_rate)
+    counts = samples == "int32"
     described = [
         {
-            **_waveform(channel, sampling_rate, block),
-            **(_linear_scale() if samples == "int32" else {}),
+            "wf_start_time": STARTED,
+            "wf_start_offset": 0.0,
+            "wf_increment": 1.0 / sampling_rate,
+            "wf_samples": block,  # the size of one write, as LabVIEW leaves it
+            "NI_ChannelName": channel,
+            "unit_string": "V",
+            **(_LINEAR_SCALE if counts else {}),
             **given,
         }
         for channel, given in zip(names, channels, strict=True)
     ]
     path.parent.mkdir(parents=True, exist_ok=True)
     with TdmsWriter(str(path)) as writer:
-        for first, part in _segments(volts, block):
+        for start in range(0, volts.shape[1], block):
+            part: NDArray[np.generic] = volts[:, start : start + block].astype(np.float32)
+            if counts:
+                exact = np.rint(volts[:, start : start + block] / VOLTS_PER_COUNT)
+                part = np.clip(exact, -(2**23), 2**23 - 1).astype(np.int32)
             objects = [
-                ChannelObject(name, channel, _encode(row, samples), described[i] if first else {})
-                for i, (channel, row) in enumerate(zip(names, part, strict=True))
+                ChannelObject(name, channel, row, {} if start else about)
+                for channel, row, about in zip(names, part, described, strict=True)
             ]
-            head = [RootObject({"name": path.stem}), GroupObject(name, dict(group))] if first else []
+            head = [] if start else [RootObject({"name": path.stem}), GroupObject(name, dict(group))]
             writer.write_segment([*head, *objects])
-
-
-def _segments(volts: Volts, block: int) -> Iterator[tuple[bool, Volts]]:
-    for start in range(0, volts.shape[1], block):
-        yield start == 0, volts[:, start : start + block]
-
-
-def _encode(volts: Volts, samples: str) -> NDArray[np.int32] | NDArray[np.float32]:
-    if samples == "float32":
-        return volts.astype(np.float32)
-    top = 2**23
-    return np.clip(np.rint(volts / VOLTS_PER_COUNT), -top, top - 1).astype(np.int32)
-
-
-def _waveform(name: str, sampling_rate: float, block: int) -> dict[str, object]:
-    """The ``wf_*`` properties; `wf_samples` is the size of one write, as LabVIEW leaves it."""
-    return {
-        "wf_start_time": STARTED,
-        "wf_start_offset": 0.0,
-        "wf_increment": 1.0 / sampling_rate,
-        "wf_samples": block,
-        "NI_ChannelName": name,
-        "unit_string": "V",
-    }
-
-
-def _linear_scale() -> dict[str, object]:
-    return {
-        "NI_Scaling_Status": "unscaled",
-        "NI_Number_Of_Scales": np.uint32(1),
-        "NI_Scale[0]_Scale_Type": "Linear",
-        "NI_Scale[0]_Linear_Slope": VOLTS_PER_COUNT,
-        "NI_Scale[0]_Linear_Y_Intercept": 0.0,
-        "NI_Scale[0]_Linear_Input_Source": np.uint32(0xFFFFFFFF),  # the raw samples
-    }

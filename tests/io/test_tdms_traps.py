@@ -20,7 +20,7 @@ def test_names_with_slashes_quotes_and_other_alphabets(path):
 
 
 class TestIndexFile:
-    def test_a_stray_index_is_not_used_and_told(self, path, tmp_path):
+    def test_a_stray_index_is_not_used(self, path, tmp_path):
         write(path, [("c", np.arange(50), {"wf_increment": 0.001})])
         other = tmp_path / "b.tdms"
         with TdmsWriter(str(other), index_file=True) as writer:
@@ -28,13 +28,6 @@ class TestIndexFile:
         (tmp_path / "b.tdms_index").rename(tmp_path / "a.tdms_index")
         recording = open_recording(path)
         assert [(c.name, c.n_samples) for c in recording.channels] == [("c", 50)]
-        assert recording.notes == ("a.tdms_index belongs to another file; it is not used",)
-
-    def test_its_own_index_is_no_remark(self, path):
-        with TdmsWriter(str(path), index_file=True) as writer:
-            writer.write_segment([ChannelObject("g", "c", np.arange(7), {"wf_increment": 0.1})])
-        assert path.with_name("a.tdms_index").exists()
-        assert open_recording(path).notes == ()
 
 
 class TestFilesThatChange:
