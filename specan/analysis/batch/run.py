@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -174,24 +175,10 @@ def run_batch(
         )
         for made in store.place.glob("*.toml"):
             check_own(out / made.name, store.place, made)
-        common = common_context(settings)
-        context = context_of(common)
-        kept: dict[str, Kept] = {}
-        for entry in assigned.inputs:
-            found = earlier[entry.label]
-            if found is not None and found.context == context(entry):
-                kept[entry.label] = found
-        resumed, failed = len(kept), list[FileResult]()
-        todo = [entry for entry in assigned.inputs if entry.label not in kept]
-        for entry, outcome in _watched(
-            todo, _outcomes(todo, settings, jobs, cluster, verify, warn, store, common), len(kept), progress
-        ):
-            if isinstance(outcome, Kept):
-                kept[entry.label] = outcome
-            elif outcome.identity is None:
-                failed.append(outcome.result)
-            else:
-                kept[entry.label] = store.put(outcome.result, outcome.identity, context(entry))
+        work = _Work(settings, jobs, cluster, verify, warn, store)
+        kept = work.kept_of(assigned.inputs, earlier)
+        resumed = len(kept)
+        failed = work.do([entry for entry in assigned.inputs if entry.label not in kept], kept, progress)
         results = [*assigned.calibrators, *failed, *(one.result for one in kept.values())]
         results.sort(key=lambda result: result.label)
         header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
@@ -224,27 +211,60 @@ def _watched(
                 progress(count, before + len(todo), remaining)
 
 
-def _outcomes(
-    todo: Sequence[Input],
-    settings: BatchSettings,
-    jobs: int | None,
-    cluster: str | None,
-    verify: bool,
-    warn: Callable[[str], None],
-    store: Store,
-    common: str,
-) -> Iterator[tuple[int, Outcome | Kept]]:
-    """Position and outcome of every file, in the order in which they are ready; processes here keep it themselves."""
-    if cluster is not None:
-        from specan.analysis.batch.cluster import spread_over_cluster
+@dataclass(frozen=True)
+class _Work:
+    """How files are analysed, and where their results are kept."""
 
-        yield from spread_over_cluster(cluster, todo, settings, _calibrations_of(todo), verify, warn)
-        return
-    if jobs is None:
+    settings: BatchSettings
+    jobs: int | None
+    cluster: str | None
+    verify: bool
+    warn: Callable[[str], None]
+    store: Store
+
+    @cached_property
+    def common(self) -> str:
+        """Of what all results are made."""
+        return common_context(self.settings)
+
+    @cached_property
+    def context(self) -> Context:
+        """Of what the result of a file is made."""
+        return context_of(self.common)
+
+    def kept_of(self, inputs: Sequence[Input], earlier: Mapping[str, Kept | None]) -> dict[str, Kept]:
+        """Results of earlier batches that still hold."""
+        found = {entry: earlier[entry.label] for entry in inputs}
+        return {
+            e.label: one for e, one in found.items() if one is not None and one.context == self.context(e)
+        }
+
+    def do(self, todo: Sequence[Input], kept: dict[str, Kept], progress: Progress | None) -> list[FileResult]:
+        """Analyse files; adds their results to `kept`, and returns those that are not to be kept."""
+        failed = []
+        for entry, outcome in _watched(todo, self._outcomes(todo), len(kept), progress):
+            if isinstance(outcome, Kept):
+                kept[entry.label] = outcome
+            elif outcome.identity is None:
+                failed.append(outcome.result)
+            else:
+                kept[entry.label] = self.store.put(outcome.result, outcome.identity, self.context(entry))
+        return failed
+
+    def _outcomes(self, todo: Sequence[Input]) -> Iterator[tuple[int, Outcome | Kept]]:
+        """Position and outcome of every file, in the order in which they are ready; processes here keep it."""
+        calibrations = _calibrations_of(todo)
+        if self.cluster is not None:
+            from specan.analysis.batch.cluster import spread_over_cluster
+
+            yield from spread_over_cluster(
+                self.cluster, todo, self.settings, calibrations, self.verify, self.warn
+            )
+            return
         worth = sum(entry.size for entry in todo) // WORTH_A_PROCESS
-        jobs = max(1, min(os.cpu_count() or 1, worth))
-    context = (settings.model_dump_json(), _calibrations_of(todo), verify, store.place, common)
-    yield from spread(todo, _one, _prepare, context, jobs, _lost)
+        jobs = self.jobs or max(1, min(os.cpu_count() or 1, worth))
+        context = (self.settings.model_dump_json(), calibrations, self.verify, self.store.place, self.common)
+        yield from spread(todo, _one, _prepare, context, jobs, _lost)
 
 
 def _calibrations_of(todo: Sequence[Input]) -> dict[str, Calibration]:
