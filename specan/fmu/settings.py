@@ -11,8 +11,6 @@ from pydantic import AfterValidator, Field, model_validator
 from specan.errors import RequestError
 from specan.schema import Settings, parse, read_toml
 
-EXTENSION = ".fmu"
-
 
 def _identifier(name: str) -> str:
     if not name.isidentifier():

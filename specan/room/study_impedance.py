@@ -84,27 +84,17 @@ def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:
 def _rows(found: Impedance, wall: str) -> list[list[str]]:
     rows: list[list[str]] = []
     for row in found.of(wall):
-        band = f"{row.third_octave_hz:g}"
+        alpha = row.absorption_normal
+        cells = ["not determined", "by these positions", f"at most {alpha.high:.2f}", ""]
         if row.determined:
-            z, alpha = (row.resistance, row.reactance), row.absorption_normal
-            rows.append(
-                [
-                    band,
-                    *(_span(i, ".3g") for i in z),
-                    _span(alpha, ".3f"),
-                    _span(row.absorption_diffuse, ".2f"),
-                ]
+            shown = (
+                (row.resistance, ".3g"),
+                (row.reactance, ".3g"),
+                (alpha, ".3f"),
+                (row.absorption_diffuse, ".2f"),
             )
-        else:
-            rows.append(
-                [
-                    band,
-                    "not determined",
-                    "by these positions",
-                    f"at most {row.absorption_normal.high:.2f}",
-                    "",
-                ]
-            )
+            cells = [_span(interval, digits) for interval, digits in shown]
+        rows.append([f"{row.third_octave_hz:g}", *cells])
     return rows
 
 

@@ -276,7 +276,6 @@ class Rotors:
 
     carrier_inertia: float
     planet_inertia: float
-    planet_mass: float
     centre_distance: float
 
 
@@ -298,7 +297,7 @@ def rotors(gear: Gear, known: Known) -> Rotors:
     mass, inertia = disc(1e-3 * gear.module_mm * gear.z_planet, width)
     centre = 1e-3 * (gear.centre_distance_mm or gear.module_mm * (gear.z_sun + gear.z_planet) / 2)
     carrier = known.carrier_kg_m2 or disc(2 * centre, width)[1] + gear.planets * mass * centre**2
-    return Rotors(carrier + known.load_kg_m2, known.planet_kg_m2 or inertia, mass, centre)
+    return Rotors(carrier + known.load_kg_m2, known.planet_kg_m2 or inertia, centre)
 
 
 def inertia_uncertainty(rig: Rig) -> float:

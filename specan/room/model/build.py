@@ -182,24 +182,14 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
     card_of = np.zeros(count, dtype=int)
     for number, (low, high) in enumerate(cards):
         card_of[low - 1 : high] = number
-    listed = [
-        (
-            "nominal_air_temperature",
-            rig.air.nominal_temperature_C + air.ZERO_CELSIUS,
-            "K",
-            "Temperature of the air as the rig file states it.",
-            (),
-        ),
+    celsius, humidity = rig.air.nominal_temperature_C, rig.air.relative_humidity_percent
+    listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
+        ("nominal_air_temperature", celsius + air.ZERO_CELSIUS, "K", "As the rig file states it.", ()),
         ("air_pressure", rig.air.nominal_pressure_Pa, "Pa", "Static pressure.", ()),
-        ("relative_humidity", rig.air.relative_humidity_percent / 100, "1", "Relative humidity.", ()),
+        ("relative_humidity", humidity / 100, "1", "Relative humidity.", ()),
         ("receiver_position", everywhere, "m", "Places of microphones, in all recordings.", ("place",)),
-        (
-            "microphone_at_place",
-            np.arange(len(everywhere)) % count,
-            "1",
-            "Number of the microphone at each place.",
-            ("place",),
-        ),
+        ("microphone_at_place", np.arange(len(everywhere)) % count, "1", "Number of the microphone at each place.",
+         ("place",)),
         ("receiver_nominal_gain", np.ones(count), "1", "Gain after calibration.", ("microphone",)),
         ("card_nominal_delay", np.zeros(len(cards)), "s", "Delay of each card as it should be.", ("card",)),
         ("card_of_microphone", card_of, "1", "Number of the card of each microphone.", ("microphone",)),
@@ -208,19 +198,13 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
         ("piston_radius", rig.piston.radius_m, "m", "Radius of the piston.", ()),
         ("loudspeaker_nominal", _ratios(rig), "1", "Level (dB), delay (s) and sign against the piston.", ()),
         ("third_octave_hz", _bands(rig), "Hz", "Third octaves of the band.", ("third_octave",)),
-    ]
+    ]  # fmt: skip
+    further = tuple((walls.index(s.wall), np.array(s.centre_m), s.radius_m) for s in rig.loudspeakers)
     opaque = [
         constant("wall_names", walls, "1", "Names of the walls."),
-        constant(
-            "further_loudspeakers",
-            tuple((walls.index(one.wall), np.array(one.centre_m), one.radius_m) for one in rig.loudspeakers),
-            "1",
-            "Wall, centre and radius of loudspeakers beside the piston.",
-        ),
-        constant(
-            "driven_sets", _driven_sets(rig), "1", "Loudspeakers that move, that of the vibrometer first."
-        ),
-    ]
+        constant("further_loudspeakers", further, "1", "Wall, centre and radius of loudspeakers beside the piston."),
+        constant("driven_sets", _driven_sets(rig), "1", "Loudspeakers that move, that of the vibrometer first."),
+    ]  # fmt: skip
     return [
         *(replace(one, opaque=True) for one in opaque),
         *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed),
