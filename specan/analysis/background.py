@@ -55,20 +55,7 @@ def without_background(levels: BandLevels, background: BandLevels) -> BandLevels
     RequestError
         The two were not analysed alike, or the background lacks a channel.
     """
-    for name in ("fraction", "weighting", "averaging", "settling"):
-        mine, other = getattr(levels, name), getattr(background, name)
-        if mine != other:
-            raise RequestError(f"{background.label} has the {name} {other}", expected=str(mine))
-    if levels.averaging != "linear":
-        raise RequestError(
-            f"a background cannot be taken off levels with {levels.averaging} averaging",
-            expected="linear averaging, of energies that add up",
-        )
-    if not np.array_equal(levels.exact_hz, background.exact_hz):
-        raise RequestError(
-            f"{background.label} has other bands than {levels.label}",
-            expected=f"bands from {levels.nominal_hz[0]:g} to {levels.nominal_hz[-1]:g} Hz",
-        )
+    _check_alike(levels, background)
     rows = [_row(levels, row, background) for row in range(len(levels.channels))]
 
     def corrected(
@@ -103,6 +90,23 @@ def without_background(levels: BandLevels, background: BandLevels) -> BandLevels
             "an upper bound (ISO 3744:2010, 8.2.3)",
         ),
     )
+
+
+def _check_alike(levels: BandLevels, background: BandLevels) -> None:
+    for name in ("fraction", "weighting", "averaging", "settling"):
+        mine, other = getattr(levels, name), getattr(background, name)
+        if mine != other:
+            raise RequestError(f"{background.label} has the {name} {other}", expected=str(mine))
+    if levels.averaging != "linear":
+        raise RequestError(
+            f"a background cannot be taken off levels with {levels.averaging} averaging",
+            expected="linear averaging, of energies that add up",
+        )
+    if not np.array_equal(levels.exact_hz, background.exact_hz):
+        raise RequestError(
+            f"{background.label} has other bands than {levels.label}",
+            expected=f"bands from {levels.nominal_hz[0]:g} to {levels.nominal_hz[-1]:g} Hz",
+        )
 
 
 def _row(levels: BandLevels, row: int, background: BandLevels) -> int:

@@ -134,13 +134,7 @@ def weighted_levels(
             for k, w in enumerate(overall)
         }
 
-    counted, left_out = histories.maximum, histories.later_maximum
-    highest, other = (counted, left_out) if settings.settling == "counted" else (left_out, counted)
-    shown, settling = {
-        None: (histories.readings[:, :, -1], READING_SETTLING),
-        "max": (highest, MAX_SETTLING[settings.settling]),
-        "min": (histories.minimum, MIN_SETTLING),
-    }[settings.hold]
+    shown, highest, other, settling = _held(histories, settings)
     shown_dB, other_dB, highest_dB = (level(each, zero[:, None]) for each in (shown, other, highest))
     other_dB[:, n:] = level(histories.with_cut[0][:, n:], zero[:, None])  # totals leave the cut out
     readings_dB = level(histories.readings[:, :, :-1], zero[:, None, None])
@@ -175,6 +169,17 @@ def weighted_levels(
         percentile_dB={p: v[:, :n] for p, v in exceeded_dB.items()} or None,
         percentile_overall_dB={p: totals(v) for p, v in exceeded_dB.items()} or None,
     )
+
+
+def _held(histories: Histories, settings: OctaveSettings) -> tuple[Real, Real, Real, str]:
+    """Mean squares that are shown, the maximum, that of the other settling, and words on what is shown."""
+    counted, left_out = histories.maximum, histories.later_maximum
+    highest, other = (counted, left_out) if settings.settling == "counted" else (left_out, counted)
+    if settings.hold is None:
+        return histories.readings[:, :, -1], highest, other, READING_SETTLING
+    if settings.hold == "max":
+        return highest, highest, other, MAX_SETTLING[settings.settling]
+    return histories.minimum, highest, other, MIN_SETTLING
 
 
 def _exchanged(settings: OctaveSettings) -> str:

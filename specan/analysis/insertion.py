@@ -19,6 +19,7 @@ from specan.analysis.calibrator_tone import (
 )
 from specan.analysis.quality import QualityAccumulator
 from specan.data.channel import Channel
+from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.dsp.sine_fit import fit_sine
 from specan.errors import InputError
@@ -199,16 +200,14 @@ def _fit_windows(
         (amplitude * there).sum(axis=1) / number,
         np.sqrt((rest**2 * there).sum(axis=1) / number),
         np.logical_and.reduce(finite, axis=1),
-        # The tone rests on a rail, or one sample reaches a range that is known.
-        np.array(
-            [
-                q.clipped_low
-                or q.clipped_high
-                or (top is not None and max(q.maximum, -q.minimum) >= top * (1 - 1e-6))
-                for q, top in zip(quality.result(), tops, strict=True)
-            ]
-        ),
+        np.array([_clipped(q, top) for q, top in zip(quality.result(), tops, strict=True)]),
     )
+
+
+def _clipped(quality: Quality, top: float | None) -> bool:
+    """Whether the tone rests on a rail, or one sample reaches a range that is known."""
+    reaches = top is not None and max(quality.maximum, -quality.minimum) >= top * (1 - 1e-6)
+    return quality.clipped_low or quality.clipped_high or reaches
 
 
 def _stands_still(samples: NDArray[np.float64], period: float) -> NDArray[np.bool_]:

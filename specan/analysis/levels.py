@@ -141,12 +141,11 @@ class LevelsAccumulator:
             crest = np.where(rms > 0, peak / rms, np.nan)
         # Column 0 is the weighting's, column 1 that of channels for which there is none.
         row, column = np.arange(len(self.channels)), np.where(self._pressure, 0, 1)
-        highest, mean_square, c_peak = histories.with_cut
         shown = self._named(histories.mean_square, histories.maximum[row, column], histories.peak, zero)
-        with_cut = self._named(mean_square, highest[row, column], c_peak, zero)
+        highest, mean_square, c_peak = histories.with_cut
         cut = {
             name: np.where(self._pressure & apart(shown[name], values), values, np.nan)
-            for name, values in with_cut.items()
+            for name, values in self._named(mean_square, highest[row, column], c_peak, zero).items()
             if name != "Leq_Z"
         }
         nothing = np.full(len(self.channels), np.nan)

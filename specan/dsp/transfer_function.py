@@ -151,16 +151,20 @@ def estimate(
             return Estimate(response, coherence, nothing, np.zeros(coherence.shape))
         # Rounding leaves this much of a response without noise.
         left = np.maximum(left, np.finfo(float).eps * auto_response)
-        # One complex parameter was fitted: n - 1 is left of n.
-        freedom = n_effective - 1
-        noise = smoothed_noise(left, freedom)
-        degrees = noise_freedom(left, noise, freedom, line_correlation)
-        own = noise == left
-        factor = np.where(
-            own, student_factor(2 * freedom), _factor_of_lines(left.shape[-1], freedom, line_correlation)
-        )
-        relative = np.sqrt(noise * gain / (2 * freedom)) * factor
+        relative, degrees = _random_error(left, gain, n_effective - 1, line_correlation)
     return Estimate(response, coherence, relative, degrees)
+
+
+def _random_error(left: Real, gain: Real, freedom: float, line_correlation: float) -> tuple[Real, Real]:
+    """Relative standard uncertainty from what is left of a response, and its degrees of freedom.
+
+    One complex parameter was fitted: `freedom` is the number of averages less one.
+    """
+    noise = smoothed_noise(left, freedom)
+    degrees = noise_freedom(left, noise, freedom, line_correlation)
+    of_lines = _factor_of_lines(left.shape[-1], freedom, line_correlation)
+    factor = np.where(noise == left, student_factor(2 * freedom), of_lines)
+    return np.sqrt(noise * gain / (2 * freedom)) * factor, degrees
 
 
 def _two_channel(estimator: Estimator, auto_reference: Real, auto_response: Real, cross: Complex) -> Complex:
