@@ -119,7 +119,7 @@ class _Telling:
             reason=reason,
             alternatives=tuple(tuple(sorted({u.name for u in one.uses})) for one in sets),
             at=places_of(u for one in sets for u in one.uses),
-            unknown_possible=judged.probability("unknown") > DOUBT and kind != "unknown-effect",
+            unknown_possible=self.explanations.probability_of_something_else > DOUBT and kind != "unknown-effect",
             probabilities=tuple(self._probabilities()),
             ranking=rows,
             lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
@@ -245,7 +245,7 @@ class _Telling:
     def _visible(self) -> Mapping[str, Any]:
         """Sizes at which the probability of what lacks the effect falls below its level in four cases of five."""
         one, form = self._best.best, self._best.best.form
-        beside = Marginal(one.tangent, self.explanations.errors_of_form(form, one.tangent))
+        beside, _ = self.explanations.weighed(form, one.tangent)
         count = len({c.use.name for c in form.catalogue.candidates})
         needed = float(np.log(NOTHING / (OF_SIZE[0] / max(count, 1))) - np.log(NOTHING_ABOVE))
         return form.catalogue.visible(beside, form.marginal, needed)

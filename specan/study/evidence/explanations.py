@@ -29,7 +29,7 @@ from specan.study.estimation.levenberg_marquardt import NotSettledError, descend
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import SIZES, Fault, faults, observable_rows, sizes_of
 from specan.study.evidence.marginal import Marginal, Tangent
-from specan.study.evidence.noise import autoregressions, chains_of
+from specan.study.evidence.noise import Autoregression, autoregressions, chains_of
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Array
@@ -40,8 +40,8 @@ EffectSet = frozenset[Use]
 # Beforehand: half that nothing is missing, the rest by how often each is met; sets of one and of two effects.
 NOTHING, OF_SIZE, UNKNOWN, FAULT = 0.5, (0.3, 0.1), 0.05, 0.05
 FOLLOWS_ITSELF = 0.05  # of each autoregressive form of the noise
-FORM = 0.1  # share of what an effect changes, to which its equation is trusted
-FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of form changes
+FORMS = (0.03, 0.1, 0.3)  # share of what an effect changes, to which its equation may be wrong: as likely each
+FORM_LENGTHS = (0.5,)  # ranges of the operating variables, over which an error of form changes
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
 WITHIN = 3.0  # ln of the best probability over a promised one that is still fitted
 SLACK = 1.5  # ln by which a linear promise may fall short of a fit
@@ -51,6 +51,7 @@ LISTED = 9.0  # ln of the best probability over that of what counts at all
 NEAR = 2  # Jacobians that lead near enough to a minimum: the evidence takes one more linear step
 POLISHED = 4.0  # ln of the best probability over one that is led to its minimum
 STARTS = 2  # of another form of the base
+BESIDE = 4  # sets beside which something else is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +90,13 @@ class Explanation:
     def fault_text(self) -> str:
         """What is wrong with the data."""
         return "" if self.fault is None else self.fault.text
+
+    @property
+    def names_its_effects(self) -> bool:
+        """Whether what its effects leave, if anything, may be due to their equations: no more than the largest share."""
+        left = self.tangent.chi2 - self.tangent.residual.size
+        taken = self.form.tangent.chi2 - self.tangent.chi2
+        return self.kind == "effects" or bool(self.uses and left < FORMS[-1] ** 2 * taken)
 
     @property
     def ln_joint(self) -> float:
@@ -144,10 +152,15 @@ class Explanations:
     def __init__(self, problem: Problem, base: Fit) -> None:
         self.problem, self.base = problem, base
         self.points = operating_points(problem)
-        self.root = kernel_root(self.points, FORM_LENGTH)
+        self.roots = [
+            kernel_root(self.points[:, variables], length)
+            for variables in _choices(self.points.shape[1])
+            for length in FORM_LENGTHS
+        ]
         self.found: list[Explanation] = []
         self.forms = list(self._forms())
         self._search()
+        self._beside_unknown()
         self._noise()
         self._faults()
 
@@ -202,7 +215,7 @@ class Explanations:
             fitted.add(key)
             one = self._add(form, uses, promise.starts)
             if one is not None and len(uses) < len(OF_SIZE):
-                expect(form, uses, Marginal(one.tangent, self.errors_of_form(form, one.tangent)))
+                expect(form, uses, self.weighed(form, one.tangent)[0])
         self._polish()
         for (_, uses), (promised, form, _) in left.items():
             if (id(form), uses) not in fitted and promised > self.best - LISTED:
@@ -226,7 +239,7 @@ class Explanations:
         order = sorted(self.forms, key=lambda form: -form.marginal.ln_evidence)
         found = []
         for form in order:
-            most = Marginal(form.tangent, self.problem.whiten(FORM * form.predicted[:, None] * self.root))
+            most = Marginal(form.tangent, self.problem.whiten(FORMS[-1] * form.predicted[:, None] * self.roots[-1]))
             if float(form.tangent.ln_likelihood(most.chi2)) > self.best - WITHIN or not form.parts:
                 found.append(form)
         return found
@@ -271,8 +284,8 @@ class Explanations:
             return None
         if not np.all(np.isfinite(tangent.jacobian)):
             return None
-        marginal = Marginal(tangent, self.errors_of_form(form, tangent))
-        one = Explanation("effects", form, uses, tangent, self._ln_prior(form, uses), marginal.ln_evidence)
+        _, ln_evidence = self.weighed(form, tangent)
+        one = Explanation("effects", form, uses, tangent, self._ln_prior(form, uses), ln_evidence)
         for k, other in enumerate(self.found):
             if other.form is form and other.uses == uses:
                 if one.tangent.chi2 < other.tangent.chi2:
@@ -319,24 +332,58 @@ class Explanations:
         shared = comb(max(len(places), len(uses)), len(uses)) * np.prod([places[use.name] for use in uses])
         return form.ln_prior + float(np.log(OF_SIZE[len(uses) - 1] / shared))
 
-    def errors_of_form(self, form: Form, tangent: Tangent) -> Array:
-        """Columns of what the equations of a set may be wrong by: a share of what they change against the base."""
-        if tangent.problem is form.problem:
-            return np.zeros((self.problem.n_data, 0))
+    def weighed(
+        self, form: Form, tangent: Tangent, noise: Autoregression | None = None
+    ) -> tuple[Marginal, float]:
+        """An explanation with errors of form of the likeliest size and length, and ln of the evidence of all of them.
+
+        Errors of form: what the equations of a set may be wrong by, a share of what they change against the base.
+        """
         change = np.concatenate(tangent.problem.predictions(tangent.theta)) - form.predicted
-        return self.problem.whiten(FORM * change[:, None] * self.root)
+        own = tangent.problem is form.problem
+        tangent = tangent.with_noise(noise)
+        if own:
+            one = Marginal(tangent)
+            return one, one.ln_evidence
+        white = [self.problem.whiten(change[:, None] * root) for root in self.roots]
+        found = [Marginal(tangent, share * columns) for columns in white for share in FORMS]
+        each = [one.ln_evidence for one in found]
+        return found[int(np.argmax(each))], float(logsumexp(each) - np.log(len(each)))
 
     # --- something else ---------------------------------------------------------------------------
 
     def _unknown(self) -> None:
         """The base with a smooth function of the operating variables that no effect describes."""
         for form in self._forms_in_reach():
-            gains = [
-                form.marginal.beside(white, np.array(SIZES))[0] for white in self.unknown_functions(form)
-            ]
-            ln_evidence = form.marginal.ln_evidence + float(logsumexp(gains) - np.log(np.size(gains)))
-            ln_prior = form.ln_prior + np.log(UNKNOWN)
-            self.found.append(Explanation("unknown", form, frozenset(), form.tangent, ln_prior, ln_evidence))
+            self.found.append(
+                Explanation(
+                    "unknown",
+                    form,
+                    frozenset(),
+                    form.tangent,
+                    form.ln_prior + np.log(UNKNOWN),
+                    form.marginal.ln_evidence + self._gain_of_unknown(form, form.marginal),
+                )
+            )
+
+    def _beside_unknown(self) -> None:
+        """The likeliest sets of effects with something else that is missing too: as often as beside nothing."""
+        for one in [e for e in self._top(BESIDE) if e.uses]:
+            marginal, ln_evidence = self.weighed(one.form, one.tangent)
+            gain = self._gain_of_unknown(one.form, marginal)
+            self.found.append(
+                replace(
+                    one,
+                    kind="unknown",
+                    ln_prior=one.ln_prior + np.log(UNKNOWN / NOTHING),
+                    ln_evidence=ln_evidence + gain,
+                )
+            )
+
+    def _gain_of_unknown(self, form: Form, beside: Marginal) -> float:
+        """ln of the evidence with a smooth function over that without, summed over its sizes and lengths."""
+        gains = [beside.beside(white, np.array(SIZES))[0] for white in self.unknown_functions(form)]
+        return float(logsumexp(gains) - np.log(np.size(gains)))
 
     def unknown_functions(self, form: Form) -> Iterator[Array]:
         """Columns of smooth functions of the size of the prediction, whitened: of every choice of variables and length.
@@ -362,7 +409,7 @@ class Explanations:
         for noise in autoregressions(chains_of(self.problem), largest.tangent.residual):
             for one in top:
                 tangent = one.tangent.with_noise(noise)
-                ln_evidence = Marginal(tangent, self.errors_of_form(one.form, one.tangent)).ln_evidence
+                _, ln_evidence = self.weighed(one.form, one.tangent, noise)
                 self.found.append(
                     replace(
                         one,
@@ -376,7 +423,7 @@ class Explanations:
     def _faults(self) -> None:
         """A fault of the data beside the likeliest of the others."""
         for one in self._top(8):
-            marginal = Marginal(one.tangent, self.errors_of_form(one.form, one.tangent))
+            marginal, ln_evidence = self.weighed(one.form, one.tangent)
             by_name: dict[str, list[tuple[float, Fault]]] = {}
             for fault in faults(self.problem, one.form.predicted):
                 gains, _ = marginal.beside(self.problem.whiten(fault.columns), np.array(SIZES))
@@ -390,7 +437,7 @@ class Explanations:
                         one,
                         kind="fault",
                         fault=max(items, key=lambda i: i[0])[1],
-                        ln_evidence=marginal.ln_evidence + gain,
+                        ln_evidence=ln_evidence + gain,
                         ln_prior=one.ln_prior + np.log(FAULT / len(by_name)),
                     )
                 )
@@ -399,6 +446,11 @@ class Explanations:
         found = [e for e in self.found if e.kind in ("nothing", "effects") and e.fitted]
         found.sort(key=lambda e: -e.ln_joint)
         return [e for k, e in enumerate(found) if k < most or not (e.uses or e.form.parts)]
+
+    @property
+    def probability_of_something_else(self) -> float:
+        """That something is missing which no effect describes, alone or beside others."""
+        return sum(probability for probability, one in self.probabilities if one.kind == "unknown")
 
     @cached_property
     def probabilities(self) -> list[tuple[float, Explanation]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from specan.study.evidence.explanations import EffectSet, Explanation, Explanations
 
-NOTHING_ABOVE = 0.005  # probability of "nothing is missing" below which something is: one false name in 200
+NOTHING_ABOVE = 0.05  # probability of "nothing is missing" below which something is
 OF_THE_BEST = 1 / 30  # probability over that of the best set, from which a set is named beside it
 
 
@@ -68,7 +68,10 @@ def stated(explanations: Explanations) -> tuple[Stated, ...]:
     """Explanations summed over forms of the base and of the noise, the likeliest first."""
     kinds: dict[tuple[str, EffectSet, str], list[tuple[float, Explanation]]] = {}
     for probability, one in explanations.probabilities:
-        key = one.kind, one.uses, one.fault.name if one.fault else ""
+        kind, uses = one.kind, one.uses
+        if kind == "unknown":
+            kind, uses = ("effects", uses) if one.names_its_effects else (kind, frozenset())
+        key = kind, uses, one.fault.name if one.fault else ""
         kinds.setdefault(key, []).append((probability, one))
     found = [Stated(*key, sum(p for p, _ in own), own[0][1]) for key, own in kinds.items()]
     return tuple(sorted(found, key=lambda one: -one.probability))
