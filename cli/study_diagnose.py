@@ -35,11 +35,6 @@ SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell
 @click.command("diagnose", cls=Verb)
 @study_options
 @plot_option("the candidates in their order")
-@opt("--bootstrap", bool, "Family-wise probabilities by simulation (slower).")
-@opt(
-    "--probabilities", bool,
-    "Tables: how probable each explanation is, a fault of the data and an unknown effect included.",
-)  # fmt: skip
 @opt(
     "--jobs", click.IntRange(1),
     "Number of processes for transfer functions, on Linux; the result is the same.", default=1,
@@ -50,8 +45,6 @@ def command(
     effects: tuple[Path, ...],
     as_json: bool,
     plot: Path | None,
-    bootstrap: bool,
-    probabilities: bool,
     jobs: int,
 ) -> None:
     """Find the effect that the model of DIR lacks. Held-out data are not used.
@@ -61,7 +54,7 @@ def command(
     """
     study = open_study(directory, effects)
     try:
-        found = study.diagnose(bootstrap=bootstrap, probabilities=probabilities, progress=told(), jobs=jobs)
+        found = study.diagnose(progress=told(), jobs=jobs)
     except KeyboardInterrupt as stopped:
         _say_stopped(stopped, directory)
         raise

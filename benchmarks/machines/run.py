@@ -50,7 +50,7 @@ MACHINES: dict[str, Machine] = {
 }  # fmt: skip
 
 
-def run(seed: int, only: str = "", probabilities: bool = False) -> judge.Record:
+def run(seed: int, only: str = "") -> judge.Record:
     """Ask for a verdict on the case of a seed. A failure is a record, not an end."""
     case = drawn(seed, MACHINES, only)
     record = {
@@ -61,7 +61,7 @@ def run(seed: int, only: str = "", probabilities: bool = False) -> judge.Record:
         record["rows"] = case.observation.n
         problem = base_problem(case.model, [case.observation])
         start = time.process_time()
-        found = diagnose(problem, probabilities=probabilities)
+        found = diagnose(problem)
         record["cpu_s"] = time.process_time() - start
         record |= judge.read(found) | case.visibility()
         record["outcome"] = judge.outcome(record)
@@ -78,9 +78,6 @@ def main() -> int:
     parser.add_argument("--seeds", default="0:91", metavar="FIRST:END")
     parser.add_argument("--machine", choices=MACHINES, help="only the seeds that fall on this one")
     parser.add_argument("--kind", choices=SHARES, default="", help="all cases of this kind; drawn by default")
-    parser.add_argument(
-        "--probabilities", action="store_true", help="judge by the probability of every explanation"
-    )
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="where every record is kept")
     parser.add_argument(
@@ -95,10 +92,10 @@ def main() -> int:
                  if arguments.machine in (None, names[s % len(names)])]  # fmt: skip
         if arguments.jobs > 1:
             with get_context("spawn").Pool(arguments.jobs) as pool:
-                asked = [(seed, arguments.kind, arguments.probabilities) for seed in seeds]
+                asked = [(seed, arguments.kind) for seed in seeds]
                 records = pool.starmap(run, asked, chunksize=1)
         else:
-            records = [run(seed, arguments.kind, arguments.probabilities) for seed in seeds]
+            records = [run(seed, arguments.kind) for seed in seeds]
     if arguments.out:
         arguments.out.write_text(json.dumps(records, indent=1) + "\n", encoding="utf-8")
     print(judge.table(records))

@@ -47,7 +47,7 @@ class Study:
         self, directory: str | Path, *, effects: Sequence[str | Path] = (), accept_changes: bool = False
     ) -> None:
         self._opened = OpenedStudy(Path(directory), accept_changes, [Path(e) for e in effects])
-        self._diagnosis: dict[tuple[bool, bool], Diagnosis] = {}
+        self._diagnosis: Diagnosis | None = None
 
     @classmethod
     def new(
@@ -153,17 +153,11 @@ class Study:
         """
         return self._opened.compare()
 
-    def diagnose(
-        self, *, bootstrap: bool = False, probabilities: bool = False, progress: Progress | None = None
-    ) -> Diagnosis:
+    def diagnose(self, *, progress: Progress | None = None) -> Diagnosis:
         """Find out which effect is missing; see `specan.diagnose`.
 
         Parameters
         ----------
-        bootstrap : bool
-            Family-wise probabilities by simulation (slower).
-        probabilities : bool
-            Tables: how probable each explanation is, a fault of the data and an unknown effect included.
         progress : callable, optional
             Called with a few words on what is being done, and the share of the whole that is over.
 
@@ -172,12 +166,9 @@ class Study:
         Diagnosis
             The verdict; its data frame holds what was tried, most likely first.
         """
-        how = bootstrap, probabilities
-        if how not in self._diagnosis:
-            self._diagnosis[how] = self._opened.diagnose(
-                bootstrap=bootstrap, probabilities=probabilities, progress=progress
-            )
-        return self._diagnosis[how]
+        if self._diagnosis is None:
+            self._diagnosis = self._opened.diagnose(progress=progress)
+        return self._diagnosis
 
     def add(self, effect: str | Path, because: str = "") -> Change:
         """Add an effect, or a file with one, refit and keep the step.
@@ -313,20 +304,16 @@ class Study:
         return change
 
     def _now(self, opened: OpenedStudy) -> None:
-        self._opened, self._diagnosis = opened, {}
+        self._opened, self._diagnosis = opened, None
 
 
-def diagnose(study: Study | str | Path, *, bootstrap: bool = False, probabilities: bool = False) -> Diagnosis:
+def diagnose(study: Study | str | Path) -> Diagnosis:
     """Find out which physical effect the model of a study is missing. Held-out data are not used.
 
     Parameters
     ----------
     study : Study or path
         A study, or its directory.
-    bootstrap : bool
-        Family-wise probabilities by simulation (slower).
-    probabilities : bool
-        Tables: how probable each explanation is, a fault of the data and an unknown effect included.
 
     Returns
     -------
@@ -339,7 +326,7 @@ def diagnose(study: Study | str | Path, *, bootstrap: bool = False, probabilitie
         The uncertainty of the measurement is unknown.
     """
     opened = study if isinstance(study, Study) else Study(study)
-    return opened.diagnose(bootstrap=bootstrap, probabilities=probabilities)
+    return opened.diagnose()
 
 
 def _paths(given: str | Path | Sequence[str | Path]) -> list[Path]:

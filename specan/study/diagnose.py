@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from specan.errors import RequestError, SpecanError, unforeseen
+from specan.errors import SpecanError, unforeseen
 from specan.models.effect import ParameterName
 from specan.study.conclusion import (
     Conclusion,
@@ -105,8 +105,6 @@ def diagnose(
     *,
     base: Fit | None = None,
     set_up: MistakenSetUp | None = None,
-    bootstrap: bool = False,
-    probabilities: bool = False,
     progress: Progress | None = None,
     begun: list[Search] | None = None,
 ) -> Diagnosis:
@@ -120,10 +118,6 @@ def diagnose(
         A fit of it, where it has been fitted already.
     set_up : MistakenSetUp, optional
         What `mistaken_set_up` has found, where it has been looked for already.
-    bootstrap : bool
-        Family-wise probabilities by simulation of the maximum over all candidates instead of a bound.
-    probabilities : bool
-        Tables: judge by how probable each explanation is, instead of by tests one by one.
     progress : callable, optional
         Told in a few words what is being done.
     begun : list of Search, optional
@@ -143,14 +137,9 @@ def diagnose(
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress, begun = progress or unheard, [] if begun is None else begun
-    if probabilities:
-        if not all(isinstance(o, TableObservation) for o in problem.observations):
-            raise RequestError(
-                "probabilities of explanations are worked out for tables only",
-                remedy="diagnose transfer functions and order lines without them",
-            )
+    if all(isinstance(o, TableObservation) for o in problem.observations):
         return diagnosis(problem, start.fit, progress)
-    declared = Search(Refits(start), (), bootstrap, progress, part=(0.0, ENDS))
+    declared = Search(Refits(start), (), progress, part=(0.0, ENDS))
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data", 0.0)
         mistake, near = set_up or mistaken_set_up(problem), InitialFit(start)
@@ -164,7 +153,7 @@ def diagnose(
                 lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
                 model_discrepancy_percent=_discrepancy(problem),
             )
-        declared = _about_a_near_field(start, near, bootstrap, progress, begun)
+        declared = _about_a_near_field(start, near, progress, begun)
     tried: dict[str, Explained] = {}
     for form, search in _forms(declared):
         begun.append(search)
@@ -185,7 +174,7 @@ def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
         declared.progress(f"searching with {other.text}")
         yield (
             other.text,
-            Search(Refits(other.start), (), declared.bootstrap, declared.progress, part=(ENDS, ENDS)),
+            Search(Refits(other.start), (), declared.progress, part=(ENDS, ENDS)),
         )
 
 
@@ -204,13 +193,13 @@ def mistake_beside(near: InitialFit, problem: Problem) -> MistakenSetUp:
 
 
 def _about_a_near_field(
-    start: Refit, near: InitialFit, bootstrap: bool, progress: Progress, begun: list[Search]
+    start: Refit, near: InitialFit, progress: Progress, begun: list[Search]
 ) -> Search:
     """A search with covariances about the single effect that it finds best, where they were about another field.
 
     About another field, what the best effect leaves seems to be a channel's place or gain.
     """
-    search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress, part=(NEAR, ENDS))
+    search = Search(Refits(near.base, near.known), near.likely, progress, part=(NEAR, ENDS))
     begun.append(search)
     if not search.refits.poor_fit or search.single is None or search.single.uses == near.found:
         return search
@@ -221,7 +210,7 @@ def _about_a_near_field(
     likely = [use for r in order[:MOST_OTHERS] for use in r.uses]
     base = with_covariances_about(start, single.uses, done[single.uses])
     known = {**near.known, **done}
-    return Search(Refits(base, known), likely, bootstrap, progress, only=True, part=((NEAR + ENDS) / 2, ENDS))
+    return Search(Refits(base, known), likely, progress, only=True, part=((NEAR + ENDS) / 2, ENDS))
 
 
 def untestable(start: Refit) -> str:

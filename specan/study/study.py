@@ -332,8 +332,6 @@ class Study:
     def diagnose(
         self,
         *,
-        bootstrap: bool = False,
-        probabilities: bool = False,
         progress: Progress | None = None,
         jobs: int = 1,
     ) -> Diagnosis:
@@ -347,8 +345,7 @@ class Study:
             The uncertainty of the measurement is unknown.
         """
         self.require_uncertainty("diagnose")
-        name = "probabilities" if probabilities else "bootstrap" if bootstrap else "diagnosis"
-        found = self.kept.find(name, Diagnosis)
+        found = self.kept.find("diagnosis", Diagnosis)
         if found is None:
             from specan.study.diagnose import Stopped, diagnose
 
@@ -357,7 +354,7 @@ class Study:
                 with working(jobs) if jobs > 1 else contextlib.nullcontext():
                     found = diagnose(
                         self.problem, base=self.best, set_up=self.kept.find("set_up", MistakenSetUp),
-                        bootstrap=bootstrap, probabilities=probabilities, progress=progress, begun=begun,
+                        progress=progress, begun=begun,
                     )  # fmt: skip
             except KeyboardInterrupt:
                 stopped = Stopped(tuple(begun))
@@ -368,14 +365,13 @@ class Study:
             found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
             if self.problem.strategy.linearised_covariance:
                 found = self._as_shown(found)
-            self.kept.keep(name, found)
+            self.kept.keep("diagnosis", found)
         return found
 
     @property
     def diagnosed(self) -> dict[str, Any] | None:
         """What was diagnosed of the study as it is, as ``study diagnose --json`` prints it; None if nothing was."""
-        kept = (self.kept.find(name, Diagnosis) for name in ("diagnosis", "probabilities", "bootstrap"))
-        found = next(filter(None, kept), None)
+        found = self.kept.find("diagnosis", Diagnosis)
         return None if found is None else found.to_json()
 
     def _keep_stopped(self, content: Mapping[str, Any]) -> None:

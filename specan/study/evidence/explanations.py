@@ -11,12 +11,13 @@ comes near the best is fitted.
 from __future__ import annotations
 
 import heapq
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, count, product
-from math import comb
+from math import comb, prod
 from typing import Any
 
 import numpy as np
@@ -31,16 +32,18 @@ from specan.study.evidence.faults import SIZES, Fault, faults, observable_rows, 
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.noise import Autoregression, autoregressions, chains_of
 from specan.study.evidence.promises import Catalogue, Promise
+from specan.study.evidence.rough import lines_of
 from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Array
-from specan.study.selection.candidates import without
+from specan.study.selection.candidates import Candidate, candidates, without
+from specan.study.selection.refits import Refit
 
 EffectSet = frozenset[Use]
 
 # Beforehand: half that nothing is missing, the rest by how often each is met; sets of one and of two effects.
 NOTHING, OF_SIZE, UNKNOWN, FAULT = 0.5, (0.3, 0.1), 0.05, 0.05
 FOLLOWS_ITSELF = 0.05  # of each autoregressive form of the noise
-FORMS = (0.03, 0.1, 0.3)  # share of what an effect changes, to which its equation may be wrong: as likely each
+FORMS = (0.01, 0.03, 0.1, 0.3)  # share of what an effect changes, to which its equation may be wrong: as likely each
 FORM_LENGTHS = (0.5,)  # ranges of the operating variables, over which an error of form changes
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
 WITHIN = 3.0  # ln of the best probability over a promised one that is still fitted
@@ -124,6 +127,11 @@ class Form:
         return Marginal(self.tangent)
 
     @cached_property
+    def candidates(self) -> Sequence[Candidate]:
+        """What may be added."""
+        return candidates(self.problem)[0]
+
+    @cached_property
     def catalogue(self) -> Catalogue:
         """What may be added."""
         return Catalogue(self.problem, self.fit)
@@ -149,8 +157,9 @@ class Explanations:
     found : list of Explanation
     """
 
-    def __init__(self, problem: Problem, base: Fit) -> None:
+    def __init__(self, problem: Problem, base: Fit, fitted: Sequence[Refit] = ()) -> None:
         self.problem, self.base = problem, base
+        self.lines = lines_of(problem)
         self.points = operating_points(problem)
         self.roots = [
             kernel_root(self.points[:, variables], length)
@@ -158,8 +167,11 @@ class Explanations:
             for length in FORM_LENGTHS
         ]
         self.found: list[Explanation] = []
-        self.forms = list(self._forms())
-        self._search()
+        self.forms = list(self._forms()) if not fitted else [Form({}, problem, base, 0.0)]
+        if fitted:
+            self._of_fits(fitted)
+        else:
+            self._search()
         self._beside_unknown()
         self._noise()
         self._faults()
@@ -325,12 +337,15 @@ class Explanations:
         return max(e.ln_joint for e in self.found)
 
     def _ln_prior(self, form: Form, uses: EffectSet) -> float:
-        """Of a set: shared by all of its size, and by the places where an effect may act."""
+        """Of a set: shared by all with so many names, and by the places where each of these may act."""
         places: dict[str, int] = {}
-        for candidate in form.catalogue.candidates:
+        for candidate in form.candidates:
             places[candidate.use.name] = places.get(candidate.use.name, 0) + 1
-        shared = comb(max(len(places), len(uses)), len(uses)) * np.prod([places[use.name] for use in uses])
-        return form.ln_prior + float(np.log(OF_SIZE[len(uses) - 1] / shared))
+        acting = Counter(use.name for use in uses)
+        size, names = len(acting), max(len(places), len(acting))
+        shared = comb(names, size) * prod(comb(places.get(name, n), n) for name, n in acting.items())
+        several = prod(OF_SIZE[1] ** (n - 1) for n in acting.values())
+        return form.ln_prior + float(np.log(OF_SIZE[min(size, len(OF_SIZE)) - 1] * several / shared))
 
     def weighed(
         self, form: Form, tangent: Tangent, noise: Autoregression | None = None
@@ -345,10 +360,29 @@ class Explanations:
         if own:
             one = Marginal(tangent)
             return one, one.ln_evidence
-        white = [self.problem.whiten(change[:, None] * root) for root in self.roots]
-        found = [Marginal(tangent, share * columns) for columns in white for share in FORMS]
+        found = []
+        for root in self.roots:
+            columns = self.problem.whiten(self.lines.modulated(change, root))
+            rough = self.lines.size(self.problem.whiten(change))
+            found += [Marginal(tangent, share * columns, share * rough) for share in FORMS]
         each = [one.ln_evidence for one in found]
         return found[int(np.argmax(each))], float(logsumexp(each) - np.log(len(each)))
+
+    def _of_fits(self, fitted: Sequence[Refit]) -> None:
+        """Sets of effects that were fitted elsewhere."""
+        (form,) = self.forms
+        ln_prior = form.ln_prior + np.log(NOTHING)
+        self.found.append(
+            Explanation("nothing", form, frozenset(), form.tangent, ln_prior, form.marginal.ln_evidence)
+        )
+        self._unknown()
+        for refit in fitted:
+            if refit.uses:
+                one = Tangent.at(refit.problem, refit.fit.theta, refit.fit.residual, refit.fit.jacobian)
+                _, ln_evidence = self.weighed(form, one)
+                self.found.append(
+                    Explanation("effects", form, refit.uses, one, self._ln_prior(form, refit.uses), ln_evidence)
+                )
 
     # --- something else ---------------------------------------------------------------------------
 
@@ -383,6 +417,9 @@ class Explanations:
     def _gain_of_unknown(self, form: Form, beside: Marginal) -> float:
         """ln of the evidence with a smooth function over that without, summed over its sizes and lengths."""
         gains = [beside.beside(white, np.array(SIZES))[0] for white in self.unknown_functions(form)]
+        if self.lines.any:
+            level = self.problem.whiten(np.eye(1)) if False else self.lines.level(self.problem, form.predicted)
+            gains = [np.array([beside.roughened(share * level) - beside.ln_evidence for share in SIZES])]
         return float(logsumexp(gains) - np.log(np.size(gains)))
 
     def unknown_functions(self, form: Form) -> Iterator[Array]:

@@ -109,7 +109,6 @@ class Search:
 
     refits: Refits
     likely: Sequence[Use] = ()
-    bootstrap: bool = False
     progress: Progress = unheard
     only: bool = False
     part: tuple[float, float] = (0.0, 1.0)
@@ -201,7 +200,7 @@ class Search:
             tried += signatures(seen.problem, seen.fit, again, self.points)
             scored = score(seen.linear, tried, seen.weights)
             explained = max(self.base.chi2 - start.chi2, 0.0)
-            acceptance = AcceptanceTest(start, family(scored), explained, level, self.bootstrap)
+            acceptance = AcceptanceTest(start, family(scored), explained, level)
             self.steps[start.uses] = Step(start, seen, scored, best_of_each(scored), acceptance, not_testable)
         return self.steps[start.uses]
 
