@@ -27,7 +27,7 @@ from specan.study.conclusion import (
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.diagnosis import diagnosis
+from specan.study.evidence.diagnosis import diagnosis, not_settled
 from specan.study.localisation.localise import Block, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up, undeclared_shifts
 from specan.study.observation.table import TableObservation
@@ -83,8 +83,7 @@ class Stopped(KeyboardInterrupt):
 
         ``rough`` where only a few lines, known to some per cent, were looked at so far.
         """
-        refits = next((s.refits for s in reversed(self.searches) if len(s.refits.done) > 1), None)
-        done = [r for r in refits.done.values() if r.uses] if refits else []
+        done, rough = next((found for s in reversed(self.searches) if (found := s.fitted)[0]), ([], False))
         rows = []
         for refit in sorted(done, key=lambda r: r.bic(1.0)):
             error = errors(refit)[0]
@@ -97,7 +96,7 @@ class Stopped(KeyboardInterrupt):
                     "parameters": parameters_of(refit),
                 }
             )
-        return {"finished": False, "rough": bool(refits and refits.rough), "refitted": rows}
+        return {"finished": False, "rough": rough, "refitted": rows}
 
 
 def diagnose(
@@ -106,7 +105,7 @@ def diagnose(
     base: Fit | None = None,
     set_up: MistakenSetUp | None = None,
     progress: Progress | None = None,
-    begun: list[Search] | None = None,
+    begun: list[Any] | None = None,
 ) -> Diagnosis:
     """Find out which effect a model is missing.
 
@@ -138,7 +137,7 @@ def diagnose(
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress, begun = progress or unheard, [] if begun is None else begun
     if all(isinstance(o, TableObservation) for o in problem.observations):
-        return diagnosis(problem, start.fit, progress)
+        return diagnosis(problem, start.fit, progress, begun)
     declared = Search(Refits(start), (), progress, part=(0.0, ENDS))
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data", 0.0)
@@ -192,9 +191,7 @@ def mistake_beside(near: InitialFit, problem: Problem) -> MistakenSetUp:
     return replace(found, text=f"beside {names}, {found.text}") if found.text else found
 
 
-def _about_a_near_field(
-    start: Refit, near: InitialFit, progress: Progress, begun: list[Search]
-) -> Search:
+def _about_a_near_field(start: Refit, near: InitialFit, progress: Progress, begun: list[Search]) -> Search:
     """A search with covariances about the single effect that it finds best, where they were about another field.
 
     About another field, what the best effect leaves seems to be a channel's place or gain.
@@ -289,7 +286,7 @@ def _verdict(forms: OfForms) -> Diagnosis:
         ("the scatter beside its uncertainty", lambda: _too_good(base)),
         ("shifts of modes", lambda: _undeclared(base, found)),
         ("sizes with other forms", lambda: forms.sizes(rows[0].parameters) if best.uses and rows else ()),
-        ("fits that failed", lambda: [_not_settled(base), *_failures(search)]),
+        ("fits that failed", lambda: [not_settled(base), *_failures(search)]),
     ]
     said = [text for what, find in remarks for text in beside(what, find, ()) if text]
     return Diagnosis(
@@ -323,13 +320,6 @@ def _visible(search: Search, sets: Sequence[Refit]) -> dict[str, Any]:
     seen = [one for one in own if one.value is not None]  # what was seen is not invisible
     names = {str(use) for use in named}
     return by_effect([*(one for one in others if one.use not in names), *seen])
-
-
-def _not_settled(base: Refit) -> str:
-    """A sentence where the fit of the model as it is was given up."""
-    if base.fit.converged:
-        return ""
-    return "the fit of the model as it is did not settle, and may be too poor: give start values or narrower bounds"
 
 
 def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Block]) -> Sequence[Proposal]:

@@ -12,7 +12,6 @@ from specan.errors import ComputationError
 from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
-from specan.study.localisation.localise import localise
 from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import (
     AcceptanceTest,
@@ -24,7 +23,7 @@ from specan.study.selection.acceptance import (
 )
 from specan.study.selection.alternatives import alternatives, distance
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.pulls import data_alone, pulls, too_far
+from specan.study.selection.pulls import pulls, too_far
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import residual_law, simplest
 from specan.study.selection.search import Search
@@ -81,7 +80,7 @@ def test_one_effect_is_named(toy, truth, name):
     assert found.alternatives == ((name,),)
     assert not found.unknown_possible
     assert found.ranking[0].effects == (name,)
-    assert found.ranking[0].delta_bic > 6
+    assert found.ranking[0].probability > 0.75
 
 
 def test_its_parameters_come_back_in_their_own_unit(toy):
@@ -151,31 +150,16 @@ def test_two_effects_that_one_law_imitates_are_named_with_that_law(toy):
     assert "one unknown effect (power of x x signed power of z)" in found.reason
 
 
-@pytest.mark.parametrize(
-    ("size", "alternatives", "said"),
-    [
-        (0.6, (("square",),), ""),
-        (0.82, (("square",),), "a second effect may be there too, such as wave"),
-        (0.95, (("square",), ("square", "wave")), "another effect is there too"),
-    ],
-)
-def test_a_second_effect_that_is_not_sure_is_a_doubt(toy, size, alternatives, said):
-    """Without noise the wave takes at most 24 size^2 off chi-square: 8.6, 16 and 22; BIC asks for 6 + ln 48 = 9.9."""
+def test_a_second_effect_becomes_probable_as_it_grows(toy):
+    """Without noise the wave takes at most 24 size^2 off chi-square: 1, 16 and 96."""
     names = ["square", "wave", "cross", "zero-error", "saturating"]
-    found = diagnose(toy.problem(lambda x, z: 5 * x**2 + size * np.cos(7 * x), names, noise=0.0))
-    assert found.alternatives == alternatives
-    assert found.unknown_possible == bool(said)
-    assert said in found.reason
-
-
-def test_two_effects_that_hide_each_other_are_found(toy):
-    def truth(x, z):
-        return 40 * x * z - 40.2 * x * (z + 0.1 * z**2) + 0.85 * x * z
-
-    found = diagnose(toy.problem(truth, ["cross", "nearly-cross", "square", "wave"], seed=5))
-    assert found.alternatives == (("cross", "nearly-cross"),)
-    assert found.unknown_possible
-    assert "largely cancel" in found.reason
+    both = []
+    for size in (0.2, 0.82, 2.0):
+        found = diagnose(toy.problem(lambda x, z, s=size: 5 * x**2 + s * np.cos(7 * x), names, noise=0.0))
+        told = {one.effects: one.probability for one in found.probabilities if one.kind == "effects"}
+        both.append(told.get(("square", "wave"), 0.0))
+    assert both[0] < 0.05 < both[1] < 0.6
+    assert both[2] > 0.95
 
 
 def test_something_unknown_is_called_unknown_and_described(toy):
@@ -191,7 +175,7 @@ def test_what_a_named_effect_leaves_is_told(toy):
     truth = lambda x, z: 20 * x**2 + 6 * np.cos(3 * z)  # noqa: E731
     found = diagnose(toy.problem(truth, ["square", "cross"], seed=7))
     assert found.unknown_possible
-    assert "left" in found.reason
+    assert "square would take the error from 7.9" in found.reason
 
 
 def test_three_effects_are_one_unknown(toy):
@@ -270,31 +254,6 @@ def gentle_line(
 ):
     "A straight line whose slope is known as well as the data tell it."
     return offset + slope * x
-
-
-@pytest.mark.parametrize(
-    ("gain", "verdict", "doubt"),
-    [(20.0, "fits-only-if", True), (6.0, "nothing-missing", True), (1.5, "nothing-missing", False)],
-)
-def test_values_that_the_data_alone_would_take_are_tested_by_their_likelihood(toy, gain, verdict, doubt):
-    # Normal equations: held by a tail of sd 0.1 and alone, chi-square differs by away^2 / (se^2 + sd^2), one value.
-    line = np.column_stack([np.ones(48), toy.x])
-    error = np.linalg.inv(line.T @ line)[1, 1] ** 0.5
-    slope = 0.4 + np.sqrt(gain * (error**2 + 0.1**2))
-    noise = np.random.default_rng(4).standard_normal(48)
-    rest = noise - line @ np.linalg.lstsq(line, noise, rcond=None)[0]
-    problem = toy.problem(nothing, ["cross"], also=[gentle_line])
-    problem = problem.over([toy.observation(slope * toy.x + rest * np.sqrt(40) / np.linalg.norm(rest))])
-    base = Refit(frozenset(), problem, fit(problem))
-    other = data_alone(base)
-    assert other.gain == pytest.approx(gain, rel=1e-3)
-    assert other.held == 1
-    assert other.p_value == pytest.approx(stats.chi2.sf(gain, 1), rel=1e-3)
-    found = diagnose(problem)
-    assert (found.verdict, found.unknown_possible) == (verdict, doubt)
-    if doubt:
-        assert f"line.slope = {slope:.2g} W, known 0 to 0.4 W" in found.reason
-        assert f"higher by {gain:.1f} (p = {stats.chi2.sf(gain, 1):.2g})" in found.reason
 
 
 def test_a_pull_is_the_gaussian_tail_of_a_quarter_of_the_range(toy):
@@ -390,39 +349,10 @@ def test_distance_keeps_to_the_domain_of_the_rival(toy):
     assert distance(square, rival) == pytest.approx(want, rel=1e-4)
 
 
-def test_a_rival_with_nearly_the_same_equation_stays_in_the_group(toy):
-    # Far more than chance apart, and less than equations are trusted.
-    found = diagnose(toy.problem(lambda x, z: 60 * x**2, ["square", "bowl"], seed=22, also=[bowl]))
-    assert set(found.alternatives) == {("square",), ("bowl",)}
-    assert found.ranking[0].delta_bic - found.ranking[1].delta_bic > 20
-
-
 def test_a_twin_that_contradicts_what_is_known_is_named_beside_the_verdict(toy):
     found = diagnose(toy.problem(lambda x, z: 6 * x**2, ["square", "timid"], seed=23, also=[timid]))
     assert found.alternatives == (("square",),)
     assert not found.unknown_possible  # thirty times the largest size known
-
-
-def test_a_twin_of_a_size_beyond_what_is_known_is_a_doubt(toy):
-    found = diagnose(toy.problem(lambda x, z: 6 * x**2, ["square", "timid"], seed=23, also=[known_to(1.5)]))
-    assert found.alternatives == (("square",),)
-    assert found.unknown_possible
-    assert "timid fits as well, with timid.c = 5.5 W, known 0 to 1.5 W" in found.reason
-
-
-def test_a_base_that_fits_with_a_value_beyond_what_is_known_is_a_doubt(toy):
-    """A zero error of 2.5 W under a certificate of 0.5 W; another effect of a known size looks much like it."""
-
-    @effect("step", adds_to="heat", neutral={"c": 0.0})
-    def step(z, *, c=Parameter(1.0, "W", min=-5.0, max=5.0)):
-        "Nearly what the zero error does."
-        return c * np.tanh(8 * z)
-
-    problem = toy.problem(lambda x, z: 2.5 * (z > 0), ["step", "zero-error"], seed=3, also=[step])
-    found = diagnose(replace(problem, nuisances=frozenset()))
-    assert found.alternatives == (("step",),)
-    assert found.unknown_possible
-    assert "the model fits only with zero-error.shift = " in found.reason
 
 
 def test_a_size_beyond_what_is_known_is_found_where_nothing_else_is(toy):
@@ -430,19 +360,8 @@ def test_a_size_beyond_what_is_known_is_found_where_nothing_else_is(toy):
     truth = lambda x, z: 3 * x**2  # noqa: E731
     found = diagnose(toy.problem(truth, ["timid", "cross"], seed=9, also=[known_to(0.4)]))
     assert found.verdict == "fits-only-if"
-    assert "but only with timid.c = " in found.reason
+    assert "it fits only with timid.c = " in found.reason
     assert found.pulls[0].parameter == "timid.c"
-
-
-def test_a_rival_that_fits_better_is_in_the_sentence(toy):
-    # A parabola in truth; the nearly right bowl may have any size, the parabola was never found above 3 W.
-    truth = lambda x, z: 40 * x**2  # noqa: E731
-    found = diagnose(toy.problem(truth, ["bowl", "timid"], seed=23, also=[bowl, known_to(22.0)]))
-    if found.alternatives == (("bowl",),):
-        assert found.unknown_possible
-        assert any("timid" in remark and "known 0 to 22 W" in remark for remark in found.remarks)
-    else:
-        assert found.verdict == "fits-only-if"
 
 
 def test_an_effect_that_a_set_could_do_without_is_seen(toy):
@@ -503,29 +422,6 @@ def _known_only_below(refit, name):
     above[row], high[row] = tail, refit.fit.theta[k] - 3.5 * tail
     problem.__dict__["pseudo"] = replace(problem.pseudo, ranges=replace(ranges, high=high, above=above))
     return problem
-
-
-def test_blocks_that_stand_out_of_what_is_left_are_a_doubt(toy):
-    # One row of the grid is off up and down: too little for the whole, too much for the row.
-    def truth(x, z):
-        return 6 * x**2 + np.where(np.isclose(z, 0.0), 2.0 * (-1) ** np.round(x / 0.2714), 0.0)
-
-    problem = toy.problem(truth, ["square", "cross"], seed=6)
-    found = diagnose(problem)
-    assert found.alternatives == (("square",),)
-    assert searched(problem).best.lack_of_fit > 1e-3
-    assert found.unknown_possible
-    assert not diagnose(toy.problem(lambda x, z: 6 * x**2, ["square", "cross"], seed=6)).unknown_possible
-
-
-def test_a_power_of_what_is_left_is_a_doubt_before_the_whole_misfits(toy):
-    problem = toy.problem(lambda x, z: 60 * x**2 + 1.3 * x**4, ["square"], seed=5)
-    found, best = diagnose(problem), searched(problem).best
-    assert found.alternatives == (("square",),)
-    assert best.lack_of_fit > 0.1
-    assert not localise(problem.with_uses(["square"]), best.fit).fails_at
-    assert found.unknown_possible
-    assert not diagnose(toy.problem(lambda x, z: 60 * x**2, ["square"], seed=5)).unknown_possible
 
 
 @pytest.mark.long
@@ -598,13 +494,6 @@ def test_the_family_wise_level_holds_for_the_signatures_of_a_model(toy):
         )
         share = np.mean(1 - best < single)
         assert 0.5 * level < share < 1.15 * level
-
-
-def test_bootstrap_agrees_with_the_bound(toy):
-    problem = toy.problem(lambda x, z: 1.3 * x**2, ["square", "cross", "wave"], seed=11)
-    bound, simulated = diagnose(problem), diagnose(problem, bootstrap=True)
-    assert bound.verdict == simulated.verdict
-    assert simulated.ranking[0].p_value <= 1.2 * bound.ranking[0].p_value + 1e-4
 
 
 @pytest.mark.parametrize(
@@ -680,13 +569,6 @@ def test_the_form_of_an_effect_reaches_a_certificate_through_the_data_only(toy):
     assert decision.p_with_tolerance == pytest.approx(test.family.probability(single), rel=1e-6)
 
 
-def test_noise_from_few_repeats_makes_acceptance_careful(toy):
-    problem = toy.problem(lambda x, z: 1.3 * x**2, ["square"], seed=13)
-    few = problem.over([replace(problem.observations[0], noise_dof=3.0)])
-    p = [diagnose(p).ranking[0].p_value for p in (problem, few)]
-    assert p[1] > p[0]
-
-
 def test_repeats_that_gave_the_noise_are_no_lack_of_fit(toy):
     problem = toy.problem(lambda x, z: 2 * x**2, ["cross"], seed=14)
     spent = problem.over([replace(problem.observations[0], noise_dof=24.0, pure_error_dof=24.0)])
@@ -734,11 +616,10 @@ def test_simplest_rational(low, high, want):
 KEYS = {
     "verdict", "reason", "alternatives", "effects", "at", "unknown_possible", "ranking", "lack_of_fit",
     "model_discrepancy_percent", "fails_at", "residual_law", "smallest_visible", "not_testable",
-    "next_measurement", "pulls", "error", "remarks", "other_form",
+    "next_measurement", "pulls", "error", "remarks", "other_form", "probabilities",
 }  # fmt: skip
 ROW = {
-    "effects", "at", "delta_bic", "p_value", "held_out_gain", "error_after", "parameters", "plausible",
-    "at_bound", "pulls",
+    "effects", "at", "probability", "ln_evidence", "error_after", "parameters", "plausible", "at_bound", "pulls",
 }  # fmt: skip
 
 
@@ -807,19 +688,6 @@ def tide(x, *, c=Parameter(1.0, "W", min=0.0, max=4.0, upper=50.0),
          rate=Parameter(5.0, "1", min=4.0, max=6.0, lower=2.0, upper=12.0)):  # fmt: skip
     "A wave whose rate is known, and whose size is known roughly."
     return c * np.cos(rate * x)
-
-
-@pytest.mark.parametrize(
-    ("size", "rate", "doubted"), [(3.0, 6.06, True), (3.0, 5.94, False), (4.1, 5.9, False)]
-)
-def test_a_shape_outside_of_what_is_known_is_doubted_and_a_size_only_beyond_its_interval(
-    toy, size, rate, doubted
-):
-    """Without noise; the standard error of the rate is 1 / (c sqrt(sum (x sin(rate x))^2)) = 0.06, of the size 0.2."""
-    found = diagnose(toy.problem(lambda x, z: size * np.cos(rate * x), ["tide"], also=(tide,), noise=0.0))
-    assert found.alternatives == (("tide",),)
-    assert found.unknown_possible is doubted
-    assert ("one unknown effect would explain the data as well" in found.reason) is doubted
 
 
 def test_the_smallest_visible_size_is_seen_beside_a_base_that_follows_far(toy):

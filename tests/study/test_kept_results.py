@@ -123,15 +123,6 @@ def test_another_program_computes_anew(study, computed, monkeypatch):
     assert computed == [1]
 
 
-def test_a_bootstrap_is_another_diagnosis(study, computed, monkeypatch):
-    monkeypatch.setattr(
-        module, "diagnose", lambda *_, **options: computed.append(options["bootstrap"]) or 1 / 0
-    )
-    with pytest.raises(ZeroDivisionError):
-        Study(study).diagnose(bootstrap=True)
-    assert computed == [True]
-
-
 def test_the_oldest_go(tmp_path):
     for number in range(MOST_FILES + 5):
         KeptResults(tmp_path, {"n": number}).keep("number", float(number))

@@ -9,6 +9,7 @@ import pytest
 from specan.models.catalogue import load_model
 from specan.study.create import begin
 from specan.study.diagnose import Stopped, diagnose
+from specan.study.evidence.explanations import Explanations
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refits
 from specan.study.study import STOPPED, Study
@@ -39,10 +40,23 @@ def interrupt_after(monkeypatch, refits):
     monkeypatch.setattr(Refits, "fit", fit)
 
 
-@pytest.mark.long
+def interrupt_explanations_after(monkeypatch, fits):
+    """Ctrl-C while the next set of effects is fitted to a table."""
+    whole, count = Explanations._add, 0
+
+    def add(self, form, uses, starts):
+        nonlocal count
+        count += 1
+        if count > fits:
+            raise KeyboardInterrupt
+        return whole(self, form, uses, starts)
+
+    monkeypatch.setattr(Explanations, "_add", add)
+
+
 def test_what_was_refitted_is_kept_and_goes_with_the_next_verdict(bench, monkeypatch):
     with monkeypatch.context() as stopping:
-        interrupt_after(stopping, 3)
+        interrupt_explanations_after(stopping, 3)
         with pytest.raises(Stopped):
             Study(bench.directory).diagnose()
     kept = json.loads((bench.directory / STOPPED).read_text(encoding="utf-8"))
@@ -56,7 +70,7 @@ def test_what_was_refitted_is_kept_and_goes_with_the_next_verdict(bench, monkeyp
 
 
 def test_the_command_says_so_and_ends_as_interrupted(bench, monkeypatch, capsys):
-    interrupt_after(monkeypatch, 2)
+    interrupt_explanations_after(monkeypatch, 2)
     monkeypatch.setattr("sys.argv", ["specan", "study", "diagnose", str(bench.directory)])
     with pytest.raises(SystemExit) as ended:
         run()

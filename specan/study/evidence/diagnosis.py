@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,14 @@ from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import NOTHING, OF_SIZE, Explanation, Explanations
 from specan.study.evidence.judgement import NOTHING_ABOVE, OF_THE_BEST, Judgement, Stated, judge
-from specan.study.evidence.marginal import Marginal
 from specan.study.localisation.localise import localise
 from specan.study.selection.doubtful_data import copied_rows, odd_repeat, rows_of_two_kinds, suspect_rows
 from specan.study.selection.pulls import pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
 from specan.study.selection.residual_law import residual_law
+from specan.study.selection.search import Progress
 from specan.study.verdict import (
+    LEAST_TOLD,
     Diagnosis,
     ErrorFall,
     LackOfFit,
@@ -41,10 +42,10 @@ TOO_FAR = 3.0  # standard deviations outside of what is known, from which a fit 
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
 OPEN = 0.95  # probability of the best explanation above which nothing is left to decide
-DOUBT = 0.05  # probability of something else from which it is said
+DOUBT = 0.2  # probability of something else from which it is said: twice what it is before any data
 
 
-def diagnosis(problem: Problem, base: Fit, progress: Any) -> Diagnosis:
+def diagnosis(problem: Problem, base: Fit, progress: Progress, begun: list[Any]) -> Diagnosis:
     """Diagnose a table.
 
     Parameters
@@ -55,9 +56,11 @@ def diagnosis(problem: Problem, base: Fit, progress: Any) -> Diagnosis:
         A fit of it.
     progress : callable
         Told what is being done.
+    begun : list
+        The explanations are put into it before the first is fitted.
     """
     progress("explanations of the data", 0.0)
-    explanations = Explanations(problem, base)
+    explanations = Explanations(problem, base, progress=progress, begun=begun)
     judged = judge(explanations)
     progress("where the model fails, and what to measure next", 0.9)
     return _Telling(problem, base, explanations, judged).diagnosis()
@@ -84,7 +87,7 @@ class _Telling:
     def refit(self, one: Explanation) -> Refit:
         """The fit of an explanation."""
         if id(one) not in self._refits:
-            problem = one.tangent.problem
+            problem = replace(one.tangent.problem, unheld=self.problem.unheld)
             names = {str(use) for use in one.uses}
             count = sum(name.owner in names for name in problem.names)
             fitted = describe(problem, one.tangent.theta)
@@ -98,10 +101,9 @@ class _Telling:
         best = self.refit(self._best.best)
         pulled = self.try_to("what is off its known value", lambda: pulls(best), ())
         far = [p for p in pulled if abs(p.pull) > TOO_FAR or (p.at_bound and p.parameter.owner)]
-        if kind in ("effect", "group", "nothing-missing") and far and abs(far[0].pull) > TOO_FAR:
-            kind = "fits-only-if"
+        if kind == "fits-only-if":
             values = " and ".join(p.text for p in far[:3])
-            with_what = f"with {_names(sets)} it" if sets else "the model"
+            with_what = f"with {_names(sets)} it" if sets[0].uses else "the model"
             telling = what_would_tell(best)
             reason = f"{with_what} fits only with {values}" + (f"; {telling} would tell" if telling else "")
         reason = reason or self._reason(kind)
@@ -119,7 +121,8 @@ class _Telling:
             reason=reason,
             alternatives=tuple(tuple(sorted({u.name for u in one.uses})) for one in sets),
             at=places_of(u for one in sets for u in one.uses),
-            unknown_possible=self.explanations.probability_of_something_else > DOUBT and kind != "unknown-effect",
+            unknown_possible=kind in ("fits-only-if", "unknown-effect")
+            or self.explanations.probability_of_something_else > DOUBT,
             probabilities=tuple(self._probabilities()),
             ranking=rows,
             lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
@@ -171,6 +174,8 @@ class _Telling:
                 )
             else:
                 parts.append("the model fits, and no effect of the catalogue improves it")
+        if kind in ("effect", "group"):
+            parts.append(self._others())
         if kind == "unknown-effect":
             parts.append("the model does not fit, and no effect of the catalogue explains it")
             partly = self._partly()
@@ -180,6 +185,13 @@ class _Telling:
         if forms and kind in ("effect", "group"):
             parts.append(f"with {' or '.join(sorted(forms))}")
         return "; ".join(parts)
+
+    def _others(self) -> str:
+        """The likeliest explanation that is not named."""
+        rest = [one for one in self.judged.stated if one not in self.judged.sets]
+        if not rest or rest[0].probability < LEAST_TOLD:
+            return "no other explanation is nearly as probable"
+        return f"the likeliest other explanation is {rest[0].text} ({percent(rest[0].probability)})"
 
     def _partly(self) -> str:
         """The set that takes most away where none is named, with both errors."""
@@ -259,6 +271,7 @@ class _Telling:
             ("odd repeats", lambda: odd_repeat(base)),
             ("the scatter beside its uncertainty", lambda: _too_good(base)),
             ("faults of the data", self._fault),
+            ("the fit of the base", lambda: not_settled(base)),
         ]
         if best.follows_itself:
             remarks.append(("noise", lambda: "the noise follows itself in time: rows are not independent"))
@@ -271,6 +284,13 @@ class _Telling:
         if self.judged.kind == "faulty-data" or whole < DOUBT or not faults:
             return ""
         return f"{faults[0].best.fault_text} ({percent(whole)} that the data have a fault)"
+
+
+def not_settled(base: Refit) -> str:
+    """A sentence where the fit of the model as it is was given up."""
+    if base.fit.converged:
+        return ""
+    return "the fit of the model as it is did not settle, and may be too poor: give start values or narrower bounds"
 
 
 def _form(one: Explanation) -> str:

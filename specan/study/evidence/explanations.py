@@ -25,7 +25,7 @@ from scipy.special import logsumexp
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.estimation.fit import Fit, fit
+from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.levenberg_marquardt import NotSettledError, descend, descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import SIZES, Fault, faults, observable_rows, sizes_of
@@ -37,13 +37,22 @@ from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Array
 from specan.study.selection.candidates import Candidate, candidates, without
 from specan.study.selection.refits import Refit
+from specan.study.selection.search import Progress, unheard
 
 EffectSet = frozenset[Use]
 
 # Beforehand: half that nothing is missing, the rest by how often each is met; sets of one and of two effects.
 NOTHING, OF_SIZE, UNKNOWN, FAULT = 0.5, (0.3, 0.1), 0.05, 0.05
 FOLLOWS_ITSELF = 0.05  # of each autoregressive form of the noise
-FORMS = (0.01, 0.03, 0.1, 0.3)  # share of what an effect changes, to which its equation may be wrong: as likely each
+BEYOND = 0.01  # that a value lies beyond what is known of it: what a range is declared for
+PULLED = 1.0  # standard deviations outside of what is known, from which a value is also fitted without that
+SETS = 0.7  # share of a diagnosis that is over when sets are fitted
+FORMS = (
+    0.01,
+    0.03,
+    0.1,
+    0.3,
+)  # share of what an effect changes, to which its equation may be wrong: as likely each
 FORM_LENGTHS = (0.5,)  # ranges of the operating variables, over which an error of form changes
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
 WITHIN = 3.0  # ln of the best probability over a promised one that is still fitted
@@ -64,7 +73,7 @@ class Explanation:
     Attributes
     ----------
     kind : str
-        ``nothing``, ``effects``, ``unknown`` or ``fault``.
+        ``nothing``, ``effects``, ``beyond`` (either with values beyond what is known), ``unknown`` or ``fault``.
     form : Form
         Of the base.
     uses : frozenset of Use
@@ -157,8 +166,17 @@ class Explanations:
     found : list of Explanation
     """
 
-    def __init__(self, problem: Problem, base: Fit, fitted: Sequence[Refit] = ()) -> None:
-        self.problem, self.base = problem, base
+    def __init__(
+        self,
+        problem: Problem,
+        base: Fit,
+        fitted: Sequence[Refit] = (),
+        progress: Progress = unheard,
+        begun: list[Any] | None = None,
+    ) -> None:
+        self.problem, self.base, self.progress = problem, base, progress
+        if begun is not None:
+            begun.append(self)
         self.lines = lines_of(problem)
         self.points = operating_points(problem)
         self.roots = [
@@ -172,9 +190,19 @@ class Explanations:
             self._of_fits(fitted)
         else:
             self._search()
+        progress("what no effect describes, values beyond what is known, noise, faults of the data", SETS)
+        self._beyond()
         self._beside_unknown()
         self._noise()
         self._faults()
+
+    @property
+    def fitted(self) -> tuple[list[Refit], bool]:
+        """Sets of effects that were fitted so far, and that this is not rough."""
+        done = [e for e in self.found if e.kind == "effects" and e.fitted]
+        return [
+            Refit(e.uses, e.tangent.problem, describe(e.tangent.problem, e.tangent.theta)) for e in done
+        ], False
 
     # --- the model as it is, and with effects ---------------------------------------------------
 
@@ -225,6 +253,9 @@ class Explanations:
                 left.setdefault(key, (-promised, form, promise))
                 continue
             fitted.add(key)
+            self.progress(
+                f"fitting with {' and '.join(map(str, sorted(uses)))}", SETS * (1 - 0.9 ** len(fitted))
+            )
             one = self._add(form, uses, promise.starts)
             if one is not None and len(uses) < len(OF_SIZE):
                 expect(form, uses, self.weighed(form, one.tangent)[0])
@@ -251,7 +282,9 @@ class Explanations:
         order = sorted(self.forms, key=lambda form: -form.marginal.ln_evidence)
         found = []
         for form in order:
-            most = Marginal(form.tangent, self.problem.whiten(FORMS[-1] * form.predicted[:, None] * self.roots[-1]))
+            most = Marginal(
+                form.tangent, self.problem.whiten(FORMS[-1] * form.predicted[:, None] * self.roots[-1])
+            )
             if float(form.tangent.ln_likelihood(most.chi2)) > self.best - WITHIN or not form.parts:
                 found.append(form)
         return found
@@ -381,7 +414,35 @@ class Explanations:
                 one = Tangent.at(refit.problem, refit.fit.theta, refit.fit.residual, refit.fit.jacobian)
                 _, ln_evidence = self.weighed(form, one)
                 self.found.append(
-                    Explanation("effects", form, refit.uses, one, self._ln_prior(form, refit.uses), ln_evidence)
+                    Explanation(
+                        "effects", form, refit.uses, one, self._ln_prior(form, refit.uses), ln_evidence
+                    )
+                )
+
+    # --- values beyond what is known -----------------------------------------------------------------
+
+    def _beyond(self) -> None:
+        """The likeliest explanations with values that lie outside of what is known of them, and nothing pulling them."""
+        for one in self._top(BESIDE):
+            problem = one.tangent.problem
+            pulls = dict(
+                zip(
+                    (problem.names[i] for i in problem.pseudo.ranged),
+                    problem.pulls(one.tangent.theta),
+                    strict=True,
+                )
+            )
+            far = frozenset(name.whole for name, pull in pulls.items() if abs(pull) > PULLED)
+            if not far:
+                continue
+            free = replace(problem, unheld=problem.unheld | far)
+            with suppress(ComputationError):
+                there = descend(free, one.tangent.theta)
+                tangent = Tangent.at(free, there.theta, there.residual, there.jacobian)
+                _, ln_evidence = self.weighed(one.form, tangent)
+                ln_prior = one.ln_prior + len(far) * np.log(BEYOND)
+                self.found.append(
+                    replace(one, kind="beyond", tangent=tangent, ln_prior=ln_prior, ln_evidence=ln_evidence)
                 )
 
     # --- something else ---------------------------------------------------------------------------
@@ -418,7 +479,9 @@ class Explanations:
         """ln of the evidence with a smooth function over that without, summed over its sizes and lengths."""
         gains = [beside.beside(white, np.array(SIZES))[0] for white in self.unknown_functions(form)]
         if self.lines.any:
-            level = self.problem.whiten(np.eye(1)) if False else self.lines.level(self.problem, form.predicted)
+            level = (
+                self.problem.whiten(np.eye(1)) if False else self.lines.level(self.problem, form.predicted)
+            )
             gains = [np.array([beside.roughened(share * level) - beside.ln_evidence for share in SIZES])]
         return float(logsumexp(gains) - np.log(np.size(gains)))
 
@@ -428,7 +491,7 @@ class Explanations:
         Several observables may fail alike, or each in a way of its own.
         """
         relative, level = sizes_of(form.problem, form.predicted)
-        own = observable_rows(self.problem)
+        own = list(observable_rows(self.problem).values())
         for variables in _choices(self.points.shape[1]):
             for length in UNKNOWN_LENGTHS:
                 root = kernel_root(self.points[:, variables], length)
@@ -463,9 +526,10 @@ class Explanations:
             marginal, ln_evidence = self.weighed(one.form, one.tangent)
             by_name: dict[str, list[tuple[float, Fault]]] = {}
             for fault in faults(self.problem, one.form.predicted):
-                gains, _ = marginal.beside(self.problem.whiten(fault.columns), np.array(SIZES))
+                gains, found = marginal.beside(self.problem.whiten(fault.columns), np.array(SIZES))
+                sized = fault.of_size(self.problem, found[int(np.argmax(gains))])
                 by_name.setdefault(fault.name, []).append(
-                    (float(logsumexp(gains) - np.log(len(gains))), fault)
+                    (float(logsumexp(gains) - np.log(len(gains))), sized)
                 )
             for items in by_name.values():
                 gain = float(logsumexp([g for g, _ in items]) - np.log(len(items)))

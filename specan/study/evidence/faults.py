@@ -8,7 +8,7 @@ large it may be, and from which row on, is summed over.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,16 @@ class Fault:
     text: str
     columns: Array
 
+    def of_size(self, problem: Problem, coefficients: Array) -> Fault:
+        """The same with its size in words: by how much it changes the readings of the observable that it shows in."""
+        change, model = self.columns @ coefficients, problem.assembly.model
+        name, rows = max(
+            observable_rows(problem).items(), key=lambda item: float(np.ptp(problem.whiten(change)[item[1]]))
+        )
+        unit = model.observables[name].unit if name in model.observables else ""
+        size = f"{float(np.ptp(change[rows])):.2g} {'' if unit == '1' else unit}".rstrip()
+        return replace(self, text=f"{self.text}, {name} by up to {size}")
+
 
 def sizes_of(problem: Problem, predicted: Array) -> tuple[Array, Array]:
     """What an error may be a share of: what the effects do to each row, and the RMS of that over an observable."""
@@ -58,16 +68,18 @@ def sizes_of(problem: Problem, predicted: Array) -> tuple[Array, Array]:
         parts.append(own if declared is None or not percent else np.abs(declared) / percent * 100)
     relative = np.concatenate(parts)
     level = np.empty_like(relative)
-    for rows in observable_rows(problem):
+    for rows in observable_rows(problem).values():
         level[rows] = np.sqrt(np.mean(relative[rows] ** 2))
     return relative, level
 
 
-def observable_rows(problem: Problem) -> list[NDArray[np.bool_]]:
+def observable_rows(problem: Problem) -> dict[str, NDArray[np.bool_]]:
     """Which measured rows hold each observable."""
-    names = [np.asarray(getattr(o, "observable", [o.name] * o.n), str) for o in problem.observations]
+    names = [
+        np.broadcast_to(np.asarray(getattr(o, "observable", o.name), str), o.n) for o in problem.observations
+    ]
     together = np.concatenate(names)
-    return [together == name for name in np.unique(together)]
+    return {str(name): together == name for name in np.unique(together)}
 
 
 def faults(problem: Problem, predicted: Array) -> Iterator[Fault]:

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from specan.study.evidence.explanations import EffectSet, Explanation, Explanations
 
 NOTHING_ABOVE = 0.05  # probability of "nothing is missing" below which something is
+FAULT_ABOVE = (
+    0.95  # probability of a fault of the data above which a verdict says so: its owner has to look for it
+)
 OF_THE_BEST = 1 / 30  # probability over that of the best set, from which a set is named beside it
 
 
@@ -17,7 +20,7 @@ class Stated:
     Attributes
     ----------
     kind : str
-        ``nothing``, ``effects``, ``unknown`` or ``fault``.
+        ``nothing``, ``effects``, ``beyond``, ``unknown`` or ``fault``.
     uses : frozenset of Use
     probability : float
     best : Explanation
@@ -36,6 +39,8 @@ class Stated:
         names = " with ".join(sorted(map(str, self.uses)))
         if self.kind == "effects":
             return names
+        if self.kind == "beyond":
+            return (names or "nothing is missing") + ", with values beyond what is known"
         if self.kind == "fault":
             return self.fault + (f" beside {names}" if names else "")
         return {"nothing": "nothing is missing", "unknown": "something else"}[self.kind]
@@ -48,7 +53,7 @@ class Judgement:
     Attributes
     ----------
     kind : str
-        ``nothing-missing``, ``effect``, ``group``, ``unknown-effect`` or ``faulty-data``.
+        ``nothing-missing``, ``effect``, ``group``, ``fits-only-if``, ``unknown-effect`` or ``faulty-data``.
     sets : tuple of Stated
         What is named, the likeliest first.
     stated : tuple of Stated
@@ -84,9 +89,12 @@ def judge(explanations: Explanations) -> Judgement:
     named = whole.probability("effects")
     if whole.probability("nothing") > NOTHING_ABOVE:
         return Judgement("nothing-missing", (), all_of_them)
-    if whole.probability("fault") > max(named, whole.probability("unknown")):
+    if whole.probability("fault") > FAULT_ABOVE:
         faults = tuple(one for one in all_of_them if one.kind == "fault")
         return Judgement("faulty-data", faults[:1], all_of_them)
+    beyond = [one for one in all_of_them if one.kind == "beyond"]
+    if whole.probability("beyond") > max(named, whole.probability("unknown")):
+        return Judgement("fits-only-if", tuple(beyond[:1]), all_of_them)
     if whole.probability("unknown") > named:
         return Judgement("unknown-effect", (), all_of_them)
     effects = [one for one in all_of_them if one.kind == "effects"]

@@ -112,7 +112,10 @@ class Marginal:
         self._columns, self._rough, self._weight = columns, rough, 1 / np.sqrt(1 + rough**2)
         columns = np.zeros((tangent.residual.size, 0)) if columns is None else self._seen(columns)
         k = columns.shape[1]
-        self._size, self._whole = size, np.hstack([columns, tangent.jacobian * (self._weight[:, None] * size)])
+        self._size, self._whole = (
+            size,
+            np.hstack([columns, tangent.jacobian * (self._weight[:, None] * size)]),
+        )
         residual = tangent.residual * self._weight
         normal, along = self._whole.T @ self._whole, self._whole.T @ residual
         ends = problem.bounds()[0] - tangent.theta, problem.bounds()[1] - tangent.theta

@@ -15,7 +15,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal
 from specan.study.observation import Array
 from specan.study.selection.candidates import Candidate, candidates
-from specan.study.selection.signatures import Known, Signature, shape_grid, signatures
+from specan.study.selection.signatures import Known, Signature, not_finite, shape_grid, signatures
 
 ONE_SIDED_80 = 0.84  # standard deviations below which four of five values of a normal law lie
 
@@ -52,6 +52,7 @@ class Catalogue:
         self.candidates, self.not_testable = candidates(problem)
         known: Known = {}
         points = shape_grid(problem, base, self.candidates, known)
+        self.not_testable |= not_finite(problem, base, [c for c in self.candidates if c.use not in points])
         self.signatures: dict[Use, list[Signature]] = {}
         for one in signatures(problem, base, self.candidates, points, known):
             self.signatures.setdefault(one.use, []).append(one)

@@ -29,8 +29,7 @@ from specan.study.selection.signatures import (
     Point,
     Signature,
     carried,
-    changes,
-    default_value,
+    not_finite,
     shape_grid,
     signatures,
 )
@@ -125,6 +124,11 @@ class Search:
         """The fit that something may be missing from."""
         return self.refits.base
 
+    @property
+    def fitted(self) -> tuple[list[Refit], bool]:
+        """Sets of effects that were fitted so far, and whether only roughly."""
+        return [refit for uses, refit in self.refits.done.items() if uses], self.refits.rough
+
     def run(self) -> None:
         """Search."""
         self.best = self.base
@@ -194,7 +198,9 @@ class Search:
             known: Known = {}
             if not self.points:
                 self.points = shape_grid(seen.problem, seen.fit, found, known)
-                not_testable |= _not_finite(seen, [c for c in found if c.use not in self.points])
+                not_testable |= not_finite(
+                    seen.problem, seen.fit, [c for c in found if c.use not in self.points]
+                )
             again = self._to_score_again(start, found)
             tried = [t for t in self.tried_at(seen, found, known) if t.use not in {c.use for c in again}]
             tried += signatures(seen.problem, seen.fit, again, self.points)
@@ -475,16 +481,6 @@ class Search:
 def _excess(refit: Refit) -> float:
     """Chi-square that a set leaves beyond the noise; at least what the noise leaves in doubt."""
     return max(refit.lack_of_fit_chi2 - refit.dof, float(np.sqrt(2 * refit.dof)))
-
-
-def _not_finite(start: Refit, found: Sequence[Candidate]) -> dict[str, str]:
-    """Candidates at whose default values the model has no finite value."""
-    reasons = {}
-    for candidate in found:
-        point: Point = {n: default_value(candidate, n) for n in candidate.own}
-        if changes(start.problem, start.fit, candidate, [point])[0] is None:
-            reasons[candidate.use.name] = "gives values that are not finite at these conditions"
-    return reasons
 
 
 def _worth_refitting(step: Step) -> list[Use]:

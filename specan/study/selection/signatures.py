@@ -398,3 +398,13 @@ def _middle(low: float, high: float) -> float:
 
 def _turns(first: Array | None, second: Array | None) -> bool:
     return first is not None and second is not None and bool(abs(first @ second) < REFINE_BELOW)
+
+
+def not_finite(problem: Problem, fit: Fit, found: Sequence[Candidate]) -> dict[str, str]:
+    """Candidates at whose default values the model has no finite value, with the reason why they are not tested."""
+    reasons = {}
+    for candidate in found:
+        point: Point = {n: default_value(candidate, n) for n in candidate.own}
+        if changes(problem, fit, candidate, [point])[0] is None:
+            reasons[candidate.use.name] = "gives values that are not finite at these conditions"
+    return reasons
