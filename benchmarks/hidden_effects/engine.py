@@ -15,7 +15,7 @@ from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
-from specan.study.selection.alternatives import other_forms
+from specan.study.evidence.explanations import forms_of
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, score_pairs
@@ -51,8 +51,10 @@ def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str,
         ``planted``: amplitude that each true candidate takes, in the unit of its parameter.
     """
     problem = _noise_free(_problem(directory), truth)
-    declared = Refit(frozenset(), problem, fit(problem, starts=STARTS))
-    forms = [_Form(base) for base in (declared, *(other.start for other in other_forms(declared)))]
+    forms = [
+        _Form(Refit(frozenset(), form.problem, form.fit))
+        for form in forms_of(problem, fit(problem, starts=STARTS))
+    ]
     least = min(form.base.chi2 for form in forms)
     found = {"lambda": least, "left": None, "d": None, "rival": None, "conditional_lambda": None}
     found["planted"] = {}

@@ -6,7 +6,7 @@ best, accept or reject them; compare what is left; see where the model fails; pr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
@@ -15,15 +15,7 @@ import numpy as np
 
 from specan.errors import SpecanError, unforeseen
 from specan.models.effect import ParameterName
-from specan.study.conclusion import (
-    Conclusion,
-    Explained,
-    OfForms,
-    better_but_too_far,
-    conclude,
-    likeliest_form,
-    with_forms,
-)
+from specan.study.conclusion import Conclusion, better_but_too_far, conclude, with_doubts
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
@@ -32,7 +24,7 @@ from specan.study.localisation.localise import Block, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up, undeclared_shifts
 from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
-from specan.study.selection.alternatives import alternatives, other_forms, refit_promising
+from specan.study.selection.alternatives import alternatives, refit_promising
 from specan.study.selection.doubtful_data import (
     copied_rows,
     drift_over_rows,
@@ -153,28 +145,11 @@ def diagnose(
                 model_discrepancy_percent=_discrepancy(problem),
             )
         declared = _about_a_near_field(start, near, progress, begun)
-    tried: dict[str, Explained] = {}
-    for form, search in _forms(declared):
-        begun.append(search)
-        search.run()
-        refit_promising(search)
-        sets = alternatives(search)
-        tried[form] = Explained(search, sets, conclude(search, sets))
-        if not form and tried[form].found.nothing_left:
-            break
+    begun.append(declared)
+    declared.run()
+    refit_promising(declared)
     progress("where the model fails, and what to measure next", ENDS)
-    return _verdict(likeliest_form(tried))
-
-
-def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
-    """The search with the base as declared, then those with parts of it in other published forms that fit better."""
-    yield "", declared
-    for other in other_forms(declared.base):
-        declared.progress(f"searching with {other.text}")
-        yield (
-            other.text,
-            Search(Refits(other.start), (), declared.progress, part=(ENDS, ENDS)),
-        )
+    return _verdict(declared, alternatives(declared))
 
 
 def mistake_beside(near: InitialFit, problem: Problem) -> MistakenSetUp:
@@ -263,11 +238,11 @@ class Beside:
             return otherwise
 
 
-def _verdict(forms: OfForms) -> Diagnosis:
+def _verdict(search: Search, sets: list[Refit]) -> Diagnosis:
     """What is found, what it rests on, and what to measure next."""
-    search, sets = forms.best.search, forms.best.sets
+    plain = conclude(search, sets)
     base, best, beside = search.base, search.best, Beside()
-    found = beside("what speaks against the verdict", lambda: with_forms(forms), forms.best.found)
+    found = beside("what speaks against the verdict", lambda: with_doubts(plain, search, sets), plain)
     fails_at = beside("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
     rows = beside("the table of what was tried", lambda: ranking(search, sets), ())
     proposals = beside("what to measure next", lambda: _next(search, sets, found.kind, fails_at), ())
@@ -285,7 +260,6 @@ def _verdict(forms: OfForms) -> Diagnosis:
         ("instruments off their certificates", lambda: _off_certificates(best, pulled)),
         ("the scatter beside its uncertainty", lambda: _too_good(base)),
         ("shifts of modes", lambda: _undeclared(base, found)),
-        ("sizes with other forms", lambda: forms.sizes(rows[0].parameters) if best.uses and rows else ()),
         ("fits that failed", lambda: [not_settled(base), *_failures(search)]),
     ]
     said = [text for what, find in remarks for text in beside(what, find, ()) if text]
@@ -302,7 +276,6 @@ def _verdict(forms: OfForms) -> Diagnosis:
         residual_law=law,
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
-        other_form=forms.form,
         next_measurement=tuple(asdict(p) for p in proposals),
         pulls=shown(pulled),
         error=error,

@@ -84,8 +84,8 @@ def test_the_report_begins_with_the_story_and_ends_with_what_was_rejected(story)
         page.index(text)
         for text in (
             "Windage was missing. With it the error on fitted data went from 0.0276 to 0.00645 Nm (-77 %)",
-            "How each step came about", "<b>Missing: windage (above 99 %).</b>", "<h2>Measured and model", "<h2>What is missing now",
-            "<h2>Parameters", "<h2>Candidates tested",
+            "How each step came about", "<b>Missing: windage (above 99 %).</b>", "<h2>Measured and model",
+            "<h2>What is missing now", "<h2>Parameters", "<h2>Candidates tested",
         )
     ]  # fmt: skip
     assert places == sorted(places)

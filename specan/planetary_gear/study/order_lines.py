@@ -158,11 +158,6 @@ class OrderLinesObservation(KeptLines):
         """Apply N^(-1/2) along axis 0."""
         return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
 
-    @property
-    def smooth_axis(self) -> Array:
-        """Place of every row where errors of equations are smooth: half a unit is as many orders as `REACH`."""
-        return self.rows(self.order / (2 * REACH))
-
     def powers(self) -> tuple[Array, Array]:
         """All rows; the power of their noise is taken with them."""
         return np.ones(self.n), self.sigma**2

@@ -187,8 +187,9 @@ class _Telling:
         return "; ".join(parts)
 
     def _others(self) -> str:
-        """The likeliest explanation that is not named."""
-        rest = [one for one in self.judged.stated if one not in self.judged.sets]
+        """The likeliest explanation without what is named."""
+        named = [one.uses for one in self.judged.sets]
+        rest = [one for one in self.judged.stated if not any(uses <= one.uses for uses in named)]
         if not rest or rest[0].probability < LEAST_TOLD:
             return "no other explanation is nearly as probable"
         return f"the likeliest other explanation is {rest[0].text} ({percent(rest[0].probability)})"

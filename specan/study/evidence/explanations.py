@@ -32,7 +32,6 @@ from specan.study.evidence.faults import SIZES, Fault, faults, observable_rows, 
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.noise import Autoregression, autoregressions, chains_of
 from specan.study.evidence.promises import Catalogue, Promise
-from specan.study.evidence.rough import lines_of
 from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Array
 from specan.study.selection.candidates import Candidate, candidates, without
@@ -105,7 +104,7 @@ class Explanation:
 
     @property
     def names_its_effects(self) -> bool:
-        """Whether what its effects leave, if anything, may be due to their equations: no more than the largest share."""
+        """Whether what its effects leave, if anything, may be due to the form of their equations."""
         left = self.tangent.chi2 - self.tangent.residual.size
         taken = self.form.tangent.chi2 - self.tangent.chi2
         return self.kind == "effects" or bool(self.uses and left < FORMS[-1] ** 2 * taken)
@@ -170,14 +169,12 @@ class Explanations:
         self,
         problem: Problem,
         base: Fit,
-        fitted: Sequence[Refit] = (),
         progress: Progress = unheard,
         begun: list[Any] | None = None,
     ) -> None:
         self.problem, self.base, self.progress = problem, base, progress
         if begun is not None:
             begun.append(self)
-        self.lines = lines_of(problem)
         self.points = operating_points(problem)
         self.roots = [
             kernel_root(self.points[:, variables], length)
@@ -185,11 +182,8 @@ class Explanations:
             for length in FORM_LENGTHS
         ]
         self.found: list[Explanation] = []
-        self.forms = list(self._forms()) if not fitted else [Form({}, problem, base, 0.0)]
-        if fitted:
-            self._of_fits(fitted)
-        else:
-            self._search()
+        self.forms = list(forms_of(problem, base))
+        self._search()
         progress("what no effect describes, values beyond what is known, noise, faults of the data", SETS)
         self._beyond()
         self._beside_unknown()
@@ -205,21 +199,6 @@ class Explanations:
         ], False
 
     # --- the model as it is, and with effects ---------------------------------------------------
-
-    def _forms(self) -> Iterator[Form]:
-        model, uses = self.problem.assembly.model, self.problem.assembly.uses
-        there = {part: forms for part, forms in model.other_forms.items() if Use(part) in uses}
-        chosen = list(product(*((part, *others) for part, others in there.items())))
-        ln_prior = -float(np.log(len(chosen)))
-        for names in chosen:
-            parts = {part: name for part, name in zip(there, names, strict=True) if name != part}
-            problem = self.problem
-            for part, name in parts.items():
-                problem = without(problem, part).with_uses([name])
-            try:
-                yield Form(parts, problem, fit(problem, starts=STARTS) if parts else self.base, ln_prior)
-            except ComputationError:
-                continue
 
     def _search(self) -> None:
         """Sets of effects, the most promising first."""
@@ -393,36 +372,15 @@ class Explanations:
         if own:
             one = Marginal(tangent)
             return one, one.ln_evidence
-        found = []
-        for root in self.roots:
-            columns = self.problem.whiten(self.lines.modulated(change, root))
-            rough = self.lines.size(self.problem.whiten(change))
-            found += [Marginal(tangent, share * columns, share * rough) for share in FORMS]
+        white = [self.problem.whiten(change[:, None] * root) for root in self.roots]
+        found = [Marginal(tangent, share * columns) for columns in white for share in FORMS]
         each = [one.ln_evidence for one in found]
         return found[int(np.argmax(each))], float(logsumexp(each) - np.log(len(each)))
-
-    def _of_fits(self, fitted: Sequence[Refit]) -> None:
-        """Sets of effects that were fitted elsewhere."""
-        (form,) = self.forms
-        ln_prior = form.ln_prior + np.log(NOTHING)
-        self.found.append(
-            Explanation("nothing", form, frozenset(), form.tangent, ln_prior, form.marginal.ln_evidence)
-        )
-        self._unknown()
-        for refit in fitted:
-            if refit.uses:
-                one = Tangent.at(refit.problem, refit.fit.theta, refit.fit.residual, refit.fit.jacobian)
-                _, ln_evidence = self.weighed(form, one)
-                self.found.append(
-                    Explanation(
-                        "effects", form, refit.uses, one, self._ln_prior(form, refit.uses), ln_evidence
-                    )
-                )
 
     # --- values beyond what is known -----------------------------------------------------------------
 
     def _beyond(self) -> None:
-        """The likeliest explanations with values that lie outside of what is known of them, and nothing pulling them."""
+        """The likeliest explanations with values that lie outside of what is known, and no range that pulls them."""
         for one in self._top(BESIDE):
             problem = one.tangent.problem
             pulls = dict(
@@ -478,11 +436,6 @@ class Explanations:
     def _gain_of_unknown(self, form: Form, beside: Marginal) -> float:
         """ln of the evidence with a smooth function over that without, summed over its sizes and lengths."""
         gains = [beside.beside(white, np.array(SIZES))[0] for white in self.unknown_functions(form)]
-        if self.lines.any:
-            level = (
-                self.problem.whiten(np.eye(1)) if False else self.lines.level(self.problem, form.predicted)
-            )
-            gains = [np.array([beside.roughened(share * level) - beside.ln_evidence for share in SIZES])]
         return float(logsumexp(gains) - np.log(np.size(gains)))
 
     def unknown_functions(self, form: Form) -> Iterator[Array]:
@@ -559,6 +512,23 @@ class Explanations:
         joint = np.array([e.ln_joint for e in self.found])
         found = np.exp(joint - logsumexp(joint))
         return sorted(zip(found.tolist(), self.found, strict=True), key=lambda one: -one[0])
+
+
+def forms_of(problem: Problem, base: Fit) -> Iterator[Form]:
+    """A model as it is, and with parts of its base in their other published forms, each fitted."""
+    model, uses = problem.assembly.model, problem.assembly.uses
+    there = {part: forms for part, forms in model.other_forms.items() if Use(part) in uses}
+    chosen = list(product(*((part, *others) for part, others in there.items())))
+    ln_prior = -float(np.log(len(chosen)))
+    for names in chosen:
+        parts = {part: name for part, name in zip(there, names, strict=True) if name != part}
+        with_forms = problem
+        for part, name in parts.items():
+            with_forms = without(with_forms, part).with_uses([name])
+        try:
+            yield Form(parts, with_forms, fit(with_forms, starts=STARTS) if parts else base, ln_prior)
+        except ComputationError:
+            continue
 
 
 def _choices(count: int) -> list[list[int]]:

@@ -95,8 +95,6 @@ class Marginal:
     tangent : Tangent
     columns : array, shape (n, k)
         Over the measured rows, whitened; their coefficients have unit deviation.
-    rough : array, shape (n,)
-        Deviation of a further error that each row has by itself, in units of its noise.
 
     Attributes
     ----------
@@ -105,19 +103,16 @@ class Marginal:
     ln_evidence : float
     """
 
-    def __init__(self, tangent: Tangent, columns: Array | None = None, rough: Array | None = None) -> None:
+    def __init__(self, tangent: Tangent, columns: Array | None = None) -> None:
         self.tangent = tangent
         problem, size = tangent.problem, tangent.problem.scale
-        rough = np.zeros(tangent.residual.size) if rough is None else rough
-        self._columns, self._rough, self._weight = columns, rough, 1 / np.sqrt(1 + rough**2)
         columns = np.zeros((tangent.residual.size, 0)) if columns is None else self._seen(columns)
         k = columns.shape[1]
         self._size, self._whole = (
             size,
-            np.hstack([columns, tangent.jacobian * (self._weight[:, None] * size)]),
+            np.hstack([columns, tangent.jacobian * size]),
         )
-        residual = tangent.residual * self._weight
-        normal, along = self._whole.T @ self._whole, self._whole.T @ residual
+        normal, along = self._whole.T @ self._whole, self._whole.T @ tangent.residual
         ends = problem.bounds()[0] - tangent.theta, problem.bounds()[1] - tangent.theta
         low, high = np.minimum(ends[0] / size, 0.0), np.maximum(ends[1] / size, 0.0)
         step = np.zeros(k + size.size)
@@ -133,7 +128,7 @@ class Marginal:
                 break
         pulls = problem.pseudo.residual(tangent.theta + step[k:] * size)
         self.step, self.coefficients = step[k:] * size, step[:k]
-        self._left = residual + self._whole @ step
+        self._left = tangent.residual + self._whole @ step
         self.chi2 = float(self._left @ self._left + pulls @ pulls + step[:k] @ step[:k])
         known = np.concatenate([np.ones(k), size / tangent.widths])
         volume = float(np.linalg.slogdet((normal + np.diag(known**2)) / np.outer(known, known))[1])
@@ -143,15 +138,10 @@ class Marginal:
         self._factor = cho_factor(matrix + np.diag(stiff))
         of_noise = 0.0 if tangent.noise is None else tangent.noise.ln_volume + tangent.noise.ln_price
         self.ln_evidence = float(tangent.ln_likelihood(self.chi2)) - 0.5 * volume + of_noise
-        self.ln_evidence += float(np.sum(np.log(self._weight)))
 
     def _seen(self, columns: Array) -> Array:
         noise = self.tangent.noise
-        return (columns if noise is None else noise.innovations(columns)) * self._weight[:, None]
-
-    def roughened(self, rough: Array) -> float:
-        """ln of the evidence with an error of each row by itself besides, of so many deviations of its noise."""
-        return Marginal(self.tangent, self._columns, np.hypot(self._rough, rough)).ln_evidence
+        return columns if noise is None else noise.innovations(columns)
 
     def beside(self, columns: Array, sizes: Array) -> tuple[Array, Array]:
         """ln of the evidence with more columns over that without.
@@ -180,7 +170,7 @@ class Marginal:
 
     def curvature(self, column: Array) -> float:
         """Half the second derivative of chi-square by a coefficient of a column, all else free."""
-        seen = self._seen(column[:, None])[:, 0]
+        seen = self._seen(column)
         along = self._whole.T @ seen
         return float(seen @ seen - along @ cho_solve(self._factor, along))
 

@@ -19,9 +19,6 @@ MOST = 100  # columns of a root
 
 def operating_points(problem: Problem) -> Array:
     """Operating variables of all measured rows, each from 0 to 1 over its range; shape (n, d)."""
-    axes = [getattr(o, "smooth_axis", None) for o in problem.observations]
-    if all(axis is not None for axis in axes):
-        return np.concatenate(axes)[:, None]
     conditions = problem.assembly.model.conditions
     columns = []
     for name in dict.fromkeys(n for o in problem.observations for n in o.conditions):

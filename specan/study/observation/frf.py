@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from specan.models import Assembly, Evaluation
 from specan.study.observation import Strategy, Variable
 from specan.study.observation.correlated_errors import (
-    DISCREPANCY_BANDS,
     PLACE,
     CommonErrors,
     moved_to,
@@ -194,11 +193,6 @@ class FrfObservation(KeptLines):
         band = np.round(10 * np.log10(self.frequency_hz / 1000.0)).astype(int)
         thirds = np.array([nominal_third(b) for b in band])
         return {"third_octave_hz": self.rows(thirds), "channel": self.channel_of_row}
-
-    @property
-    def smooth_axis(self) -> Array:
-        """Place of every row where errors of equations are smooth: half a unit is a third octave."""
-        return self.rows(DISCREPANCY_BANDS / 2 * np.log2(self.frequency_hz))
 
     @property
     def variables(self) -> Mapping[str, Variable]:

@@ -14,22 +14,16 @@ every single effect that improves the model is fitted once more with its sizes f
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
-from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
-from specan.study.estimation.fit import Fit, describe, fit
-from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection, held_inside
 from specan.study.selection.acceptance import DECISIVE, complete, incomplete
-from specan.study.selection.candidates import candidates, confounded_with, without
-from specan.study.selection.pulls import Pull, pulls
+from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit
 from specan.study.selection.score_test import best_of_each, different, score, score_pairs
 from specan.study.selection.search import STARTS, Search
@@ -222,73 +216,6 @@ def _as_far_as(distance_there: float) -> float:
     return distance_there + 4 * float(np.sqrt(max(distance_there, 1.0)))
 
 
-@dataclass(frozen=True, eq=False)
-class OtherForm:
-    """The base with one part or several in another published form.
-
-    Attributes
-    ----------
-    parts : mapping
-        Base effect, and what is in its place.
-    start : Refit
-    """
-
-    parts: Mapping[str, str]
-    start: Refit
-
-    @property
-    def text(self) -> str:
-        """``palmgren-bearings in place of bearing-friction``."""
-        return " and ".join(f"{form} in place of {part}" for part, form in self.parts.items())
-
-
-def other_forms(base: Refit) -> Iterator[OtherForm]:
-    """Every choice of other forms of parts of the base that meets the data decisively better, fitted, best first.
-
-    Parameters are paid for: better is a BIC, pulls of known ranges included, lower by 6.
-    """
-    problem = base.problem
-    if problem.strategy.frugal:
-        return
-    there = {part: forms for part, forms in problem.assembly.model.other_forms.items()
-             if Use(part) in problem.assembly.uses}  # fmt: skip
-    found = []
-    for chosen in product(*((part, *forms) for part, forms in there.items())):
-        parts = {part: form for part, form in zip(there, chosen, strict=True) if form != part}
-        start = _with(base, parts) if parts else None
-        if start is not None:
-            found.append(OtherForm(parts, start))
-    least = min((other.start.dispersion for other in found), default=1.0)
-    yield from sorted(found, key=lambda other: other.start.bic(least))
-
-
-def _with(base: Refit, parts: Mapping[str, str]) -> Refit | None:
-    """The base with other forms of some parts; None where that is not decisively better, or cannot be fitted."""
-    other = base.problem
-    for part, form in parts.items():
-        other = without(other, part).with_uses([form])
-    count = len(other.names) - len(base.problem.names)
-
-    def better(fitted: Fit) -> Refit | None:
-        form = Refit(frozenset(), other, fitted, count=count)
-        gain = base.bic(form.dispersion) - form.bic(form.dispersion)
-        return form if gain > DECISIVE else None
-
-    reached = []
-    for start in (base.fit.values, None):  # where the base is, and where forms are by default
-        with suppress(ComputationError):
-            reached.append(descend(other, other.start(start)))
-    if not reached:
-        return None
-    near = min(reached, key=lambda minimum: minimum.chi2)
-    if better(describe(other, near.theta, near.residual, near.jacobian)) is None:
-        return None
-    try:
-        return better(fit(other, near.theta))
-    except ComputationError:
-        return None
-
-
 def refit_promising(search: Search) -> None:
     """Refit every single effect whose score promises to improve the base, where a refit is cheap.
 
@@ -301,47 +228,3 @@ def refit_promising(search: Search) -> None:
     for items in step.by_use.values():
         if step.start.promised(items[0]) < 0:
             search.refits.fit(step.seen, [[item] for item in different(items, STARTS)])
-
-
-def sizes_beyond(search: Search, sets: Sequence[Refit]) -> list[tuple[Refit, tuple[Pull, ...]]]:
-    """Single effects outside a verdict that meet the data as well as its best set, with a size beyond what is known.
-
-    As well is a BIC within 6 of the best, pulls of its own sizes not counted. Beside the fit stand those sizes, none
-    more than an order of magnitude beyond.
-    """
-    best, found = search.best, []
-    if search.base.problem.strategy.frugal:
-        return []
-    least = best.bic(best.dispersion)
-    for refit in search.refits.of_size(1):
-        if refit in sets or refit.uses <= best.uses:
-            continue
-        free = _with_free_sizes(refit)
-        if free is None or free.bic(best.dispersion) - least >= DECISIVE:
-            continue
-        held = replace(free, problem=refit.problem)
-        outside = tuple(p for p in pulls(held) if p.too_far and _is_size(refit, p.parameter))
-        if outside and all(abs(p.value) <= MOST_BEYOND * max(map(abs, p.known)) for p in outside):
-            found.append((free, outside))
-    return sorted(found, key=lambda one: one[0].bic(best.dispersion))
-
-
-def _with_free_sizes(refit: Refit) -> Refit | None:
-    """The same set with own sizes that no range holds; None where none is pulled, or no fit is found."""
-    if not any(pull.pull for pull in pulls(refit) if _is_size(refit, pull.parameter)):
-        return None
-    sizes = frozenset(name.whole for name in refit.problem.names if _is_size(refit, name))
-    problem = replace(refit.problem, unheld=sizes)
-    try:
-        reached = descend(problem, refit.fit.theta)
-    except ComputationError:
-        return None
-    return replace(
-        refit, problem=problem, fit=describe(problem, reached.theta, reached.residual, reached.jacobian)
-    )
-
-
-def _is_size(refit: Refit, name: ParameterName) -> bool:
-    """Whether a parameter is an amplitude of an added effect."""
-    effects = refit.problem.assembly.model.effects
-    return any(name.owner == str(use) and name.own in effects[use.name].neutral for use in refit.uses)
