@@ -248,7 +248,8 @@ def _by_probability(ranked: Ranked | None) -> list[str]:
     """Columns of a table's explanations; their names without one."""
     if ranked is None:
         return ["probable", "evidence"]
-    return [f"{100 * (ranked.probability or 0):.2g} %", f"{ranked.ln_evidence or 0:+.1f}"]
+    percent = 100 * (ranked.probability or 0)
+    return [f"{percent:.2g} %" if percent >= 0.01 else "< 0.01 %", f"{ranked.ln_evidence or 0:+.1f}"]
 
 
 def _by_chance(ranked: Ranked | None) -> list[str]:

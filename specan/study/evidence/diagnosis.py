@@ -23,7 +23,6 @@ from specan.study.selection.search import Progress
 from specan.study.verdict import (
     LEAST_TOLD,
     Diagnosis,
-    ErrorFall,
     LackOfFit,
     Probability,
     Ranked,
@@ -108,7 +107,7 @@ class _Telling:
             reason = f"{with_what} fits only with {values}" + (f"; {telling} would tell" if telling else "")
         reason = reason or self._reason(kind)
         fails_at = self.try_to("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
-        error = self.try_to("the error", lambda: self._error(best), None)
+        error = self.try_to("the error", lambda: error_fall(base, best if sets else base), None)
         law = None
         if kind == "unknown-effect":
             law = self.try_to("a law of what is left", lambda: residual_law(base), None)
@@ -207,9 +206,6 @@ class _Telling:
         return (
             f"{best.text} would take the error from {before.rms:.3g} to {after.rms:.3g}{unit} and leave that"
         )
-
-    def _error(self, best: Refit) -> ErrorFall:
-        return error_fall(self.base, best)
 
     def _ranking(self) -> tuple[Ranked, ...]:
         rows = []
