@@ -57,11 +57,11 @@ def test_a_picture_holds_no_clock_time(kind, tmp_path):
 @pytest.fixture(scope="module")
 def study(tmp_path_factory) -> Path:
     place = tmp_path_factory.mktemp("gear")
-    for name in ("rig.toml", "table_8_loaded.csv"):
+    for name in ("rig.toml", "table_7_idle.csv", "table_8_loaded.csv"):
         shutil.copy(GEAR / name, place)
     draw(
         "png", place, "study", "new", str(place / "s"), "--model", "worm-gear", "--rig", str(place / "rig.toml"),
-        "--measurement", str(place / "table_8_loaded.csv"),
+        "--measurement", str(place / "table_7_idle.csv"), "--measurement", str(place / "table_8_loaded.csv"),
     )  # fmt: skip
     return place / "s"
 
