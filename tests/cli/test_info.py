@@ -104,10 +104,8 @@ def test_integrity(tmp_path):
     path = rig(tmp_path / "a.tdms")
     path.write_bytes(path.read_bytes() * 2)
     path.write_bytes(path.read_bytes()[:-10])
-    (tmp_path / "a.tdms_index").write_bytes(b"TDSh" + bytes(40))
-    output = run(path).output
-    assert "Flag: truncated" in output
-    assert "a.tdms_index belongs to another file" in output
+    (tmp_path / "a.tdms_index").write_bytes(b"TDSh" + bytes(40))  # of another file: it is not used
+    assert "Flag: truncated" in run(path).output
 
 
 def test_a_directory_and_a_file_that_is_none(tmp_path):
