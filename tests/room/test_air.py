@@ -1,8 +1,12 @@
 """The air: dispersion belongs to attenuation."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
+from specan.errors import RequestError
 from specan.room.model import air
 
 
@@ -43,13 +47,17 @@ def test_attenuation_is_that_of_the_table_of_iso_9613_2(celsius, humidity, decib
     np.testing.assert_allclose(neper * 20 / np.log(10) * 1000, decibel_per_km, rtol=0.005, atol=0.051)
 
 
-def test_attenuation_is_that_of_another_program():
-    from acoustics.standards import iso_9613_1_1993 as iso
+def test_the_room_model_loads_one_module_of_acoustics():
+    code = (
+        "import sys; from specan.models.catalogue import example_model; from specan.room.model import air; "
+        "example_model('room'); air.air_attenuation.function(1000.0, 293.15, 101325.0, 0.5); "
+        "print([m for m in ('acoustics', 'pandas', 'matplotlib') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
-    f = np.geomspace(20, 20000, 30)
-    water = iso.molar_concentration_water_vapour(40.0, iso.saturation_pressure(285.0), 98.0)
-    oxygen = iso.relaxation_frequency_oxygen(98.0, water)
-    nitrogen = iso.relaxation_frequency_nitrogen(98.0, 285.0, water)
-    decibel = iso.attenuation_coefficient(98.0, 285.0, 101.325, 293.15, nitrogen, oxygen, f)
-    neper = air.air_attenuation.function(f, 285.0, 98000.0, 0.4)
-    np.testing.assert_allclose(neper, decibel * np.log(10) / 20, rtol=1e-9)
+
+def test_a_missing_library_is_named(monkeypatch):
+    monkeypatch.setattr(air, "find_spec", lambda name: None)
+    with pytest.raises(RequestError, match="pip install acoustics"):
+        air.iso_9613_1.__wrapped__()

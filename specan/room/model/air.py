@@ -1,16 +1,56 @@
-"""The air: speed of sound, density, attenuation by ISO 9613-1:1993."""
+"""The air: speed of sound, density, attenuation.
+
+ISO 9613-1 comes from the library `acoustics`: one module of it, without the rest of that library. ``import acoustics``
+runs all of its modules. That costs a second, loads pandas and matplotlib, and fails under scipy from 1.17 on, where a
+function is gone that only its directivities use. The module with the standard's formulas needs numpy only, and is
+loaded by itself.
+"""
 
 from __future__ import annotations
 
+from functools import cache
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
 import numpy as np
 
+from specan.errors import RequestError
 from specan.models.quantity import quantity
+
+_MODULE = Path("standards") / "iso_9613_1_1993.py"
 
 ZERO_CELSIUS = 273.15  # K
 GAS_CONSTANT_AIR = 287.05  # J/(kg K), dry air
-REFERENCE_K, TRIPLE_POINT_K, REFERENCE_PA = 293.15, 273.16, 101325.0
-# Relaxation terms of eq. 5: factor (s/m) and temperature (K) of oxygen and nitrogen.
-RELAXATIONS = ((0.01275, 2239.1), (0.1068, 3352.0))
+
+
+@cache
+def iso_9613_1() -> ModuleType:
+    """The module ``acoustics.standards.iso_9613_1_1993``, loaded from its file.
+
+    Raises
+    ------
+    RequestError
+        The library is not installed, or is a version without that file.
+
+    Examples
+    --------
+    >>> round(float(iso_9613_1().soundspeed(293.15)), 1)
+    343.2
+    """
+    package = find_spec("acoustics")  # looks for it and does not run it
+    places = [] if package is None else list(package.submodule_search_locations or [])
+    path = next((Path(p) / _MODULE for p in places if (Path(p) / _MODULE).is_file()), None)
+    spec = None if path is None else spec_from_file_location("specan_iso_9613_1", path)
+    if spec is None or spec.loader is None:
+        raise RequestError(
+            "the library 'acoustics' with ISO 9613-1 is missing",
+            expected="acoustics 0.2.6",
+            remedy="pip install acoustics==0.2.6",
+        )
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @quantity(unit="K")
@@ -22,7 +62,7 @@ def air_temperature(nominal_air_temperature, temperature_difference):
 @quantity(unit="m/s", reference="ISO 9613-1:1993, eq. A.5: c = 343.2 sqrt(T / 293.15)")
 def sound_speed(air_temperature):
     """Speed of sound below all relaxation."""
-    return 343.2 * np.sqrt(air_temperature / REFERENCE_K)
+    return 343.2 * np.sqrt(air_temperature / 293.15)
 
 
 @quantity(unit="kg/m^3")
@@ -34,14 +74,22 @@ def density(air_temperature, air_pressure):
 @quantity(unit="1/m", reference="ISO 9613-1:1993, eq. 5")
 def air_attenuation(frequency, air_temperature, air_pressure, relative_humidity):
     """Attenuation of the sound pressure in air, Np/m."""
-    warmth, pressure = air_temperature / REFERENCE_K, air_pressure / REFERENCE_PA
-    total = 1.84e-11 / pressure * np.sqrt(warmth)
-    for relaxation_hz, (factor, characteristic) in zip(
-        relaxations_hz(air_temperature, air_pressure, relative_humidity), RELAXATIONS, strict=True
-    ):
-        strength = factor * np.exp(-characteristic / air_temperature) * warmth**-2.5
-        total = total + strength / (relaxation_hz + np.square(frequency) / relaxation_hz)
-    return 8.686 * np.square(frequency) * total * (np.log(10) / 20)
+    iso = iso_9613_1()
+    oxygen, nitrogen = _relaxation_hz(air_temperature, air_pressure, relative_humidity)
+    decibel = iso.attenuation_coefficient(
+        air_pressure / 1000,  # that library counts in kPa
+        air_temperature,
+        iso.REFERENCE_PRESSURE,
+        iso.REFERENCE_TEMPERATURE,
+        nitrogen,
+        oxygen,
+        frequency,
+    )
+    return np.asarray(decibel) * (np.log(10) / 20)
+
+
+# Relaxation terms of ISO 9613-1:1993, eq. 5: factor (s/m) and temperature (K) of oxygen and nitrogen.
+_RELAXATIONS = ((0.01275, 2239.1), (0.1068, 3352.0))
 
 
 @quantity(unit="1", reference="Morfey and Howell, J. Acoust. Soc. Am. 68 (1980) 1525")
@@ -53,25 +101,23 @@ def air_dispersion(frequency, sound_speed, air_temperature, air_pressure, relati
     factor of the process times the speed of sound: 6e-5 for nitrogen at 20 degC.
     """
     total = np.zeros(len(frequency))
-    for relaxation_hz, (factor, characteristic) in zip(
-        relaxations_hz(air_temperature, air_pressure, relative_humidity), RELAXATIONS, strict=True
-    ):
-        strength = (
-            factor * np.exp(-characteristic / air_temperature) * (air_temperature / REFERENCE_K) ** -2.5
-        )
+    relaxations = _relaxation_hz(air_temperature, air_pressure, relative_humidity)
+    for relaxation_hz, (factor, characteristic) in zip(relaxations, _RELAXATIONS, strict=True):
+        strength = factor * np.exp(-characteristic / air_temperature) * (air_temperature / 293.15) ** -2.5
         x2 = (frequency / relaxation_hz) ** 2
         total += strength * sound_speed / (2 * np.pi) * x2 / (1 + x2)
     return total
 
 
-def relaxations_hz(temperature: float, pressure: float, humidity: float) -> tuple[float, float]:
-    """Relaxation frequencies of oxygen and nitrogen (eqs 3, 4, B.2, B.3)."""
-    warmth, pressure = temperature / REFERENCE_K, pressure / REFERENCE_PA
-    saturation = 10 ** (-6.8346 * (TRIPLE_POINT_K / temperature) ** 1.261 + 4.6151)
-    water = 100 * humidity * saturation / pressure  # molar concentration, percent
-    oxygen = pressure * (24.0 + 4.04e4 * water * (0.02 + water) / (0.391 + water))
-    nitrogen = pressure * warmth**-0.5 * (9.0 + 280.0 * water * np.exp(-4.170 * (warmth ** (-1 / 3) - 1.0)))
-    return float(oxygen), float(nitrogen)
+def _relaxation_hz(temperature: float, pressure: float, humidity: float) -> tuple[float, float]:
+    """Relaxation frequencies of oxygen and nitrogen (ISO 9613-1:1993, eqs 3 and 4)."""
+    iso = iso_9613_1()
+    kilopascal = pressure / 1000
+    water = iso.molar_concentration_water_vapour(
+        humidity * 100, iso.saturation_pressure(temperature), kilopascal
+    )
+    oxygen = float(iso.relaxation_frequency_oxygen(kilopascal, water))
+    return oxygen, float(iso.relaxation_frequency_nitrogen(kilopascal, temperature, water))
 
 
 QUANTITIES = (air_temperature, sound_speed, density, air_attenuation, air_dispersion)
