@@ -69,7 +69,6 @@ class Strategy:
         return 1.0 if self.either_sign else float("inf")
 
 
-NO_VERDICT = 20.0  # times the tolerances: 0.02 of chi-square, which no verdict shows
 TABLE = Strategy()
 
 

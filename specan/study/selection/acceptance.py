@@ -33,13 +33,11 @@ from specan.study.selection.significance import (
     detectable_noncentrality,
     improvement_probability,
     needed_reduction,
-    simulated_probability,
 )
 
 LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
 LEAST_SHARE = 1e-5  # of the family-wise level, that one test of many is left
 DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
-DRAWS = 20_000  # of the bootstrap
 # Part of a difference in chi-square, of which what the better of two sets may leave at most.
 COINCIDENCE = 0.2
 
@@ -104,15 +102,12 @@ class AcceptanceTest:
         Chi-square that the effects which the search has added so far have taken away.
     level : float
         Family-wise level of this step.
-    bootstrap : bool
-        Family-wise probabilities by simulation of the maximum instead of the bound.
     """
 
     start: Refit
     family: MultipleTestingFamily
     explained: float = 0.0
     level: float = LEVEL
-    bootstrap: bool = False
 
     def decision(self, extended: Refit, *, tests: float | None = None) -> Decision:
         """Fate of an extension.
@@ -135,7 +130,7 @@ class AcceptanceTest:
                 sided=1 if extended.uses - start.uses <= extended.one_sided else 2,
                 tolerated=tolerated,
             )
-            return self._family_wise(single) if tests is None else min(tests * single, 1.0)
+            return self.family.probability(single) if tests is None else min(tests * single, 1.0)
 
         return Decision(
             p_value=probability(0.0),
@@ -170,12 +165,6 @@ class AcceptanceTest:
             return 1.0
         part = self.start.linear.basis[[self.start.problem.pseudo_rows[name] for name in freed]]
         return float(np.linalg.eigvalsh(part @ part.T)[-1])
-
-    def _family_wise(self, single: float) -> float:
-        bound = self.family.probability(single)
-        if self.bootstrap and bound > 0.05 * self.level:
-            return simulated_probability(self.family, single, DRAWS)
-        return bound
 
     @property
     def pairs(self) -> float:

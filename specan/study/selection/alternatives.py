@@ -31,7 +31,6 @@ from specan.study.selection.starting_values import scan_shapes
 
 DISTINGUISHABLE = 10.0  # D below which two explanations are not distinguished
 WIDE = 30.0  # D of the linearised distance within which a rival is refitted
-MOST_BEYOND = 10.0  # times the largest size known: what would need a larger one is ruled out by what is known
 
 
 def distance(truth: Refit, rival: Refit) -> float:

@@ -222,28 +222,6 @@ def _spanning_tree(length: Array) -> tuple[Array, tuple[NDArray[np.intp], NDArra
     return edges, (joined_to[ends], ends)
 
 
-def simulated_probability(family: MultipleTestingFamily, p_value: float, draws: int, seed: int = 0) -> float:
-    """The same probability by parametric bootstrap of the maximum (one-amplitude members only).
-
-    Draws of whitened noise are projected on all directions at once; the share of draws whose smallest
-    p-value lies at or below `p_value` is returned, (k + 1) / (draws + 1).
-    """
-    from scipy.special import ndtr
-
-    if not family.directions.shape[1]:
-        return family.probability(p_value)
-    generator = np.random.default_rng(seed)
-    values, vectors = np.linalg.eigh(family.directions.T @ family.directions)
-    keep = values > 1e-10 * values[-1]
-    mixing = vectors[:, keep] * np.sqrt(values[keep])
-    hits = 0
-    for start in range(0, draws, 1000):
-        z = generator.standard_normal((min(1000, draws - start), mixing.shape[1])) @ mixing.T
-        single = np.where(family.one_sided, ndtr(-z), 2 * ndtr(-np.abs(z)))
-        hits += int(np.sum(single.min(axis=1) <= p_value))
-    return min((hits + 1) / (draws + 1) + family.subspaces * p_value, 1.0)
-
-
 def benjamini_yekutieli(p_values: Sequence[float], level: float) -> NDArray[np.bool_]:
     """Which hypotheses fall at a false discovery rate, whatever the dependence between them.
 
