@@ -115,6 +115,7 @@ class Decay(SectionSettings):
         self, recording: Recording, channel: Channel, mid: Real, width: Real
     ) -> tuple[dict[str, Real], str]:
         """The results of a channel over its own length, and why it has none."""
+        no_band = dict.fromkeys(_RESULTS, math.nan)
         nothing = {"start_s": np.array([np.nan]), **{name: np.full(mid.size, np.nan) for name in _RESULTS}}
         try:
             start, stop = section(recording, (channel,), self.start_s, self.stop_s)
@@ -129,15 +130,19 @@ class Decay(SectionSettings):
         samples = np.ldexp(samples, -np.frexp(np.abs(samples).max())[1])
         samples = samples - np.mean(samples)
         rate = channel.sampling_rate
-        # A band of width B is known no sooner than 1 / B after the arrival.
-        if samples.size <= rate / width.max():
-            return nothing, "short"
         arrival = int(np.argmax(np.abs(samples) >= _ARRIVAL * np.abs(samples).max()))
+        # A band of width B is known no sooner than 1 / B after the arrival.
+        known = samples.size - arrival > rate / width
+        if not known.any():
+            return nothing, "short"
         lead = int(_LEAD_S * rate)
         length = scipy.fft.next_fast_len(lead + samples.size, real=True)
         spectrum = scipy.fft.rfft(np.concatenate([np.zeros(lead), samples]), length)
         found = []
-        for f, bandwidth in zip(mid, width, strict=True):
+        for f, bandwidth, enough in zip(mid, width, known, strict=True):
+            if not enough:
+                found.append(no_band)
+                continue
             energy, step = _band_energy(spectrum, length, lead + samples.size, f / rate, self.fraction)
             found.append(
                 _evaluate(energy, int((lead + arrival) / step), int(lead / step), step / rate, bandwidth)

@@ -21,6 +21,7 @@ from specan.dsp.order_lines import (
     PASS,
     AngularResampler,
     Departure,
+    Lines,
     common_period,
     departure,
     derivative_factor,
@@ -364,18 +365,22 @@ class OrderAccumulator:
         first = self.first_turn + self.block_turns / 2 - step / (2 * self.per_column)
         return first + step * (np.arange(columns) + 0.5)
 
-    def _lines(self) -> OrderLines | None:
+    @cached_property
+    def _fitted(self) -> tuple[Lines, int] | None:
+        """The wanted lines, and the turns that they are of."""
         wanted = self.settings.wanted
         if not wanted:
             return None
-        samples = self._samples
-        period = common_period(wanted)
-        turns = samples.shape[1] // self.per_turn
+        period, turns = common_period(wanted), self._samples.shape[1] // self.per_turn
         if period is not None and turns >= period:
             turns -= turns % period
-        found = fit_lines(
-            samples[:, : turns * self.per_turn], self.per_turn, wanted, first_turn=self.first_turn
-        )
+        samples = self._samples[:, : turns * self.per_turn]
+        return fit_lines(samples, self.per_turn, wanted, first_turn=self.first_turn), turns
+
+    def _lines(self) -> OrderLines | None:
+        if self._fitted is None:
+            return None
+        wanted, (found, turns) = self.settings.wanted, self._fitted
         frequency = np.array(wanted) * self.speed_range[1]
         plain = [
             c.correction(frequency) * derivative_factor(frequency, -c.derivatives) for c in self.channels
@@ -412,14 +417,20 @@ class OrderAccumulator:
         around = np.where(apart <= NEIGHBOURS, share[channel], 0.0)
         middle = around @ self.order[1:] / np.maximum(around.sum(axis=1), 1e-300)
         own = np.argmin(np.abs(middle - orders[:, None]), axis=0) == np.arange(orders.size)
-        sharp = apart[np.arange(orders.size), np.argmax(around, axis=1)] <= 0.5  # not smeared over orders
+        sharp = apart.min(axis=0)[np.argmax(around, axis=1)] <= 0.5  # not smeared over orders
         weight = np.where(own, around.max(axis=1), 0.0) * orders**2  # of what an error of the angle does
         x = self._samples[channel] - self._samples[channel].mean()
-        found = [
-            (departure(x, self.per_turn, float(orders[k]), float(orders.max()), sloped=not wanted), sharp[k])
-            for k in np.argsort(weight)[-STRONGEST:]
-            if weight[k] and (sharp[k] or self.shaft.channel is None)
-        ]
+        known: list[tuple[float, complex]] = []
+        if self._fitted is not None:
+            at_start = self._fitted[0].amplitude[channel] * np.exp(2j * np.pi * orders * self.first_turn)
+            strongest = np.abs(at_start).max() or 1.0
+            known = [(o, a / strongest) for o, a in zip(orders.tolist(), at_start.tolist()) if a]
+        highest, found = float(orders.max()), []
+        for k in np.argsort(weight)[-STRONGEST:]:
+            if weight[k] and (sharp[k] or self.shaft.channel is None):
+                beside = [line for line in known if abs(line[0] - orders[k]) <= NEIGHBOURS]
+                one = departure(x, self.per_turn, float(orders[k]), highest, not wanted, beside)
+                found.append((one, sharp[k]))
         told = [one for one, as_it_is in found if one and (as_it_is or not one.steady)]
         return max(told, key=lambda one: one.loss_dB / one.order**2, default=None)
 

@@ -142,12 +142,20 @@ class Departure:
         return np.asarray(10 ** (loss_dB / 20) - 1)
 
 
-def departure(x: Real, per_turn: int, order: float, highest: float, sloped: bool = False) -> Departure | None:
+def departure(
+    x: Real,
+    per_turn: int,
+    order: float,
+    highest: float,
+    sloped: bool = False,
+    beside: Sequence[tuple[float, complex]] = (),
+) -> Departure | None:
     """Whether a line keeps its phase; None where it does, or where nothing can be told.
 
     The line's complex amplitude z in pieces of a turn, of half a turn and so on: an angle that is wrong turns its phase
     and leaves its size, mean |z| > |mean z|. Noise and other lines nearby change the size as well: of their power half
-    is seen in the size, of the angle's nothing.
+    is seen in the size, of the angle's nothing. Lines nearby that are known are taken together with it: the same angle
+    turns them all.
 
     Parameters
     ----------
@@ -157,6 +165,8 @@ def departure(x: Real, per_turn: int, order: float, highest: float, sloped: bool
         Order whose loss would be told; it grows with the order squared.
     sloped : bool
         The order is not exactly known: a constant change of its phase is none.
+    beside : sequence of (order, complex amplitude)
+        Known lines nearby, the line itself included, of which the strongest has an amplitude of about one.
 
     Examples
     --------
@@ -166,30 +176,55 @@ def departure(x: Real, per_turn: int, order: float, highest: float, sloped: bool
     (0.58, 0.002, True)
     >>> departure(np.cos(2 * np.pi * 10 * u), 64, 10.0, 10.0)
     """
-    turned, found = x * np.exp(-2j * np.pi * order / per_turn * np.arange(x.size)), None
+    alone = _departure_of([(order, 1.0)], x, per_turn, order, highest, sloped)
+    if len(beside) < 2:
+        return alone
+    together = _departure_of(beside, x, per_turn, order, highest, sloped)
+    return max((one for one in (alone, together) if one), key=lambda one: one.loss_dB, default=None)
+
+
+def _departure_of(
+    lines: Sequence[tuple[float, complex]],
+    x: Real,
+    per_turn: int,
+    order: float,
+    highest: float,
+    sloped: bool,
+) -> Departure | None:
+    """The same of lines whose amplitudes have known ratios, given as that of one of them."""
+    orders, amplitudes = np.array([o for o, _ in lines]), np.array([a for _, a in lines])
+    of_turn = np.exp(2j * np.pi * np.outer(orders, np.arange(-(-x.size // per_turn))))
+    in_turn = np.exp(2j * np.pi * np.outer(orders, np.arange(per_turn) / per_turn))
+    shape = ((amplitudes[:, None] * of_turn).T @ in_turn).ravel()[: x.size]
+    turned, weight, found = x * np.conj(shape), np.abs(shape) ** 2, None
+    middle = np.sqrt(np.average(orders**2, weights=np.abs(amplitudes) ** 2))
+    as_one = (order / middle) ** 2  # the loss in dB goes with the order squared
     least_dB = LOSS_DB * (order / highest) ** 2
     for part in (1, 2, 4, 8):
-        z = _pieces(turned, per_turn // part)
-        if order < part or z.size < FEWEST:
+        q = _pieces(weight, per_turn // part)
+        if order < part or q.size < FEWEST:
             break
+        q /= q.mean()
+        z = _pieces(turned, per_turn // part)
         number = np.arange(z.size)
         slope, start = np.polyfit(number, np.unwrap(np.angle(z)), 1)
         level = z * np.exp(-1j * (slope * number + start))
-        power, size = np.mean(np.abs(z) ** 2), np.mean(np.abs(z)) ** 2
+        power, size = np.mean(np.abs(z) ** 2 / np.maximum(q, 1e-12)), np.mean(np.abs(z)) ** 2
         left, levelled = np.abs(z.mean()) ** 2, np.abs(level.mean()) ** 2
         left = max(left, levelled) if sloped else left
-        loss_dB = float(10 * np.log10(size / max(left, 1e-30 * size))) if size else 0.0
+        loss_dB = float(as_one * 10 * np.log10(size / max(left, 1e-30 * size))) if size else 0.0
         of_angle = power - size < OTHERS * (power - left)
         if of_angle and loss_dB > max(least_dB, found.loss_dB if found else 0.0):
             steady = size < 10 ** (LOSS_DB / 10) * levelled
-            found = Departure(order, loss_dB, float(slope / (2 * np.pi) * part), bool(steady))
+            cycles = slope / (2 * np.pi) * part * order / middle
+            found = Departure(order, loss_dB, float(cycles), bool(steady))
     return found
 
 
-def _pieces(turned: NDArray[np.complex128], length: int) -> Complex:
+def _pieces(x: NDArray, length: int) -> NDArray:
     """Mean of pieces of so many samples."""
-    count = turned.size // length
-    return turned[: count * length].reshape(count, length).mean(axis=1)
+    count = x.size // length
+    return x[: count * length].reshape(count, length).mean(axis=1)
 
 
 def _check_spacing(orders: Real, turns: int) -> float:

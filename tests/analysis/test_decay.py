@@ -93,3 +93,15 @@ def test_what_cannot_be_evaluated_is_refused() -> None:
         Decay()(recording(np.zeros(4000)))
     with pytest.raises(RequestError, match="8000 Hz, sampled at 16000 Hz"):
         Decay(fmax=8000)(recording(diffuse(1, 0.5)))
+
+
+@pytest.mark.parametrize("left", [1, 3, 20, 100])
+def test_a_record_that_ends_at_its_arrival_has_no_decay_and_costs_no_other_channel_one(left: int) -> None:
+    """A band of width B is known 1 / B after an arrival: 100 samples are 6 ms, those of 22 ms and more are not."""
+    good = diffuse(3, 0.5)
+    late = 1e-9 * good
+    late[-left] = 1.0
+    alone, beside = Decay()(recording(good)), Decay()(recording(late, good))
+    assert beside.t20_s[1] == pytest.approx(alone.t20_s[0], nan_ok=True)
+    assert np.isnan(beside.t20_s[0][alone.bandwidth_hz < RATE / 100]).all()
+    assert left > 3 or beside.words[0] == ("short",)

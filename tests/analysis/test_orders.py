@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import j0
 
 from specan.analysis.orders import Orders
 from specan.data.recording import ArraySource, Channel, Recording
@@ -167,6 +168,28 @@ def test_changes_of_the_speed_that_nothing_follows_are_told(shaft, said):
     found = Orders(orders=tuple(LINES), **shaft)(recording(duration=8.0, per_turn=1, flutter=0.24))
     assert low_but_told(found)[-1] < -0.4
     assert any(said in note for note in found.notes)
+
+
+@pytest.mark.parametrize("orders", [(66.0,), (63.0, 66.0), (1.0, 62.1, 64.35, 66.0)], ids=str)
+@pytest.mark.parametrize("times", [0.5, 2.0])
+def test_changes_that_one_pulse_a_turn_never_sees_are_in_the_uncertainty(orders, times):
+    """An angle that departs by b sin(2 pi m turns) leaves J0(2 pi o b) of order o; it is zero at each pulse."""
+    speed, peak = 10.0, 0.0012
+    t = np.arange(int(6 * RATE)) / RATE
+    angle = speed * t + peak * np.sin(2 * np.pi * times * speed * t)
+    x = sum(np.cos(2 * np.pi * o * angle + o) for o in orders)
+    x = x + 0.05 * np.random.default_rng(1).standard_normal(t.size)
+    made = recording(duration=6.0, per_turn=1)
+    pulses = tacho_signal(np.arange(1, int(6 * speed)) / speed, t.size, 0.02)
+    found = Orders(orders=orders)(Recording("run.tdms", made.channels, ArraySource([x, pulses])))
+    left = j0(2 * np.pi * np.array(orders) * peak)
+    size = np.abs(found.lines.amplitude[0])
+    assert size == pytest.approx(left, abs=0.02)
+    assert found.lines.u[0][-1] == pytest.approx(1 - left[-1], rel=0.25)
+    (note,) = (n for n in found.notes if "is not that of the vibration" in n)
+    said = re.search(r"order (\S+) departs .* reads about (\S+) dB low", note)
+    truth = -20 * np.log10(j0(2 * np.pi * float(said[1]) * peak))
+    assert float(said[2]) == pytest.approx(truth, rel=0.25)
 
 
 def test_a_tacho_that_stops_is_told_and_what_it_covers_is_analysed():
