@@ -285,3 +285,25 @@ def test_a_motor_beside_two_analysers() -> None:
     assert np.abs(as_it_is - dewesoft)[low].max() < 0.12
     assert np.sqrt(np.mean(np.square(left_out.level_dB[0] - 120.0 - oros)[middle])) < 0.3
     assert left_out.edges[0, (left_out.nominal_hz >= 315) & middle].all()
+
+
+@pytest.mark.parametrize("begin", [0.002, 0.915])
+def test_an_event_at_an_end_of_a_record_too_short_for_its_bands_is_flagged_with_both_figures(
+    begin: float,
+) -> None:
+    """1/24 octaves at 30 Hz are 0.9 Hz wide, a record of 1 s shows 1 Hz. Truth: the event within 41 s."""
+    rate, n = 8000.0, 640
+    event = np.hanning(n) * np.sin(2 * np.pi * 30.0 * (np.arange(n) - (n - 1) / 2) / rate)
+    short, long = np.zeros((2, 8000)), np.zeros(41 * 8000)
+    for row, at in zip(short, (begin, 0.45)):
+        row[int(at * rate) : int(at * rate) + n] = event
+    long[160000:168000] = short[0]
+    settings = {"fraction": 24, "fmin": 25, "fmax": 35}
+    found = Octave(**settings)(recording(*short, rate=rate))
+    truth = Octave(**settings)(recording(long, rate=rate)).level_dB[0] + 10 * np.log10(41)
+    assert found.level_dB[0] == pytest.approx(truth, abs=0.15)
+    for band in range(len(truth)):
+        *_, flag, other = found.band_flags(0, band)
+        assert flag == "edges"
+        assert float(other.removeprefix("left-out=")) < truth[band] - 5
+        assert "edges" not in found.band_flags(1, band)
