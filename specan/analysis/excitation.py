@@ -224,7 +224,8 @@ def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64
     ]
     sections = [recording.read([channel], start, start + size)[0] for start in starts]
     sections = [s for s in sections if np.all(np.isfinite(s))]
-    rms = [float(np.sqrt(np.mean((s - s.mean()) ** 2))) for s in sections]
+    with np.errstate(over="ignore"):  # a damaged channel may hold anything
+        rms = [float(np.sqrt(np.mean((s - s.mean()) ** 2))) for s in sections]
     floor = 0.01 * max(rms, default=0.0)  # 40 dB below the loudest: before the start, after the end
     if channel.full_scale is not None:
         floor = max(floor, SILENT_RE_FULL_SCALE * channel.full_scale)

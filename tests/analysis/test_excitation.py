@@ -114,6 +114,10 @@ def test_neither(samples, word):
     assert word in found.reason
 
 
+def test_values_whose_squares_are_too_large_are_no_excitation_and_make_no_warning():
+    assert recognise(recording(1e200 * TONE)).kind == "unknown"
+
+
 def test_generator_before_vibrometer():
     found = recognise(recording(NOISE, generator=TONE))
     assert found.kind == "sine"
