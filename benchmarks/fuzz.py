@@ -42,7 +42,8 @@ _TEXTS = (
 
 
 def good_recordings() -> dict[str, bytes]:
-    """Seeds of the mutants: TDMS of several kinds and WAV, all small."""
+    """Seeds of the mutants: TDMS of several kinds, WAV, CSV and MAT, all small."""
+    import scipy.io
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
     from truth.rig import box_rig, calibrator_take, noise_take, sine_take
@@ -74,6 +75,9 @@ def good_recordings() -> dict[str, bytes]:
                         ChannelObject("g", "text", ["a", "b"]),
                     ]
                 )
+        table = np.column_stack([np.arange(600) / 1000.0, rng.standard_normal((600, 2))])
+        np.savetxt(place / "a.csv", table, "%.6g", ",", header="Time (s),Mic 1 (Pa),Mic 2 (Pa)", comments="")
+        scipy.io.savemat(place / "a.mat", {"fs": 1000.0, "Mic1": table[:, 1], "Mic2": table[:, 2]})
         for path in sorted(place.iterdir()):
             found[path.name] = path.read_bytes()
     for bits in (16, 24, 32):
@@ -85,6 +89,8 @@ def good_recordings() -> dict[str, bytes]:
     return found
 
 
+KINDS = ("tdms", "text", "wav", "csv", "mat")
+HEADERS = {"tdms": 3000, "csv": 400, "mat": 600}  # bytes in which most of the damage is done
 TABLES = {
     "channels.toml": b"""schema = 1
 [[channel]]
@@ -155,7 +161,7 @@ def mutant(rng: np.random.Generator, seed: bytes, header: int, *, text: bool) ->
 
 def mutants(kind: str, count: int, seed: int) -> Iterator[dict[str, bytes]]:
     """Files of each mutant, by their names in a directory of its own."""
-    rng = np.random.default_rng([seed, {"tdms": 0, "text": 1, "wav": 2}[kind]])
+    rng = np.random.default_rng([seed, KINDS.index(kind)])
     recordings = good_recordings()
     if kind == "text":
         names = sorted(TABLES)
@@ -166,7 +172,7 @@ def mutants(kind: str, count: int, seed: int) -> Iterator[dict[str, bytes]]:
     names = sorted(name for name in recordings if name.endswith(kind))
     for number in range(count):
         data = recordings[names[number % len(names)]]
-        yield {f"a.{kind}": mutant(rng, data, 3000 if kind == "tdms" else 60, text=False)}
+        yield {f"a.{kind}": mutant(rng, data, HEADERS.get(kind, 60), text=kind == "csv")}
 
 
 def run_together(
@@ -414,9 +420,9 @@ def _rows(path: Path) -> list[list[str]]:
 
 
 def main() -> int:
-    """Run all three kinds."""
+    """Run all kinds."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    for kind, count in (("tdms", 3000), ("text", 2000), ("wav", 800)):
+    for kind, count in zip(KINDS, (3000, 2000, 800, 400, 40)):
         parser.add_argument(f"--{kind}", type=int, default=count)
     parser.add_argument(
         "--verbs", type=int, default=200, help="mutants of each kind that every verb is given"
@@ -426,7 +432,7 @@ def main() -> int:
     chosen = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     wrong = 0
-    for kind in ("tdms", "text", "wav"):
+    for kind in KINDS:
         begin = time.process_time()
         with tempfile.TemporaryDirectory() as place:
             total, faults = fuzz(kind, getattr(chosen, kind), chosen.seed, chosen.together, Path(place))

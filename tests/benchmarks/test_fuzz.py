@@ -10,7 +10,10 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import fuzz
 
 
-@pytest.mark.parametrize("kind", ["tdms", "text", "wav"])
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(k, marks=pytest.mark.long if k == "mat" else ()) for k in fuzz.KINDS],  # a process a file
+)
 def test_no_damaged_file_costs_another_one_its_result(tmp_path, kind) -> None:
     total, faults = fuzz.fuzz(kind, 20, 7, 20, tmp_path)
     assert faults == []
