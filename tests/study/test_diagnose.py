@@ -128,28 +128,6 @@ def test_two_effects_that_no_one_law_imitates_are_named_without_a_doubt(toy):
     assert not found.unknown_possible
 
 
-@pytest.mark.long
-def test_two_effects_that_one_law_imitates_are_named_with_that_law(toy):
-    """Half x^2 z in each of two candidates, whose sum is one law of the grammar."""
-
-    @effect("half", adds_to="heat", neutral={"c": 0.0})
-    def half(x, z, *, c=Parameter(1.0, "W", min=-50.0, max=50.0)):
-        "Half of the truth, and a wave beside it."
-        return c * (x**2 * z + np.cos(5 * x) * z)
-
-    @effect("other-half", adds_to="heat", neutral={"c": 0.0})
-    def other_half(x, z, *, c=Parameter(1.0, "W", min=-50.0, max=50.0)):
-        "The other half, and the wave the other way round."
-        return c * (x**2 * z - np.cos(5 * x) * z)
-
-    found = diagnose(
-        toy.problem(lambda x, z: 8 * x**2 * z, ["half", "other-half"], seed=4, also=[half, other_half])
-    )
-    assert found.alternatives == (("half", "other-half"),)
-    assert found.unknown_possible
-    assert "one unknown effect (power of x x signed power of z)" in found.reason
-
-
 def test_a_second_effect_becomes_probable_as_it_grows(toy):
     """Without noise the wave takes at most 24 size^2 off chi-square: 1, 16 and 96."""
     names = ["square", "wave", "cross", "zero-error", "saturating"]

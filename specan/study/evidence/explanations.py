@@ -182,6 +182,7 @@ class Explanations:
             for length in FORM_LENGTHS
         ]
         self.found: list[Explanation] = []
+        self._weighed: dict[tuple[Tangent, Autoregression | None], tuple[Marginal, float]] = {}
         self.forms = list(forms_of(problem, base))
         self._search()
         progress("what no effect describes, values beyond what is known, noise, faults of the data", SETS)
@@ -366,12 +367,18 @@ class Explanations:
 
         Errors of form: what the equations of a set may be wrong by, a share of what they change against the base.
         """
-        change = np.concatenate(tangent.problem.predictions(tangent.theta)) - form.predicted
-        own = tangent.problem is form.problem
+        key = tangent, noise
+        if key not in self._weighed:
+            self._weighed[key] = self._weigh(form, tangent, noise)
+        return self._weighed[key]
+
+    def _weigh(self, form: Form, tangent: Tangent, noise: Autoregression | None) -> tuple[Marginal, float]:
+        own, there = tangent.problem is form.problem, tangent
         tangent = tangent.with_noise(noise)
         if own:
             one = Marginal(tangent)
             return one, one.ln_evidence
+        change = np.concatenate(there.problem.predictions(there.theta)) - form.predicted
         white = [self.problem.whiten(change[:, None] * root) for root in self.roots]
         found = [Marginal(tangent, share * columns) for columns in white for share in FORMS]
         each = [one.ln_evidence for one in found]
