@@ -77,13 +77,13 @@ def test_readings_are_those_of_the_whole_record_at_the_full_rate(fraction: int) 
     for column, one in enumerate(filters):
         expected = direct(signals(), one)
         # Within 80 dB of the channel's largest level. The ripple of a low band's square between two readings is not
-        # followed: 0.03 dB at 200 Hz. That of narrow bands from 240 Hz on is added in closed form.
+        # followed: 0.03 dB at 200 Hz, 0.023 dB at 670 Hz in narrow bands.
         loud = expected > 1e-8 * expected.max(axis=1, keepdims=True)
         loud[2:] &= np.abs(TIMES - N / 2 / RATE) > 0.1  # nor is a step of 80 dB
         if one.upper > RATE / 2:  # cut off at half the rate, a band rings ahead of the step
             loud[2:] = False
         limit = (
-            0.009
+            (0.025 if fraction == 24 and one.lower < 1800.0 else 0.009)
             if one.lower > (245.0 if fraction == 24 else 1800.0) or one.weighting or one.identity
             else 0.07
         )

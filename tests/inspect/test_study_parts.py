@@ -110,7 +110,7 @@ def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory, monkeypa
     assert heard_of == []
     found = kept.diagnosis(go_on, heard_of.append)
     assert found.alternatives
-    assert any("scoring" in text for text in heard_of)
+    assert any("fitting with" in text for text in heard_of)
     said: list[str] = []
     assert KeptStudy(Study(directory)).diagnosis(go_on, said.append) == found
     assert said == []  # it was on the disk

@@ -92,7 +92,6 @@ def test_rows_of_two_kinds_that_contradict_each_other_are_named(tmp_path):
     columns = without(campaign(1, -1.5), "elapsed_time_s", "coupled")
     found = diagnose(problem(tmp_path, columns, rig()))
     assert any("rows without load" in remark and "column 'coupled'" in remark for remark in found.remarks)
-    assert found.unknown_possible
     said = diagnose(problem(tmp_path, columns, rig(operation={"idle_uncoupled": True}))).remarks
     assert not any("column 'coupled'" in remark for remark in said)  # the rig file says it already
     whole = diagnose(problem(tmp_path, without(campaign(1), "elapsed_time_s", "coupled"), rig()))

@@ -12,7 +12,7 @@ from specan.errors import SpecanError, unforeseen
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.explanations import NOTHING, OF_SIZE, Explanation, Explanations
+from specan.study.evidence.explanations import FORMS, NOTHING, OF_SIZE, Explanation, Explanations
 from specan.study.evidence.judgement import NOTHING_ABOVE, OF_THE_BEST, Judgement, Stated, judge
 from specan.study.localisation.localise import localise
 from specan.study.selection.doubtful_data import copied_rows, odd_repeat, rows_of_two_kinds, suspect_rows
@@ -41,6 +41,7 @@ TOO_FAR = 3.0  # standard deviations outside of what is known, from which a fit 
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
 OPEN = 0.95  # probability of the best explanation above which nothing is left to decide
+OFF_FORM = 0.9  # probability that the errors of form are the largest, above which a name is doubted
 DOUBT = 0.2  # probability of something else from which it is said: twice what it is before any data
 
 
@@ -109,7 +110,7 @@ class _Telling:
         fails_at = self.try_to("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
         error = self.try_to("the error", lambda: error_fall(base, best if sets else base), None)
         law = None
-        if kind == "unknown-effect":
+        if kind == "unknown-effect" and not suspect_rows(base):
             law = self.try_to("a law of what is left", lambda: residual_law(base), None)
         proposals = self.try_to("what to measure next", lambda: self._next(kind, fails_at), ())
         rows = self.try_to("the table of what was tried", self._ranking, ())
@@ -121,7 +122,8 @@ class _Telling:
             alternatives=tuple(tuple(sorted({u.name for u in one.uses})) for one in sets),
             at=places_of(u for one in sets for u in one.uses),
             unknown_possible=kind in ("fits-only-if", "unknown-effect")
-            or self.explanations.probability_of_something_else > DOUBT,
+            or self.explanations.probability_of_something_else > DOUBT
+            or self._off_form,
             probabilities=tuple(self._probabilities()),
             ranking=rows,
             lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
@@ -159,7 +161,7 @@ class _Telling:
         ]
 
     def _reason(self, kind: str) -> str:
-        judged, parts = self.judged, []
+        judged, sets, parts = self.judged, self.judged.sets, []
         if kind == "faulty-data":
             return f"{judged.sets[0].best.fault_text}: correct that, and diagnose again"
         if kind == "nothing-missing":
@@ -175,6 +177,11 @@ class _Telling:
                 parts.append("the model fits, and no effect of the catalogue improves it")
         if kind in ("effect", "group"):
             parts.append(self._others())
+        if kind in ("effect", "group") and self._off_form:
+            parts.append(
+                f"the equation of {sets[0].text} would have to be off by about {100 * FORMS[-1]:.0f} %: it may be "
+                "another effect of a similar form"
+            )
         if kind == "unknown-effect":
             parts.append("the model does not fit, and no effect of the catalogue explains it")
             partly = self._partly()
@@ -184,6 +191,12 @@ class _Telling:
         if forms and kind in ("effect", "group"):
             parts.append(f"with {' or '.join(sorted(forms))}")
         return "; ".join(parts)
+
+    @property
+    def _off_form(self) -> bool:
+        """Whether the named set fits only if its equations are off by as much as is thought possible."""
+        sets = self.judged.sets
+        return bool(sets) and self.explanations.largest_errors_of_form(sets[0].best) > OFF_FORM
 
     def _others(self) -> str:
         """The likeliest explanation without what is named."""
@@ -242,6 +255,10 @@ class _Telling:
     def _next(self, kind: str, fails_at: Sequence[Any]) -> Sequence[Proposal]:
         if kind == "faulty-data":
             return ()
+        if kind == "unknown-effect" and suspect_rows(self.base):
+            return (
+                Proposal("what carries the misfit once more, before anything else", {}, {}, "", None, None),
+            )
         if kind == "unknown-effect":
             return explore(self.base, fails_at)
         told = [one for one in self.judged.stated if one.kind in ("effects", "nothing") and one.best.fitted]

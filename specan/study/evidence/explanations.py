@@ -182,6 +182,7 @@ class Explanations:
             for length in FORM_LENGTHS
         ]
         self.found: list[Explanation] = []
+        self._largest: dict[Tangent, float] = {}
         self._weighed: dict[tuple[Tangent, Autoregression | None], tuple[Marginal, float]] = {}
         self.forms = list(forms_of(problem, base))
         self._search()
@@ -382,6 +383,8 @@ class Explanations:
         white = [self.problem.whiten(change[:, None] * root) for root in self.roots]
         found = [Marginal(tangent, share * columns) for columns in white for share in FORMS]
         each = [one.ln_evidence for one in found]
+        largest = [value for k, value in enumerate(each) if FORMS[k % len(FORMS)] == FORMS[-1]]
+        self._largest[there] = float(np.exp(logsumexp(largest) - logsumexp(each)))
         return found[int(np.argmax(each))], float(logsumexp(each) - np.log(len(each)))
 
     # --- values beyond what is known -----------------------------------------------------------------
@@ -507,6 +510,11 @@ class Explanations:
         found = [e for e in self.found if e.kind in ("nothing", "effects") and e.fitted]
         found.sort(key=lambda e: -e.ln_joint)
         return [e for k, e in enumerate(found) if k < most or not (e.uses or e.form.parts)]
+
+    def largest_errors_of_form(self, one: Explanation) -> float:
+        """Probability that the equations of a set are off by as much as is thought possible."""
+        tangent = replace(one.tangent, noise=None) if one.tangent.noise else one.tangent
+        return self._largest.get(tangent, 0.0)
 
     @property
     def probability_of_something_else(self) -> float:

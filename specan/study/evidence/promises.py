@@ -124,22 +124,37 @@ class Catalogue:
         return size if size <= most else None
 
     def _certificate(self, beside: Marginal, candidate: Candidate) -> Promise | None:
-        """An instrument error whose prior is removed: its columns are those of the fit itself."""
-        tangent = beside.tangent
+        """An instrument error whose prior is removed: its columns are those of the fit, beside its other amplitudes."""
+        tangent, n = beside.tangent, self.problem.n_data
         where = [
             tangent.problem.names.index(n) for n in candidate.without_prior if n in tangent.problem.names
         ]
         if not where:
             return None
-        width = np.array([np.ptp(candidate.plausible(n)) / np.sqrt(12) for n in candidate.without_prior])
-        columns = tangent.jacobian[:, where] * width
-        (gain,), (found,) = beside.beside(columns, np.ones(1))
-        start = tangent.problem.values_at(beside.shifted(columns, found))
-        found = found * width
-        for name, more in zip(candidate.without_prior, found, strict=True):
-            if name == name.whole:
-                start[name] = start[name] + more
-        return Promise(candidate.use, gain, (start,))
+        freed = np.array([np.ptp(candidate.plausible(n)) / np.sqrt(12) for n in candidate.without_prior])
+        best: Promise | None = None
+        none = Signature(candidate.use, np.zeros((n, 0)), (), np.empty(0), np.empty(0), {}, (-np.inf, np.inf))
+        for one in (none, *self.signatures.get(candidate.use, [])):
+            own = np.flatnonzero(one.size)
+            names = [one.names[k] for k in own]
+            width = np.array([np.ptp(candidate.plausible(name)) for name in names]) / np.sqrt(12)
+            more = one.columns[:n, own] * (width / np.abs(one.size[own]))
+            columns = np.hstack([tangent.jacobian[:, where] * freed, more])
+            (gain,), (found,) = beside.beside(columns, np.ones(1))
+            if best is not None and gain <= best.ln_gain:
+                continue
+            start = tangent.problem.values_at(beside.shifted(columns, found))
+            for name, change in zip(
+                candidate.without_prior, found * np.concatenate([freed, width]), strict=False
+            ):
+                if name == name.whole:
+                    start[name] = start[name] + change
+            sizes = found[len(where) :] * width * np.sign(one.size[own])
+            start |= {
+                str(name): one.neutral[k] + size for name, k, size in zip(names, own, sizes, strict=True)
+            }
+            best = Promise(candidate.use, gain, (start,))
+        return best
 
     def _best(self, beside: Marginal, candidate: Candidate) -> Promise | None:
         own = self.signatures.get(candidate.use, [])
