@@ -22,8 +22,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 NOISE = "sample_data/recordings/noise/noise_24_microphones.tdms"
 KNOCK = "sample_data/recordings/knock.tdms"
-GEAR = "sample_data/worm_gear"
-BENCH = f"{GEAR}/study/bench"
+BENCH = "sample_data/worm_gear/study/bench"
 
 
 @dataclass(frozen=True)
@@ -63,10 +62,10 @@ STUDIES = [
           (f"study new gear --model worm-gear --rig {BENCH}/rig.toml --measurement {BENCH}/measurement.csv "
            "--hold-out torque=50",)),
     Entry("diagnose", "Diagnosis", "The error that each candidate leaves.", "study diagnose gear"),
-    Entry("next", "The next measurement", "What the model expects of proposed readings; nothing of its catalogue fits.",
-          "study next article",
-          (f"study new article --model worm-gear --rig {GEAR}/rig.toml --measurement {GEAR}/table_7_idle.csv "
-           f"--measurement {GEAR}/table_8_loaded.csv",), cheap=False),
+    Entry("next", "The next measurement", "At slow speeds two effects fit alike: what each expects of three readings.",
+          "study next slow",
+          (f"study new slow --model worm-gear --rig {BENCH}/rig.toml --measurement {BENCH}/measurement.csv "
+           "--hold-out speed=1800,2300,2798",), cheap=False),
     Entry("add", "A step", "Errors and residuals before and after.", "study add gear windage"),
     Entry("steps", "All steps", "", "study history gear"),
 ]  # fmt: skip

@@ -13,7 +13,14 @@ from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import FORMS, NOTHING, OF_SIZE, Explanation, Explanations
-from specan.study.evidence.judgement import NOTHING_ABOVE, OF_THE_BEST, Judgement, Stated, judge
+from specan.study.evidence.judgement import (
+    NOTHING_ABOVE,
+    OF_THE_BEST,
+    Judgement,
+    Stated,
+    judge,
+    without_larger,
+)
 from specan.study.localisation.localise import localise
 from specan.study.selection.doubtful_data import copied_rows, odd_repeat, rows_of_two_kinds, suspect_rows
 from specan.study.selection.pulls import pulls, shown, what_would_tell
@@ -264,7 +271,7 @@ class _Telling:
         told = [one for one in self.judged.stated if one.kind in ("effects", "nothing") and one.best.fitted]
         if told[0].probability > OPEN:
             return ()
-        near = [one for one in told if one.probability > told[0].probability * OF_THE_BEST]
+        near = without_larger(one for one in told if one.probability > told[0].probability * OF_THE_BEST)
         plain = [self.refit(one.best) for one in near if not one.best.form.parts][:4]
         return propose(plain, other_kinds=kind == "group")
 

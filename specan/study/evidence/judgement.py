@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from specan.study.evidence.explanations import EffectSet, Explanation, Explanations
@@ -98,12 +99,14 @@ def judge(explanations: Explanations) -> Judgement:
     if whole.probability("unknown") > named:
         return Judgement("unknown-effect", (), all_of_them)
     effects = [one for one in all_of_them if one.kind == "effects"]
-    sets: list[Stated] = []
-    for one in effects:
-        if one.probability < effects[0].probability * OF_THE_BEST:
-            break
-        if not any(
-            other.uses < one.uses for other in sets
-        ):  # a likelier one with fewer effects says it already
-            sets.append(one)
+    sets = without_larger(one for one in effects if one.probability > effects[0].probability * OF_THE_BEST)
     return Judgement("effect" if len(sets) == 1 else "group", tuple(sets), all_of_them)
+
+
+def without_larger(found: Iterable[Stated]) -> list[Stated]:
+    """Explanations without those that a likelier one with fewer effects says already."""
+    kept: list[Stated] = []
+    for one in found:
+        if not any(other.uses and other.uses < one.uses for other in kept):
+            kept.append(one)
+    return kept
