@@ -11,31 +11,21 @@ from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from specan.errors import SpecanError, unforeseen
 from specan.models.effect import ParameterName
 from specan.study.conclusion import Conclusion, better_but_too_far, conclude, with_doubts
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.diagnosis import diagnosis, not_settled
+from specan.study.evidence.diagnosis import diagnosis, not_settled, too_good
 from specan.study.localisation.localise import Block, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up, undeclared_shifts
 from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
 from specan.study.selection.alternatives import alternatives, refit_promising
-from specan.study.selection.doubtful_data import (
-    copied_rows,
-    drift_over_rows,
-    odd_repeat,
-    rows_of_two_kinds,
-    suspect_rows,
-)
 from specan.study.selection.initial_fit import NEAR, InitialFit, initial_fit, with_covariances_about
 from specan.study.selection.pulls import Pull, pulls, shown
 from specan.study.selection.refits import Refit, Refits
-from specan.study.selection.residual_law import ResidualLaw, residual_law
 from specan.study.selection.search import Progress, Search, unheard
 from specan.study.selection.significance import LACK_OF_FIT
 from specan.study.verdict import (
@@ -52,9 +42,7 @@ LEAST_DOF = 3.0  # degrees of freedom below which no test is made
 STARTS = 3  # of the fit of the base
 MOST_PLACES = 12  # where the model fails, that are told
 MOST_OTHERS = 3  # sets behind the best between which a measurement is proposed
-TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENDS = 0.95  # share of a diagnosis that is over when its searches are
-ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
 
 
 class Stopped(KeyboardInterrupt):
@@ -246,19 +234,13 @@ def _verdict(search: Search, sets: list[Refit]) -> Diagnosis:
     fails_at = beside("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
     rows = beside("the table of what was tried", lambda: ranking(search, sets), ())
     proposals = beside("what to measure next", lambda: _next(search, sets, found.kind, fails_at), ())
-    law = beside("a law of what is left", lambda: _law_of_what_is_left(search, found), None)
     error = beside("the error", lambda: error_fall(base, best), None)
     visible = beside("the smallest visible sizes", lambda: _visible(search, sets), {})
     pulled = found.values or beside("what is off its known value", lambda: pulls(best), ())
     remarks: list[tuple[str, Callable[[], Iterable[str]]]] = [
-        ("copied rows", lambda: [copied_rows(base)]),
-        ("suspect rows", lambda: [suspect_rows(base)]),
-        ("rows without load", lambda: [rows_of_two_kinds(base)]),
-        ("a drift over the rows", lambda: [drift_over_rows(best)]),
-        ("odd repeats", lambda: [odd_repeat(base)]),
         ("rivals with values that are not known", lambda: better_but_too_far(search, sets)),
         ("instruments off their certificates", lambda: _off_certificates(best, pulled)),
-        ("the scatter beside its uncertainty", lambda: _too_good(base)),
+        ("the scatter beside its uncertainty", lambda: [too_good(base)]),
         ("shifts of modes", lambda: _undeclared(base, found)),
         ("fits that failed", lambda: [not_settled(base), *_failures(search)]),
     ]
@@ -273,7 +255,6 @@ def _verdict(search: Search, sets: list[Refit]) -> Diagnosis:
         lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
         model_discrepancy_percent=_discrepancy(base.problem),
         fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
-        residual_law=law,
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
         next_measurement=tuple(asdict(p) for p in proposals),
@@ -297,8 +278,6 @@ def _visible(search: Search, sets: Sequence[Refit]) -> dict[str, Any]:
 
 def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Block]) -> Sequence[Proposal]:
     """Measurements between the rivals; between the best and the next in rank where there are none."""
-    if verdict == "unknown-effect" and suspect_rows(search.base):
-        return (Proposal("what carries the misfit once more, before anything else", {}, {}, "", None, None),)
     if verdict == "unknown-effect":
         return explore(search.best, fails_at)
     others = [r for r in search.refits.of_size(1) if r not in sets and search.believable(r)]
@@ -308,28 +287,6 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     if search.base.problem.strategy.frugal:
         others = [r for r in others[:1] if not search.refits.beyond_pruning_bound(r.chi2, search.best.chi2)]
     return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
-
-
-def _law_of_what_is_left(search: Search, found: Conclusion) -> ResidualLaw | None:
-    """A law for what the base lacks where that is unknown, else for what the best set leaves if that follows one.
-
-    None where a single condition or reading carries the misfit: it has no law.
-    """
-    if found.kind == "unknown-effect":
-        return None if suspect_rows(search.base) else residual_law(search.base)
-    law = residual_law(search.best) if found.doubt and search.best.uses else None
-    return law if law is not None and law.p_value < LACK_OF_FIT else None
-
-
-def _too_good(base: Refit) -> tuple[str, ...]:
-    """A remark where the data scatter less than their uncertainty says: then nothing small is seen."""
-    if not base.reduced < TOO_GOOD or base.dof < ENOUGH:
-        return ()
-    return (
-        f"reduced chi-square {base.reduced:.2f}: the measurement is stated {1 / np.sqrt(max(base.reduced, 1e-4)):.1f} "
-        "times as uncertain as it scatters, so that small effects stay hidden. Different conditions may have been "
-        "taken for repeats, or the declared model discrepancy or uncertainty is too large",
-    )
 
 
 def _undeclared(base: Refit, found: Conclusion) -> tuple[str, ...]:

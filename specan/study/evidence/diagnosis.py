@@ -290,7 +290,7 @@ class _Telling:
             ("suspect rows", lambda: suspect_rows(base)),
             ("rows without load", lambda: rows_of_two_kinds(base)),
             ("odd repeats", lambda: odd_repeat(base)),
-            ("the scatter beside its uncertainty", lambda: _too_good(base)),
+            ("the scatter beside its uncertainty", lambda: too_good(base)),
             ("faults of the data", self._fault),
             ("the fit of the base", lambda: not_settled(base)),
         ]
@@ -323,7 +323,7 @@ def _names(sets: Sequence[Stated]) -> str:
     return " or ".join(" with ".join(sorted(map(str, one.uses))) for one in sets)
 
 
-def _too_good(base: Refit) -> str:
+def too_good(base: Refit) -> str:
     """A remark where the data scatter less than their uncertainty says: then nothing small is seen."""
     if not base.reduced < TOO_GOOD or base.dof < ENOUGH:
         return ""

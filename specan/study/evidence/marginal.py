@@ -79,12 +79,19 @@ class Tangent:
         return widths
 
     def ln_likelihood(self, chi2: Array | float) -> Array:
-        """Of what is left: normal, or of a t-distribution where repeats told the size of the noise."""
+        """Of what is left: normal, or of a t-distribution where repeats told the size of the noise.
+
+        Repeats hold their own chi-square, whatever the conditions explain. Something that differs within repeats, as a
+        drift, lowers that too: then all degrees of freedom of the repeats tell the size of the noise, those of readings
+        within one set-up included.
+        """
         nu, pure = self.problem.noise_dof, self.problem.pure_error_dof
         if not np.isfinite(nu):
             return -0.5 * np.asarray(chi2)
         n = max(self.problem.n_effective - pure, 1.0)
-        return -0.5 * (nu + n) * np.log(np.maximum(nu + chi2 - pure, 1.0) / nu)
+        beyond = np.asarray(chi2) - pure
+        within = np.maximum(np.minimum(beyond, 0.0) / max(pure, 1.0), -0.999)
+        return -0.5 * (nu + n) * np.log1p(np.maximum(beyond, 0.0) / nu) - 0.5 * (pure + n) * np.log1p(within)
 
 
 class Marginal:

@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.study.data.operating_table import IDLE
-from specan.study.estimation.distributions import tail
 from specan.study.estimation.fit import fit
-from specan.study.estimation.linear import Projection
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit, kept_with_refit
-from specan.study.selection.significance import LACK_OF_FIT, lack_of_fit_probability
-from specan.units import printed_unit
+from specan.study.selection.significance import lack_of_fit_probability
 
 # Family-wise probability below which rows stand out, as of a lack of fit; and that above which the rest is whole.
 STANDS_OUT, WHOLE = 1e-3, 0.05
@@ -231,47 +228,3 @@ def _where(observation: _Table, rows: NDArray[np.intp]) -> str:
     more = " and more" if len(lines) > MOST_LINES else ""
     named = f"line{'s' if len(lines) > 1 else ''} {', '.join(lines[:MOST_LINES])}{more}"
     return f"{place}; {named}" if place else named
-
-
-def drift_over_rows(best: Refit) -> str:
-    """A sentence where repeats of the same conditions differ the more the further they lie apart in the table.
-
-    Only differences between repeats are looked at, so that the order of the conditions plays no part: the slope of
-    what the best model leaves over the line, beside the mean of every replicate group, in Student's test. All columns
-    are whitened, since readings of one set-up share its error. Empty where the table holds the time (then a drift is an
-    effect like any other), where nothing is repeated and where nothing drifts.
-    """
-    observation = _table(best)
-    if observation is None or TIME in observation.available:
-        return ""
-    kinds = [observation.observable == name for name in dict.fromkeys(observation.observable.tolist())]
-    return next(
-        (said for rows in kinds if (said := _drift_of(best, cast("_Table", observation.take(rows))))), ""
-    )
-
-
-def _drift_of(best: Refit, observation: _Table) -> str:
-    """The same for the rows of one observable."""
-    problem = best.problem.over([observation])
-    _, index = np.unique(observation.replicate_group, return_inverse=True)
-    line = observation.lines - observation.lines.min()
-    left = observation.measured - problem.predictions(best.fit.theta)[0]
-    groups = Projection.of(left, observation.whiten(np.eye(index.max() + 1)[index]))
-    left, order = (
-        groups.project_out(observation.whiten(column))
-        for column in (left, line / max(float(np.ptp(line)), 1.0))
-    )
-    dof, size = float(observation.n - groups.rank - 1), float(order @ order)
-    if dof < LEAST_DOF or size <= 0:
-        return ""
-    slope = float(order @ left) / size
-    error = float(np.sqrt(max(float(np.sum((left - slope * order) ** 2)), 1e-300) / dof / size))
-    chance = tail((slope / error) ** 2, 1, dof)
-    if chance >= LACK_OF_FIT:
-        return ""
-    measured = problem.assembly.model.observables[str(observation.observable[0])]
-    unit = f" {printed_unit(measured.unit)}".rstrip()
-    return (
-        f"repeats of the same conditions move by {slope:+.2g}{unit} from the first row to the last (p = {chance:.1g}): "
-        "a zero that drifts, or a machine that changes; give elapsed_time_s for each row, and both are tested"
-    )
