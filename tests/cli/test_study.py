@@ -144,8 +144,13 @@ def test_help_is_quick_and_names_every_step_without_loading_them():
     assert out.splitlines()[-1] == "[]"
 
 
-def test_the_next_measurements_stand_in_one_table_of_80_columns(begun, monkeypatch):
+def test_the_next_measurements_stand_in_one_table_of_80_columns(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
+    bench = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
+    specan(
+        "new", "s", "--model", "worm-gear", "--rig", bench / "rig.toml", "--measurement", bench / "measurement.csv",
+        "--hold-out", "speed=1800,2300,2798",
+    )  # fmt: skip
     text, proposed = specan("next", "s").stdout, answer("next", "s")["next_measurement"]
     assert max(map(len, text.splitlines())) <= 80
     assert text.strip() in specan("diagnose", "s").stdout

@@ -25,7 +25,7 @@ SIZES = (
     0.1,
     0.3,
 )  # of what the model predicts: deviations of what is not known, summed over
-PLACES = 12  # rows from which on something may differ, that are tried
+PLACES = 40  # rows from which on something may differ, that are tried
 LEAST_ROWS = 3  # on either side of such a row
 WARM_UP = (0.05, 0.15)  # of the whole measurement, over which first rows settle
 
