@@ -34,7 +34,7 @@ from specan.study.evidence.noise import Autoregression, autoregressions, chains_
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Array
-from specan.study.selection.candidates import Candidate, candidates, without
+from specan.study.selection.candidates import without
 from specan.study.selection.refits import Refit
 from specan.study.selection.search import Progress, unheard
 
@@ -46,13 +46,9 @@ FOLLOWS_ITSELF = 0.05  # of each autoregressive form of the noise
 BEYOND = 0.01  # that a value lies beyond what is known of it: what a range is declared for
 PULLED = 1.0  # standard deviations outside of what is known, from which a value is also fitted without that
 SETS = 0.7  # share of a diagnosis that is over when sets are fitted
-FORMS = (
-    0.01,
-    0.03,
-    0.1,
-    0.3,
-)  # share of what an effect changes, to which its equation may be wrong: as likely each
-FORM_LENGTHS = (0.5,)  # ranges of the operating variables, over which an error of form changes
+# Shares of what an effect changes, to which its equation may be wrong: as likely each.
+FORMS = (0.01, 0.03, 0.1, 0.3)
+FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of form changes
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
 WITHIN = 3.0  # ln of the best probability over a promised one that is still fitted
 SLACK = 1.5  # ln by which a linear promise may fall short of a fit
@@ -135,11 +131,6 @@ class Form:
         return Marginal(self.tangent)
 
     @cached_property
-    def candidates(self) -> Sequence[Candidate]:
-        """What may be added."""
-        return candidates(self.problem)[0]
-
-    @cached_property
     def catalogue(self) -> Catalogue:
         """What may be added."""
         return Catalogue(self.problem, self.fit)
@@ -177,12 +168,11 @@ class Explanations:
             begun.append(self)
         self.points = operating_points(problem)
         self.roots = [
-            kernel_root(self.points[:, variables], length)
+            kernel_root(self.points[:, variables], FORM_LENGTH)
             for variables in _choices(self.points.shape[1])
-            for length in FORM_LENGTHS
         ]
         self.found: list[Explanation] = []
-        self._largest: dict[Tangent, float] = {}
+        self._largest: dict[bytes, float] = {}  # by the parameters of a fit
         self._weighed: dict[tuple[Tangent, Autoregression | None], tuple[Marginal, float]] = {}
         self.forms = list(forms_of(problem, base))
         self._search()
@@ -353,7 +343,7 @@ class Explanations:
     def _ln_prior(self, form: Form, uses: EffectSet) -> float:
         """Of a set: shared by all with so many names, and by the places where each of these may act."""
         places: dict[str, int] = {}
-        for candidate in form.candidates:
+        for candidate in form.catalogue.candidates:
             places[candidate.use.name] = places.get(candidate.use.name, 0) + 1
         acting = Counter(use.name for use in uses)
         size, names = len(acting), max(len(places), len(acting))
@@ -384,7 +374,7 @@ class Explanations:
         found = [Marginal(tangent, share * columns) for columns in white for share in FORMS]
         each = [one.ln_evidence for one in found]
         largest = [value for k, value in enumerate(each) if FORMS[k % len(FORMS)] == FORMS[-1]]
-        self._largest[there] = float(np.exp(logsumexp(largest) - logsumexp(each)))
+        self._largest[there.theta.tobytes()] = float(np.exp(logsumexp(largest) - logsumexp(each)))
         return found[int(np.argmax(each))], float(logsumexp(each) - np.log(len(each)))
 
     # --- values beyond what is known -----------------------------------------------------------------
@@ -513,8 +503,7 @@ class Explanations:
 
     def largest_errors_of_form(self, one: Explanation) -> float:
         """Probability that the equations of a set are off by as much as is thought possible."""
-        tangent = replace(one.tangent, noise=None) if one.tangent.noise else one.tangent
-        return self._largest.get(tangent, 0.0)
+        return self._largest.get(one.tangent.theta.tobytes(), 0.0)
 
     @property
     def probability_of_something_else(self) -> float:

@@ -115,10 +115,7 @@ class Marginal:
         problem, size = tangent.problem, tangent.problem.scale
         columns = np.zeros((tangent.residual.size, 0)) if columns is None else self._seen(columns)
         k = columns.shape[1]
-        self._size, self._whole = (
-            size,
-            np.hstack([columns, tangent.jacobian * size]),
-        )
+        self._size, self._whole = size, np.hstack([columns, tangent.jacobian * size])
         normal, along = self._whole.T @ self._whole, self._whole.T @ tangent.residual
         ends = problem.bounds()[0] - tangent.theta, problem.bounds()[1] - tangent.theta
         low, high = np.minimum(ends[0] / size, 0.0), np.maximum(ends[1] / size, 0.0)

@@ -90,6 +90,17 @@ def test_a_planted_effect_is_named_with_its_probability(toy):
     )
 
 
+def test_a_name_whose_equation_would_be_far_off_is_doubted(toy):
+    far, near = (
+        told(toy.problem(lambda x, z, w=w: 60.0 * x * z * (1 + w * np.cos(2 * x)), ["cross"]))
+        for w in (0.3, 0.0)
+    )
+    assert far.alternatives == near.alternatives == (("cross",),)
+    assert far.unknown_possible
+    assert "off by about 30 %" in far.reason
+    assert not near.unknown_possible
+
+
 def test_nothing_is_missing_in_twenty_complete_models(toy):
     for seed in range(20):
         found = told(toy.problem(lambda x, z: 0.0 * x, CANDIDATES, seed=seed))
