@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -55,5 +56,8 @@ class Bench:
 BENCHES = {
     "worm-gear": Bench(cases.FULL, cases.planned, judge.ROWS),
     "planetary-gear": Bench(gear_cases.FULL, gear_cases.planned, judge_gears.ROWS),
+    "floating-set": Bench(
+        gear_cases.FULL, partial(gear_cases.planned, case=gear_cases.FloatingCase), judge_gears.ROWS
+    ),
     "room": Bench(room_cases.FULL, room_cases.planned, judge_rooms.ROWS),
 }

@@ -67,7 +67,7 @@ def _covered(truth: Gear, right: Mapping[str, Any]) -> bool | None:
     """Whether the interval of a size that model and simulator mean alike holds the true one."""
     for effect, (own, name) in _SIZE.items():
         rows = [v for k, v in right["parameters"].items() if k.startswith(effect) and k.endswith(own)]
-        if effect in truth.machine.hidden and rows:
+        if name in truth.machine.hidden.get(effect, ()) and rows:
             return bool(rows[0]["low"] <= truth.machine.hidden[effect][name] <= rows[0]["high"])
     return None
 

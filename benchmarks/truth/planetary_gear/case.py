@@ -135,7 +135,7 @@ def write_case(gear: Gear, folder: Path) -> tuple[list[Path], Path, Path]:
         channels = record(gear.machine, gear.housing, run, gear.mount_deg, rng)
         volts = [s * 0.01 if c.startswith("Acc") else s for c, s in channels.items()]
         write_tdms(
-            folder / name, list(channels), np.stack(volts), RATE, channels=[_sensor(c) for c in channels],
+            folder / name, list(channels), np.stack(volts), RATE, channels=[sensor(c) for c in channels],
             group={"SunSpeed_Hz": run.sun_hz, "Torque_Nm": run.torque, "SamplingRate": RATE}, samples="float32",
         )  # fmt: skip
         paths.append(folder / name)
@@ -150,7 +150,7 @@ def write_case(gear: Gear, folder: Path) -> tuple[list[Path], Path, Path]:
     return paths[:-1], paths[-1], rig
 
 
-def _sensor(name: str) -> dict[str, object]:
+def sensor(name: str) -> dict[str, object]:
     if name.startswith("Acc"):
         return {"QuantityUnit": "m/s^2", "Sensitivity": 10.0, "SensitivityUnit": "mV/(m/s^2)"}
     return {"QuantityUnit": "V", "PulsesPerRevolution": 1 if "carrier" in name else 32}
