@@ -243,7 +243,7 @@ def run(kind: str, seed: int, arguments: argparse.Namespace) -> dict[str, Any]:
         hold_out = ["channel=" + ",".join(f"Mic {m}" for m in aside)]
         begin(place / "study", "room", place / "rig.toml", [place / "recording.tdms"], hold_out=hold_out)
         study = Study(place / "study")
-        said = study.diagnose().to_json()
+        said = study.diagnose().to_dict()
         record["cpu_s"] = round(time.process_time() - start, 1)
         record["verdict"] = {**said, "ranking": said["ranking"][:6]}
         record["values"] = study.problem.n_data

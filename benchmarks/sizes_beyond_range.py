@@ -57,7 +57,7 @@ def cases(gears: int, first: int, only: tuple[str, ...]) -> Iterator[dict[str, A
                 found = diagnose(opened(replace(case, table={**table, "input_torque_Nm": readings})))
             except SpecanError:
                 continue
-            verdict = found.to_json()
+            verdict = found.to_dict()
             kept = {
                 key: verdict[key]
                 for key in ("verdict", "alternatives", "unknown_possible", "reason", "remarks")

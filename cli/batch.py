@@ -11,7 +11,7 @@ import click
 
 from specan.divisions import DIVISIONS
 from specan_cli.options import Grouped, opt, weighting_option
-from specan_cli.output import emit_json, is_quiet, say, table
+from specan_cli.output import decimal_option, emit_json, is_quiet, say, table
 
 if TYPE_CHECKING:
     from specan.analysis.batch.run import BatchReport
@@ -34,6 +34,7 @@ SHOWN = 20  # failures named on the screen
 @opt("--lines", int, "Lines of a transfer function up to fs/2.56 [default: 3200].")
 @opt("--fraction", [*DIVISIONS], "1/N octave, or critical bands [default: 3].")
 @weighting_option("Weighting of the band levels of sound pressure [default: Z].")
+@decimal_option("the tables")
 @opt("--jobs", int, "Number of processes [default: chosen from the amount of data].")
 @opt("--cluster", None, "Work on a dask cluster: tcp://host:8786.", "ADDRESS")
 @opt("--verify", bool, "Compare every byte to detect changed files.")
@@ -60,7 +61,7 @@ def command(
     from specan.analysis.batch.run import STORE, run_batch
     from specan.analysis.batch.settings import read_settings
 
-    names = ("reference", "excitation", "sampling_rate")
+    names = ("reference", "excitation", "sampling_rate", "decimal")
     given = {name: how.pop(name) for name in names}
     given["transfer_function"] = {"lines": how.pop("lines")}
     given["octave"] = {name: how.pop(name) for name in ("fraction", "weighting")}

@@ -99,8 +99,8 @@ def command(
     write_calibration(calibration, output)
     draw(calibration, plot)
     if as_json:
-        emit_json({**calibration.to_json(), "failures": failures, "output": str(output)})
-    elif not to_standard_output(output):
+        emit_json({**calibration.to_dict(), "failures": failures, "output": str(output)})
+    elif not to_standard_output(output, plot):
         show_sheets(calibration.sheets(budget))
         for note in calibration.notes:
             say(f"Note: {note}.")

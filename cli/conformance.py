@@ -13,6 +13,7 @@ from specan_cli.output import (
     TABLES,
     OutputFile,
     Verb,
+    decimal_option,
     emit_json,
     is_quiet,
     say,
@@ -30,8 +31,9 @@ if TYPE_CHECKING:
     "--sampling-rate rate", float, "Of the signals that are made for it.", "HZ", default=51200.0, show_default=True
 )  # fmt: skip
 @opt("-o --output", OutputFile(*TABLES), "Write the table.")
+@decimal_option()
 @json_option
-def command(rate: float, output: Path | None, as_json: bool) -> int:
+def command(rate: float, output: Path | None, decimal: str, as_json: bool) -> int:
     """Try what IEC 61260-1, IEC 61672-1 and IEEE 1057 ask of an analyser.
 
     Signals are made and analysed as recordings are. The exit code is 5 where a requirement is not met. Microphones
@@ -48,7 +50,7 @@ def command(rate: float, output: Path | None, as_json: bool) -> int:
         if not is_quiet() and not check.passed:
             say(f"Not met: {check.standard}, {check.clause}: {check.what}.")
     if output is not None:
-        write_text(found, output, rate)
+        write_text(found, output, rate, decimal)
     if as_json:
         emit_json({"sampling_rate_hz": rate, "checks": [{**asdict(c), "passed": c.passed} for c in found]})
     elif not to_standard_output(output):
@@ -69,7 +71,7 @@ def _row(check: Check) -> list[str]:
     return [check.clause, check.what, expected, f"{check.found:.3f}", limits, check.unit, met]
 
 
-def write_text(found: list[Check], path: Path, rate: float) -> None:
+def write_text(found: list[Check], path: Path, rate: float, decimal: str = ".") -> None:
     """One row a requirement, tab-separated."""
     from specan import __version__
     from specan.io import results_text as text
@@ -83,4 +85,4 @@ def write_text(found: list[Check], path: Path, rate: float) -> None:
         "met": ["yes" if c.passed else "no" for c in found],
     }
     header = [f"specan {__version__} conformance", f"at {rate:g} Hz"]
-    text.write_table(path, header, list(columns), [text.table_lines(columns)])
+    text.write_table(path, header, list(columns), [text.table_lines(columns)], decimal)

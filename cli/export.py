@@ -11,6 +11,7 @@ from specan_cli.options import json_option, opening_options, opt, section_option
 from specan_cli.output import (
     OutputFile,
     Verb,
+    decimal_option,
     draw,
     emit_json,
     plot_option,
@@ -20,63 +21,68 @@ from specan_cli.output import (
 )
 from specan_cli.recording_verb import opened_with, say_notes
 
-SUFFIXES = {"csv": ".csv", "uff": ".uff", "wav": ".wav", "parquet": ".parquet"}
+FORMS = ["csv", "uff", "wav", "parquet", "tdms"]
+
+
+def form_and_file(form: str | None, output: Path | None, otherwise: str) -> tuple[str, Path]:
+    """The format by ``--to``, else by the ending of ``-o``; the file by ``-o``, else named after its source."""
+    from specan.errors import RequestError
+    from specan.io.export_file import ENDINGS
+
+    by_ending = None if output is None else ENDINGS.get(output.suffix.lower())
+    if form is None and by_ending is None:
+        raise RequestError(
+            "no format is named" if output is None else f"{output} ends in no known format",
+            expected=f"--to {', '.join(FORMS)}, or -o with one of {', '.join(ENDINGS)}",
+        )
+    form = form or by_ending or ""
+    if by_ending not in (None, form):
+        raise RequestError(f"--to {form} and the ending of {output} differ", remedy="leave out --to")
+    return form, output or Path(f"{otherwise}.{form}")
 
 
 @click.command("export", cls=Verb)
 @click.argument("file", type=click.Path(path_type=Path))
-@opt("--to form", list(SUFFIXES), "The format.", required=True)
+@opt("--to form", FORMS, "The format.  [default: by the ending of -o]")
 @opt("-o --output", OutputFile(), "The file to write [default: named after FILE, here].")
-@opt(
-    "--decimal", [".", ","], "Decimal sign of CSV; with a comma, columns are separated by semicolons.",
-    default=".", show_default=True,
-)  # fmt: skip
-@opt("--reference", None, "Write transfer functions over this channel instead of samples (--to uff).", "NAME")
+@decimal_option("CSV")
 @section_options
 @opening_options
 @plot_option("what was written")
 @json_option
 def command(
     file: Path,
-    form: str,
+    form: str | None,
     output: Path | None,
     decimal: str,
     plot: Path | None,
     as_json: bool,
     **options: Any,
 ) -> int:
-    """Write the samples of a recording, in SI units, for other programs; or its transfer functions.
+    """Write the samples of a recording, in SI units, for other programs.
 
-    Sensitivities of a calibration are applied; phase and delay corrections apply to transfer functions only.
+    Sensitivities of a calibration are applied; phase and delay corrections apply to transfer functions only, which
+    specan frf writes, as universal files too.
 
     \b
-    specan export sample_data/recordings/knock.tdms --to csv --channel "Mic 1" --decimal , -o knock.csv
+    specan export sample_data/recordings/knock.tdms --channel "Mic 1" --decimal , -o knock.csv
     """
     from specan.errors import RequestError
 
-    reference = options.pop("reference")
+    form, target = form_and_file(form, output, file.stem)
     if decimal != "." and form != "csv":
         raise RequestError(f"--decimal is for CSV, not for {form}", remedy="leave it out")
-    if reference is not None and form != "uff":
-        raise RequestError(
-            f"--reference is for --to uff, not for {form}",
-            remedy=f"specan frf {file} --reference {reference} -o FILE writes transfer functions as text",
-        )
-    target = output or Path(file.stem + SUFFIXES[form])
     refuse_unsafe(target)
     source, section = opened_with(file, options)
     recording = source.open()
-    if reference is None:
-        about, said, notes = _samples(recording, form, target, decimal, plot, **section)
-    else:
-        about, said, notes = _transfer(recording, reference, target, plot, **section)
+    about, said, notes = _samples(recording, form, target, decimal, plot, **section)
     say_notes(notes, {"the file": recording.flags})
     if as_json:
         emit_json({"output": str(target), "format": form, **about})
-    elif not to_standard_output(target):
+    elif not to_standard_output(target, plot):
         names = [channel["name"] for channel in about["channels"]]
         click.echo(f"{said}.\nCalibration: {recording.calibration_of(names)}.")
-        say_written(target)
+        say_written(target, plot)
     return 0
 
 
@@ -107,21 +113,3 @@ def _samples(
     }
     said = f"{counted(len(chosen), 'channel')}, {excerpt.n} samples at {excerpt.rate:g} Hz, in {together(chosen)}"
     return about, said, (*starts, *notes, *late[:1])
-
-
-def _transfer(
-    recording: Any, reference: str, target: Path, plot: Path | None, **section: Any
-) -> tuple[dict[str, Any], str, tuple[str, ...]]:
-    """Write transfer functions as a universal file; what JSON and the screen say of them, and notes."""
-    from specan.api.recordings import frf
-    from specan.io.export_file import write_uff_transfer
-
-    found = frf(recording, reference, **section)
-    write_uff_transfer(found, target)
-    draw(found, plot)
-    about = {
-        "lines": int(found.frequency_hz.size),
-        "reference": found.reference,
-        "channels": [{"name": n, "unit": u} for n, u in zip(found.channels, found.units, strict=True)],
-    }
-    return about, found.summary(), found.notes

@@ -12,7 +12,7 @@ import click
 
 from specan_cli.options import limit_option, opt, quantity_option, section_options, weighting_option
 from specan_cli.output import plot_option, say_written, show_sheets, to_standard_output
-from specan_cli.recording_verb import Delivery, Source, given, recording_verb, say_calibration, say_notes
+from specan_cli.recording_verb import UFF, Delivery, Source, given, recording_verb, say_calibration, say_notes
 
 if TYPE_CHECKING:
     from specan.data.recording import Recording
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from specan.result import Sheet
 
 
-@recording_verb("fft", "all lines")
+@recording_verb("fft", "all lines", *UFF)
 @section_options
 @quantity_option
 @opt(
@@ -70,11 +70,13 @@ def command(
     from specan.api import recordings as analyses
     from specan.errors import RequestError
 
+    if spectrogram and deliver.output is not None and deliver.output.suffix.lower() in UFF:
+        raise RequestError("a spectrogram cannot be a universal file", remedy="write .csv, .xlsx or .parquet")
     recording = source.open(options.pop("quantity"))
     single = options["whole"] or options["averaging"] == "none"
     if not spectrogram:
-        if single and not (deliver.wants_json or deliver.plot is not None or limit is not None):
-            return _single(recording, options, peaks, deliver.output)
+        if single and not (deliver.wants_whole or deliver.plot is not None or limit is not None):
+            return _single(recording, options, peaks, deliver)
         return deliver(analyses.fft(recording, **given(**options)), shown={"peaks": peaks}, limit=limit)
     wanted = given(columns=columns, **options)
     if limit is not None:
@@ -87,15 +89,15 @@ def command(
     return deliver(analyses.spectrogram(recording, **wanted), shown={"peaks": peaks})
 
 
-def _single(recording: Recording, options: dict[str, Any], peaks: int, output: Path | None) -> int:
+def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: Delivery) -> int:
     """A single block, which may be the whole recording: shown and written channel by channel."""
     from specan.analysis.spectrum import FourierSpectrum, chosen, single_blocks, with_phase
     from specan.data.calibration import stated
-    from specan.io.results_text import write_result
+    from specan.io.result_file import write_result
     from specan.schema import parse
 
     settings = parse(FourierSpectrum, given(**options), "fft")
-    channels = chosen(recording, settings)[2]
+    channels, output = chosen(recording, settings)[2], deliver.output
     sheets: list[Sheet] = []
     about: list[Spectrum] = []
 
@@ -118,7 +120,8 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, output: P
         blocks = tables()
         first = next(blocks)
         labels, units = tuple(c.label for c in channels), tuple(c.target_unit for c in channels)
-        write_result(replace(about[0], channels=labels, units=units), output, chain([first], blocks))
+        found = replace(about[0], channels=labels, units=units)
+        write_result(found, output, chain([first], blocks), deliver.decimal)
     if not to_standard_output(output):
         show_sheets([sheets[0]._replace(rows=[row for sheet in sheets for row in sheet.rows])])
         say_calibration(about[0])

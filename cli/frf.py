@@ -6,10 +6,10 @@ from typing import Any
 
 from specan_cli.options import opt, quantity_option, section_options
 from specan_cli.output import plot_option
-from specan_cli.recording_verb import Delivery, Source, given, recording_verb
+from specan_cli.recording_verb import UFF, Delivery, Source, given, recording_verb
 
 
-@recording_verb("frf", "all lines")
+@recording_verb("frf", "all lines", *UFF)
 @opt("--reference", None, "Channel of reference [default: the vibrometer].", "CH")
 @opt(
     "--estimator", ["H1", "H2", "Hv", "H3c"],

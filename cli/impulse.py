@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from specan_cli.export import SUFFIXES
+from specan_cli.export import FORMS, form_and_file
 from specan_cli.options import json_option, opening_options, opt, section_options
 from specan_cli.output import (
     OutputFile,
@@ -19,7 +19,7 @@ from specan_cli.output import (
     say_written,
     to_standard_output,
 )
-from specan_cli.recording_verb import given, opened_with, say_notes
+from specan_cli.recording_verb import given, opened_with, say_calibration, say_notes
 
 
 @click.command("impulse", cls=Verb)
@@ -32,13 +32,13 @@ from specan_cli.recording_verb import given, opened_with, say_notes
 )  # fmt: skip
 @opt("--length length_s", float, "Of the responses.", "S")
 @section_options
-@opt("--to form", list(SUFFIXES), "The format.", default="wav", show_default=True)
+@opt("--to form", FORMS, "The format.  [default: by the ending of -o, else wav]")
 @opt("-o --output", OutputFile(), "The file to write [default: FILE_impulse, here].")
 @plot_option("the responses")
 @json_option
 @opening_options
 def command(
-    file: Path, form: str, output: Path | None, plot: Path | None, as_json: bool, **options: Any
+    file: Path, form: str | None, output: Path | None, plot: Path | None, as_json: bool, **options: Any
 ) -> int:
     """Find impulse responses of microphones and accelerometers to the excitation, and write them.
 
@@ -46,12 +46,12 @@ def command(
     transformed back.
 
     \b
-    specan impulse sample_data/recordings/noise/noise_24_microphones.tdms --channel "Mic 1" --to csv -o mic_1.csv
+    specan impulse sample_data/recordings/noise/noise_24_microphones.tdms --channel "Mic 1" -o mic_1.csv
     """
     from specan.api.recordings import impulse
     from specan.io.export_file import Excerpt, write_excerpt
 
-    target = output or Path(f"{file.stem}_impulse{SUFFIXES[form]}")
+    form, target = form_and_file(form or (None if output else "wav"), output, f"{file.stem}_impulse")
     refuse_unsafe(target)
     source, own = opened_with(file, options)
     found = impulse(source.open(), **given(**own))
@@ -59,9 +59,10 @@ def command(
     write_excerpt(Excerpt(responses, responses.channels, 0, found.samples.shape[1]), form, target)
     draw(found, plot)
     if as_json:
-        emit_json({"output": str(target), "format": form, **found.to_json()})
-    elif not to_standard_output(target):
+        emit_json({"output": str(target), "format": form, **found.to_dict()})
+    elif not to_standard_output(target, plot):
         click.echo(f"{found.summary()}.")
+        say_calibration(found)
         say_written(plot, target)
     say_notes(found.notes, {})
     return 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opening_options, opt
-from specan_cli.output import Verb, draw, emit_json, plot_option, say, show_sheets
+from specan_cli.output import Verb, draw, emit_json, plot_option, say, show_sheets, table, to_standard_output
 from specan_cli.recording_verb import expand, opened_with
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ def command(
 ) -> int:
     """Show groups, channels, roles, rates, units, excitation, notes and integrity of recordings.
 
-    Only headers are read, and a few seconds of one channel to tell sine from noise. A directory stands
-    for all recordings in it: what is in each is shown with --all.
+    Only headers are read, and a few seconds of one channel to tell sine from noise. A directory stands for all
+    recordings in it. Each of several has one line; --all shows everything of each.
 
     \b
     specan info sample_data/recordings/knock.tdms --plot waveforms.png
@@ -42,13 +42,15 @@ def command(
     from specan.report.contents import sheets
 
     seen: list[dict[str, Any]] = []
+    short: list[list[Any]] = []
     failures: list[dict[str, str]] = []
     found = expand(files)
     if plot is not None and len(found) > 1:
         raise RequestError(f"--plot draws one recording, and there are {len(found)}", remedy="name one")
     for item in found:
         try:
-            recording = replace(opened_with(item.path, opening)[0].open(), label=item.label)
+            source = opened_with(item.path, opening)[0]
+            recording = replace(source.open(), label=source.file.name if item.label == "-" else item.label)
             excitation = recognise(recording)
             quality = rms_and_quality(recording) if levels else {}
         except InputError as fault:
@@ -57,10 +59,12 @@ def command(
             failures.append({"file": item.label, "reason": str(fault)})
             say(f"Left out: {fault}")
             continue
-        seen.append(_content(recording, item.path, excitation, quality))
-        if not as_json:
+        seen.append(_content(recording, source.file, excitation, quality))
+        if len(found) > 1 and not show_all:
+            short.append(_row(recording, excitation))
+        elif not as_json and not to_standard_output(plot):
             click.echo("\n".join(_lines(recording, seen[-1]["size_bytes"], excitation)))
-            for sheet in sheets(recording, quality, show_all) if len(found) == 1 or show_all else ():
+            for sheet in sheets(recording, quality, show_all):
                 click.echo()
                 show_sheets([sheet])
         draw(recording, plot)
@@ -68,7 +72,23 @@ def command(
         raise InputError("no file could be read", remedy="see the reasons above")
     if as_json:
         emit_json({"files": seen, "failures": failures})
+    elif short:
+        same = len({row[-1] for row in short}) == 1
+        header = ["file", "excitation", "tone", "channels", "s", "Hz", "", "calibration"]
+        table("", header[: len(header) - same], [row[: len(header) - same] for row in short])
+        click.echo(f"Calibration: {short[0][-1]}." if same else "", nl=same)
     return 1 if failures else 0
+
+
+def _row(recording: Recording, excitation: Excitation) -> list[Any]:
+    """One of several recordings, on one line."""
+    channels = recording.channels
+    rate = "/".join(f"{r:g}" for r in sorted({c.sampling_rate for c in channels}))
+    tone = f"{excitation.frequency_hz:g}" if excitation.frequency_hz else ""
+    duration = f"{max(c.duration_s for c in channels):g}"
+    calibration = recording.calibration_of([c.name for c in channels])
+    flags = " ".join(recording.flags)
+    return [recording.label, excitation.kind, tone, len(channels), duration, rate, flags, calibration]
 
 
 def _lines(recording: Recording, size: int, excitation: Excitation) -> list[str]:
@@ -96,7 +116,7 @@ def _content(
 ) -> dict[str, Any]:
     from specan.result import picked
 
-    found = {**recording.to_json(), "size_bytes": path.stat().st_size}
+    found = {**recording.to_dict(), "size_bytes": path.stat().st_size}
     found["excitation"] = picked(excitation, "kind frequency_hz reason")
     for place, (rms, seen) in quality.items():
         found["channels"][place] |= {"rms": rms, **picked(seen, "minimum maximum n_not_finite flags")}

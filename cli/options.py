@@ -44,7 +44,12 @@ def together(*options: Decorator) -> Decorator:
 
 json_option = opt("--json as_json", bool, "Print the result as JSON.")
 section_options = together(
-    opt("--channel channels", None, "A channel or a pattern; repeatable.", multiple=True),
+    opt(
+        "--channel channels",
+        None,
+        "Channels: names and patterns, separated by commas; repeatable.",
+        multiple=True,
+    ),
     opt("--start start_s", float, "Start of the section.", "S", default=0.0),
     opt("--stop stop_s", float, "End of the section.", "S"),
 )
@@ -80,8 +85,8 @@ GROUPS = {
     _ANALYSIS: set(),
     "How it is read": {"channel_table", "calibration", "sampling_rate", "settings"},
     "Output": {
-        "output", "plot", "history", "unwrap", "as_json", "at_hz", "peaks", "force", "with_report", "as_map", "budget",
-        "show_all",
+        "output", "decimal", "plot", "history", "unwrap", "as_json", "at_hz", "peaks", "force", "with_report", "as_map",
+        "budget", "show_all",
     },
     "How it runs": {"jobs", "cluster", "verify", "quiet", "verbose", "help", "debug"},
 }  # fmt: skip

@@ -65,7 +65,7 @@ def command(
     more = {"kurtosis": _kurtosis(recording, found)} if kurtosis else {}
     shown = OrderMap(**vars(found)) if as_map else found
     code = deliver(shown, shown={"peaks": peaks, **more}, more=more, view="map" if as_map else "")
-    if found.lines is not None and deliver.writes_table and not as_map:
+    if found.lines is not None and deliver.output is not None and not (deliver.wants_whole or as_map):
         say("The table holds only the requested lines; omit them for the whole spectrum.")
     return code
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 _COLLECTED = "specan_cli.collected"
 _WIDTH = 80  # of a file or a pipe
+_MANY = 12  # columns of a table that may be split
 LONGEST_WORD = 48  # letters of a cell that are not broken over two lines
 
 
@@ -55,18 +56,44 @@ def emit_json(content: Any) -> None:
 def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
     """Print a table that fits the terminal as far as no word is broken: nothing is cut off at the edge.
 
-    Numbers stand to the right; the header is bold on a terminal.
+    Numbers stand to the right; the header is bold on a terminal. Columns of a wide table that do not fit stand below
+    the others, behind the first column once more.
     """
     rows = list(rows)
-    lines = [list(header), *([str("" if cell is None else cell) for cell in row] for row in rows)]
-    right = [
-        bool(rows) and all(isinstance(row[k], (int, float)) or row[k] in ("", None) for row in rows)
-        for k in range(len(header))
-    ]
-    widths = column_widths(lines, shutil.get_terminal_size((_WIDTH, 24)).columns)
-    bold = sys.stdout.isatty() and "NO_COLOR" not in os.environ
     if title:
         click.echo(title)
+    lines = [list(header), *([str("" if cell is None else cell) for cell in row] for row in rows)]
+    width = shutil.get_terminal_size((_WIDTH, 24)).columns
+    shown = list(range(len(header)))
+    while shown:
+        fitting = len(shown)
+        while fitting > 2 and len(header) > _MANY and _natural(lines, shown[:fitting]) > width:
+            fitting -= 1
+        _print_columns(lines, rows, shown[:fitting], width)
+        shown = shown[fitting:] and [shown[0], *shown[fitting:]]
+
+
+def _natural(lines: Sequence[Sequence[str]], columns: Sequence[int]) -> int:
+    """Width of some columns with no line folded."""
+    return (
+        sum(widths := column_widths([[line[k] for k in columns] for line in lines], 10**6))
+        + 2 * len(widths)
+        - 2
+    )
+
+
+def _print_columns(
+    whole: Sequence[Sequence[str]], given: Sequence[Sequence[Any]], columns: Sequence[int], width: int
+) -> None:
+    lines = [[line[k] for k in columns] for line in whole]
+    rows = [[row[k] for k in columns] for row in given]
+    lines = [lines[0], *(line for line in lines[1:] if any(line))]
+    right = [
+        bool(rows) and all(isinstance(row[k], (int, float)) or row[k] in ("", None) for row in rows)
+        for k in range(len(columns))
+    ]
+    widths = column_widths(lines, width)
+    bold = sys.stdout.isatty() and "NO_COLOR" not in os.environ
     for number, line in enumerate(lines):
         folded = [_folded(cell, width) for cell, width in zip(line, widths, strict=True)]
         for parts in zip_longest(*folded, fillvalue=""):
@@ -253,6 +280,12 @@ def refuse_unsafe(target: Path, ctx: click.Context | None = None) -> None:
     check_output(target, inputs, force=ctx.meta.get(_FORCE, False))
 
 
+def decimal_option(what: str = "text") -> Callable[[Any], Any]:
+    """The option ``--decimal``."""
+    text = f"Decimal sign of {what}; with a comma, columns of .csv are separated by semicolons.  [default: .]"
+    return opt("--decimal", [".", ","], text, default=".")
+
+
 def to_standard_output(*targets: Path | None) -> bool:
     """Whether a file goes to standard output, which then holds nothing else."""
     return _STANDARD_OUTPUT in targets
@@ -261,7 +294,7 @@ def to_standard_output(*targets: Path | None) -> bool:
 def say_written(*targets: Path | None) -> None:
     """Which files were written."""
     for target in targets:
-        if target is not None:
+        if target not in (None, _STANDARD_OUTPUT):
             click.echo(f"Written to {target}.")
 
 
@@ -284,7 +317,7 @@ def _checked(context: click.Context, option: click.Parameter, path: Path | None)
 
 def plot_option(what: str = "") -> Callable[[Any], Any]:
     """The option ``--plot FILE``."""
-    text = f"Draw {what} to a .png, .svg or .pdf." if what else "Draw to a .png, .svg or .pdf."
+    text = f"Draw {what} to a .png, .svg or .pdf; - is standard output.".replace("  ", " ")
     return opt("--plot", OutputFile(), text, "FILE", callback=_checked)
 
 

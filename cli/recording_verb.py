@@ -5,8 +5,10 @@ Such a verb takes several recordings, one after the other.
 
 from __future__ import annotations
 
-import json
 import os
+import shutil
+import sys
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
@@ -21,6 +23,7 @@ from specan_cli.output import (
     OutputFile,
     Verb,
     collecting,
+    decimal_option,
     draw,
     emit_json,
     is_quiet,
@@ -34,6 +37,8 @@ if TYPE_CHECKING:
     from specan.data.recording import Recording
     from specan.io.open import Found
     from specan.result import RecordingResult
+
+UFF = (".uff", ".unv")  # of functions of frequency
 
 
 def given(**options: Any) -> dict[str, Any]:
@@ -130,6 +135,16 @@ def expand(paths: Sequence[Path]) -> list[Found]:
     return found
 
 
+def _standard_input() -> Path:
+    """What stands on standard input, as a file that is removed when the verb ends: formats are read from anywhere."""
+    place = tempfile.TemporaryDirectory()
+    click.get_current_context().call_on_close(place.cleanup)
+    path = Path(place.name) / "standard_input"
+    with path.open("wb") as file:
+        shutil.copyfileobj(sys.stdin.buffer, file)
+    return path
+
+
 @dataclass(frozen=True)
 class Source:
     """A recording that is to be opened, and what its file does not say of it."""
@@ -152,16 +167,13 @@ class Delivery:
     plot: Path | None
     output: Path | None
     as_json: bool
+    decimal: str = "."
 
     @property
-    def writes_table(self) -> bool:
-        """Whether the table is written to a file."""
-        return self.output is not None and self.output.suffix.lower() != ".json"
-
-    @property
-    def wants_json(self) -> bool:
-        """Whether the whole result is wanted as JSON, on standard output or in a file."""
-        return self.as_json or (self.output is not None and not self.writes_table)
+    def wants_whole(self) -> bool:
+        """Whether the whole result is wanted at once: as JSON, or in a file that is no table."""
+        ending = "" if self.output is None else self.output.suffix.lower()
+        return self.as_json or bool(ending and ending not in TABLES)
 
     def __call__(
         self,
@@ -179,19 +191,17 @@ class Delivery:
         kept.
         """
         from specan.io.limit_file import read_limits
-        from specan.io.results_text import write_result
+        from specan.io.result_file import write_result
 
         kept = [] if limit is None else found.keeps(read_limits(limit))
         draw(found, self.plot, **drawn)
-        if self.writes_table and self.output is not None:
-            write_result(found, self.output)
-        elif self.output is not None:
-            _write_json(self.output, found.to_json())
+        if self.output is not None:
+            write_result(found, self.output, decimal=self.decimal)
         if self.as_json:
             names = ("channel", "passed", "excess_dB", "place", "compared")
             limits = [{name: getattr(one, name) for name in names} for one in kept]
-            emit_json({**found.to_json(), **(more or {}), **({"limits": limits} if kept else {})})
-        elif not to_standard_output(self.output):
+            emit_json({**found.to_dict(), **(more or {}), **({"limits": limits} if kept else {})})
+        elif not to_standard_output(self.output, self.plot):
             show_sheets(found.sheets(**(shown or {})))
             say_calibration(found)
             for one in kept:
@@ -205,17 +215,10 @@ class Delivery:
         return 0 if all(one.passed for one in kept) else EXCEEDED
 
 
-def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    from specan import __version__
-    from specan.io.output_file import text_file
-
-    with text_file(path) as file:
-        json.dump({"written_by": f"specan {__version__}", **content}, file, indent=2, ensure_ascii=False)
-        file.write("\n")
-
-
-def recording_verb(name: str, what: str = "everything") -> Callable[[Any], click.Command]:
+def recording_verb(name: str, what: str = "everything", *more: str) -> Callable[[Any], click.Command]:
     """A verb for one recording or several, with ``-o`` and ``--json`` of `what`, behind the options of its own.
+
+    `more` are further endings of ``-o``.
 
     The callback gets a `Source` and a `Delivery`, as `source` and `deliver`, and its own options.
     """
@@ -225,17 +228,23 @@ def recording_verb(name: str, what: str = "everything") -> Callable[[Any], click
 
         @opt(
             "-o --output",
-            OutputFile(*TABLES, ".json"),
-            f"Write {what} as text, or as .csv, .xlsx, .parquet or .json.",
+            OutputFile(*TABLES, ".json", *more),
+            f"Write {what} as text, or as .csv, .xlsx, .parquet, {''.join(f'{m}, ' for m in more[:1])}or .json.",
         )
+        @decimal_option()
         @opt("--json as_json", bool, f"Print {what} as JSON.")
         @opening_options
         @wraps(function)
         def gathered(
-            file: Path, output: Path | None, as_json: bool, plot: Path | None, **options: Any
+            file: Path,
+            output: Path | None,
+            decimal: str,
+            as_json: bool,
+            plot: Path | None,
+            **options: Any,
         ) -> int:
             source, own_options = opened_with(file, options)
-            return function(source, Delivery(plot, output, as_json), **own_options)
+            return function(source, Delivery(plot, output, as_json, decimal), **own_options)
 
         gathered.__click_params__ += own
         files = click.argument(
@@ -247,7 +256,8 @@ def recording_verb(name: str, what: str = "everything") -> Callable[[Any], click
 
 
 def opened_with(file: Path, options: Mapping[str, Any]) -> tuple[Source, dict[str, Any]]:
-    """A source with the options of `opening_options`, and the other options."""
+    """A source with the options of `opening_options`, and the other options; the file ``-`` is standard input."""
     names = ("channel_table", "calibration", "sampling_rate")
     opening = {name: options[name] for name in names}
+    file = _standard_input() if str(file) == "-" else file
     return Source(file, opening), {name: value for name, value in options.items() if name not in names}

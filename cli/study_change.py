@@ -66,7 +66,7 @@ def _show(change: Change, as_json: bool, plot: Path | None) -> None:
     draw(change, plot)
     before, after = change.before, change.after
     if as_json:
-        emit_json(change.to_json())
+        emit_json(change.to_dict())
         return
     from specan.report import study_sheets
     from specan.study.edit import RISES

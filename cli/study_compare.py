@@ -52,7 +52,7 @@ def command(
         say(f"The study was changed since its last step: kept as step {kept.step}.")
     draw(found, plot, channel=channel)
     if as_json:
-        emit_json(found.to_json())
+        emit_json(found.to_dict())
     else:
         _print(study, found)
         _print_recordings(study, study.frf_errors())

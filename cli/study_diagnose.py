@@ -59,7 +59,7 @@ def command(
         _say_stopped(stopped, directory)
         raise
     if as_json:
-        emit_json(found.to_json())
+        emit_json(found.to_dict())
     else:
         _print(found, directory)
     draw_beside(found, plot)

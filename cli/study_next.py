@@ -26,7 +26,7 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Pat
     study.require_uncertainty("next")
     found = study.diagnose(progress=told()).next()
     if as_json:
-        emit_json(found.to_json())
+        emit_json(found.to_dict())
     elif found.rows:
         show_next(found.rows)
     else:

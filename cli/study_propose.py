@@ -29,7 +29,7 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
 
     found = propose_laws(open_study(directory, effects))
     if as_json:
-        emit_json(found.to_json())
+        emit_json(found.to_dict())
     else:
         show(found, directory)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -47,7 +48,7 @@ class Result:
         raise NotImplementedError
 
     def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
+        """What `to_dict` gives, with arrays in it."""
         return {"rows": records(**self.columns())}
 
     def sheets(self) -> list[Sheet]:
@@ -63,7 +64,7 @@ class Result:
         tables = "".join(_as_html(sheet) for sheet in self.sheets())
         return f"<p><b>{escape(type(self).__name__)}</b> {escape(self.summary())}</p>{tables}"
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """What ``--json`` of its verb prints, as plain values; what is not finite is None.
 
         Returns
@@ -72,6 +73,15 @@ class Result:
         """
         found: dict[str, Any] = finite(self.content())
         return found
+
+    def to_json(self, **options: Any) -> str:
+        """The same as text in JSON; `options` are those of `json.dumps`.
+
+        Returns
+        -------
+        str
+        """
+        return json.dumps(self.to_dict(), **{"ensure_ascii": False, **options})
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row for each channel, or for each channel and line or band, with the names of the JSON output.
@@ -169,7 +179,7 @@ class RecordingResult(Result):
         return {**crossed(channel=self.channels, **axes), **values}
 
     def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
+        """What `to_dict` gives, with arrays in it."""
         channels = records(channel=self.channels, **self.of_channels())
         return {"file": self.label, **self.facts(), "channels": channels, **picked(self, "notes settings")}
 

@@ -31,7 +31,7 @@ SHOWS = 10.0  # lambda from which D is measured: below, the right effect cannot 
 
 def diagnose(case: Case, directory: Path) -> dict[str, Any]:
     """Verdict on a measurement, as ``study diagnose --json`` gives it."""
-    return find_missing(_problem(directory, case.without)).to_json()
+    return find_missing(_problem(directory, case.without)).to_dict()
 
 
 def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:

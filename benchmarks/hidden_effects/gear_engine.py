@@ -26,7 +26,7 @@ from truth.planetary_gear.recorded import Run
 
 def diagnose(case: Case, directory: Path) -> dict[str, Any]:
     """Verdict on three recordings, as ``study diagnose --json`` gives it; reading them is part of its cost."""
-    return find_missing(_problem(case, directory)).to_json()
+    return find_missing(_problem(case, directory)).to_dict()
 
 
 def measure(case: Case, truth: Gear, directory: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:

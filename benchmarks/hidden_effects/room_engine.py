@@ -35,7 +35,7 @@ _PLACES = {"wall": "{}", "microphone": "Mic {:.0f}", "card": "card {:.0f}", "edg
 
 def diagnose(case: Case, directory: Path) -> dict[str, Any]:
     """Verdict on a recording, as ``study diagnose --json`` gives it; reading and fitting are part of its cost."""
-    return _study(directory, case).diagnose().to_json()
+    return _study(directory, case).diagnose().to_dict()
 
 
 def measure(case: Case, truth: RoomCase, directory: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:

@@ -288,8 +288,9 @@ def decay(recording: Source, reference: str | None = None, **settings: Any) -> D
     responses = impulse(source, reference, channels=asked.channels, **section)
     whole = asked.model_copy(update={"start_s": 0.0, "stop_s": None, "channels": ()})
     found = whole(responses.recording(), responses.upper_hz)
+    kept = {"calibration": responses.settings["calibration"]}
     remark = f"of impulse responses to {responses.reference} ({responses.method})"
-    return replace(found, notes=(*found.notes, remark), settings=asked.model_dump(mode="json"))
+    return replace(found, notes=(*found.notes, remark), settings={**asked.model_dump(mode="json"), **kept})
 
 
 def calibrate(

@@ -20,7 +20,7 @@ Real = NDArray[np.float64]
 
 # 18.9 degrees of freedom of bandwidth times time: a level that scatters by more than 1 dB.
 LOW_BT_DB = 1.0
-_WIDE = 6  # channels that stand side by side in a table
+_FEW = 4  # channels that stand side by side; of more, each has a row
 
 EDGES_DB = 0.5
 """By how much the cut at the ends of a section changes a level that is flagged ``edges``."""
@@ -221,32 +221,43 @@ class BandLevels(RecordingResult):
         return found
 
     def sheets(self) -> list[Sheet]:
-        """A row a band and a column a channel, a few channels side by side; the overall levels below."""
-        found = []
-        for first in range(0, len(self.channels), _WIDE):
-            rows = list(range(first, min(first + _WIDE, len(self.channels))))
-            own = [self.flags[r] for r in rows]
-            lines = [
-                [
-                    f"{nominal:g}", *(cell(self.level_dB[r, band]) for r in rows), f"{self.u_dB[band]:.2f}",
-                    _common_words([self.band_flags(r, band) for r in rows], own),
-                ]
-                for band, nominal in enumerate(self.nominal_hz)
-            ] + [
-                [
-                    f"overall {weighting}", *(cell(values[r]) for r in rows), "",
-                    _common_words([self.overall_flags(r, weighting) for r in rows], own),
-                ]
-                for weighting, values in self.overall_dB.items()
-                if np.isfinite(values[rows]).any()
-            ]  # fmt: skip
-            header = [f"{self.channels[r]}\ndB re {self.references[r].text}" for r in rows]
-            found.append(Sheet(self._title() if not first else "", ["Hz", *header, "u dB", ""], lines))
+        """Levels of bands and overall levels: a column for each of a few channels, a row for each of many."""
+        texts = [reference.text for reference in self.references]
+        many = [text for text in dict.fromkeys(texts) if texts.count(text) > _FEW]
+        found = [self._wide(text, [r for r, other in enumerate(texts) if other == text]) for text in many]
+        if rest := [r for r, text in enumerate(texts) if text not in many]:
+            header = [f"{self.channels[r]}\ndB re {texts[r]}" for r in rest]
+            found.append(Sheet("", ["Hz", *header, "u dB", ""], self._lines(rest)))
+        found[0] = found[0]._replace(title=f"{self._title()}\n{found[0].title}".rstrip())
         found += [self._percentiles(row) for row in range(len(self.channels)) if self.percentile_dB]
         exceeded = "LN: level exceeded during N % of the time that follows settling.\n"
         below = f"u: standard deviation of noise. Settling: {self.settling}."
         found[-1] = found[-1]._replace(below=(exceeded if self.percentile_dB else "") + below)
         return found
+
+    def _wide(self, reference: str, rows: Sequence[int]) -> Sheet:
+        """A row for each of many channels."""
+        names = [self.channels[r] for r in rows]
+        header, *columns = zip(["Hz", *names, "u dB", ""], *self._lines(rows, values=False), strict=True)
+        return Sheet(f"dB re {reference}", list(header), [list(column) for column in columns if any(column)])
+
+    def _lines(self, rows: Sequence[int], values: bool = True) -> list[list[str]]:
+        """A line for each band and overall level: its name, levels of some channels, uncertainty, common flags."""
+        own = [self.flags[r] for r in rows]
+        return [
+            [
+                f"{nominal:g}", *(cell(self.level_dB[r, band]) for r in rows), f"{self.u_dB[band]:.2f}",
+                _common_words([self.band_flags(r, band) for r in rows], own, values),
+            ]
+            for band, nominal in enumerate(self.nominal_hz)
+        ] + [
+            [
+                f"overall {weighting}", *(cell(levels[r]) for r in rows), "",
+                _common_words([self.overall_flags(r, weighting) for r in rows], own, values),
+            ]
+            for weighting, levels in self.overall_dB.items()
+            if np.isfinite(levels[list(rows)]).any()
+        ]  # fmt: skip
 
     def _title(self) -> str:
         held = f", {self.hold} hold" if self.hold else ""
@@ -321,15 +332,15 @@ class BandLevels(RecordingResult):
         return tuple(words)
 
 
-def _common_words(flags: Sequence[tuple[str, ...]], known: Sequence[tuple[str, ...]]) -> str:
+def _common_words(flags: Sequence[tuple[str, ...]], known: Sequence[tuple[str, ...]], values: bool) -> str:
     """Words for one line of several channels; what has a value has one for each channel, - where it does not hold."""
     found = [[word for word in words if word not in mine] for words, mine in zip(flags, known)]
     plain = sorted({word for words in found for word in words if "=" not in word})
     names = dict.fromkeys(word.split("=")[0] for words in found for word in words if "=" in word)
-    for name in names:
-        values = [next((w.split("=")[1] for w in words if w.startswith(f"{name}=")), "-") for words in found]
-        plain.append(f"{name}=" + "/".join(v if v == "-" else f"{float(v):.2f}" for v in values))
-    return " ".join(plain)
+    for name in names if values else ():
+        each = [next((w.split("=")[1] for w in words if w.startswith(f"{name}=")), "-") for words in found]
+        plain.append(f"{name}=" + "/".join(v if v == "-" else f"{float(v):.2f}" for v in each))
+    return (" " if values else "\n").join(plain)
 
 
 def percentile_name(percent: float) -> str:

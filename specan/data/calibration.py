@@ -136,7 +136,7 @@ class Calibration(Result):
         return f"{counted(len(self.channels), 'channel')}" + (f" at {tone:.6g} Hz" if tone else "")
 
     def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
+        """What `to_dict` gives, with arrays in it."""
         return asdict(self)
 
     def columns(self) -> dict[str, Any]:

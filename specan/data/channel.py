@@ -270,11 +270,16 @@ def matches(pattern: str, channel: Channel) -> bool:
 
 
 def channels_matching(patterns: Sequence[str], channels: Sequence[Channel]) -> tuple[Channel, ...]:
-    """Channels that any of the names and shell-style patterns means, in their order; empty where none does."""
+    """Channels that any of the names and shell-style patterns means, in their order; empty where none does.
+
+    ``Mic 1,Mic 7`` are two names, unless a channel is called so.
+    """
+    exact = {name for c in channels for name in (c.name, c.path)}
+    parts = [[p] if p in exact or "," not in p else p.split(",") for p in patterns]
+    patterns = [part.strip() if len(names) > 1 else part for names in parts for part in names]
     names = set(patterns)  # a thousand channels may be named one by one
     shapes = [p for p in patterns if any(mark in p for mark in "*?[")]
     chosen = [c.name in names or c.path in names or any(matches(p, c) for p in shapes) for c in channels]
-    exact = {name for c in channels for name in (c.name, c.path)}
     for pattern in dict.fromkeys(p for p in patterns if p not in exact):
         if pattern not in shapes:
             fitting = {id(c) for c in channels_meant(pattern, channels)}

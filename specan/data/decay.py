@@ -216,7 +216,7 @@ class ImpulseResponses(Result):
         return {**crossed(channel=names, time_s=self.time_s), "response": self.samples.ravel()}
 
     def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
+        """What `to_dict` gives, with arrays in it."""
         return {
             "reference": self.reference,
             "method": self.method,

@@ -159,7 +159,7 @@ class Recording(Result):
         return f"{self.label}, {counted(len(self.channels), 'channel')}, {longest:.4g} s at {at}"
 
     def content(self) -> dict[str, Any]:
-        """What `to_json` gives; samples are not in it.
+        """What `to_dict` gives; samples are not in it.
 
         Returns
         -------

@@ -240,7 +240,7 @@ class StudyPage:
         self.ranking.show(self.study, [str(c.use) for c in known], not_testable, found)
         self.verdict.text = ""
         if found is not None:
-            because = reason(found.to_json())
+            because = reason(found.to_dict())
             fall = "" if found.error is None else " ".join(["", *found.error.sentences])
             self.verdict.text = (
                 f'<span style="font-size:17px;font-weight:650">{escape(headline(found))}</span>'

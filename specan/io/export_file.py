@@ -1,4 +1,4 @@
-"""An excerpt of a recording written for other programs: CSV, WAV, Parquet, UFF; transfer functions as UFF."""
+"""An excerpt of a recording written for other programs: CSV, WAV, Parquet, TDMS, UFF; spectra as UFF."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from specan import __version__
 from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
+from specan.data.spectrum import Spectrum
 from specan.errors import RequestError, library
 from specan.io.output_file import whole_file
 from specan.io.results_text import escaped, harmless
@@ -50,12 +51,16 @@ class Excerpt:
             first += samples.shape[1]
 
 
+ENDINGS = {".csv": "csv", ".uff": "uff", ".unv": "uff", ".wav": "wav", ".parquet": "parquet", ".tdms": "tdms"}
+
+
 def write_excerpt(excerpt: Excerpt, form: str, path: Path, decimal: str = ".") -> None:
-    """Write it as ``csv``, ``uff``, ``wav`` or ``parquet``; `decimal` is the decimal sign of CSV."""
+    """Write it in one of the forms of `ENDINGS`; `decimal` is the decimal sign of CSV."""
     if form == "csv":
         write_csv(excerpt, path, decimal)
     else:
-        {"uff": write_uff, "wav": write_wav, "parquet": write_parquet}[form](excerpt, path)
+        writers = {"uff": write_uff, "wav": write_wav, "parquet": write_parquet, "tdms": write_tdms}
+        writers[form](excerpt, path)
 
 
 def together(channels: Sequence[Channel]) -> str:
@@ -161,6 +166,24 @@ def write_parquet(excerpt: Excerpt, path: Path) -> None:
             writer.write_table(pyarrow.table([time, *samples], schema=schema))
 
 
+def write_tdms(excerpt: Excerpt, path: Path) -> None:
+    """Write all channels in double precision, with unit, role and time step as properties; groups are kept."""
+    from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
+
+    recording = excerpt.recording
+    start = {"wf_increment": 1.0 / excerpt.rate, "wf_start_offset": excerpt.start / excerpt.rate}
+    groups = dict.fromkeys(c.group or "Measurement" for c in excerpt.channels)
+    about = {"Description": f"specan {__version__}: {recording.label}"}
+    heads = [RootObject(about), *map(GroupObject, groups)]
+    with whole_file(path) as half, half.open("wb") as file, TdmsWriter(file) as writer:
+        for _, samples in excerpt.blocks():
+            made = [
+                ChannelObject(c.group or "Measurement", c.name, row, {**start, "unit_string": c.unit})
+                for c, row in zip(excerpt.channels, samples, strict=True)
+            ]
+            writer.write_segment([*heads, *made])
+
+
 # Specific data types of data set 58, record 9, and what a general one is.
 _QUANTITIES = {"m": 8, "N": 9, "m/s": 11, "m/s^2": 12, "Pa": 15}
 _GENERAL = 1
@@ -177,15 +200,16 @@ def write_uff(excerpt: Excerpt, path: Path) -> None:
     _write_58(path, _responses(excerpt))
 
 
-def write_uff_transfer(found: FrequencyResponse, path: Path) -> None:
-    """Write a data set 58 of function type 4 for each response, and one of its coherence (type 6); binary.
+def write_uff_functions(found: FrequencyResponse | Spectrum, path: Path) -> None:
+    """Write a data set 58 for each channel, binary: a transfer function (type 4) and its coherence (6), a density (9),
+    or a spectrum of lines (12).
 
     Raises
     ------
     RequestError
         pyuff is not installed, or the file cannot be written.
     """
-    _write_58(path, _transfer_functions(found))
+    _write_58(path, _transfer_functions(found) if isinstance(found, FrequencyResponse) else _spectra(found))
 
 
 def _write_58(path: Path, sets: Iterable[Mapping[str, Any]]) -> None:
@@ -206,23 +230,14 @@ def _write_58(path: Path, sets: Iterable[Mapping[str, Any]]) -> None:
 
 
 def _transfer_functions(found: FrequencyResponse) -> Iterator[Mapping[str, Any]]:
-    f, below = found.frequency_hz, found.reference_unit
-    for row, name in enumerate(found.channels):
-        above = _above(found.units[row], below)
+    below = found.reference_unit
+    for row, unit in enumerate(found.units):
+        above = _above(unit, below)
         common = {
-            "id1": name[:80],
-            "id2": found.label[-80:],
+            **_over_frequency(found, row),
             "id3": f"{found.estimator}, {found.n_blocks} blocks",
-            "rsp_ent_name": name,
-            "rsp_node": row + 1,
             "ref_ent_name": found.reference,
             "ref_node": len(found.channels) + 1,
-            "abscissa_min": float(f[0]),
-            "abscissa_inc": float(f[1] - f[0]) if f.size > 1 else 0.0,
-            "num_pts": f.size,
-            "abscissa_spec_data_type": 18,
-            "abscissa_axis_units_lab": "Hz",
-            "x": f,
         }
         yield {
             **common,
@@ -236,6 +251,42 @@ def _transfer_functions(found: FrequencyResponse) -> Iterator[Mapping[str, Any]]
         }
         if np.all(np.isfinite(found.coherence[row])):
             yield {**common, "func_type": 6, "ord_data_type": 4, "data": found.coherence[row]}
+
+
+def _over_frequency(found: FrequencyResponse | Spectrum, row: int) -> dict[str, Any]:
+    """What functions of frequency have in common."""
+    f, name = found.frequency_hz, found.channels[row]
+    return {
+        "id1": name[:80],
+        "id2": found.label[-80:],
+        "rsp_ent_name": name,
+        "rsp_node": row + 1,
+        "ref_ent_name": "NONE",
+        "ref_node": 0,
+        "abscissa_min": float(f[0]),
+        "abscissa_inc": float(f[1] - f[0]) if f.size > 1 else 0.0,
+        "num_pts": f.size,
+        "abscissa_spec_data_type": 18,
+        "abscissa_axis_units_lab": "Hz",
+        "x": f,
+    }
+
+
+def _spectra(found: Spectrum) -> Iterator[Mapping[str, Any]]:
+    density = found.scale.scaling == "psd"
+    for row, unit in enumerate(found.value_units):
+        values = found.values[row]
+        if not density and found.phase_deg is not None:
+            values = values * np.exp(1j * np.radians(found.phase_deg[row]))
+        yield {
+            **_over_frequency(found, row),
+            "id3": f"{found.scale.scaling}, window {found.scale.window}, {found.scale.enbw_hz:.6g} Hz wide",
+            "func_type": 9 if density else 12,
+            "ord_data_type": 6 if np.iscomplexobj(values) else 4,  # double precision
+            "ordinate_spec_data_type": _GENERAL if density else _QUANTITIES.get(unit, _GENERAL),
+            "ordinate_axis_units_lab": unit,
+            "data": values,
+        }
 
 
 def _responses(excerpt: Excerpt) -> Iterator[Mapping[str, Any]]:

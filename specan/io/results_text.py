@@ -7,21 +7,18 @@ import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
-from itertools import chain
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from specan import __version__
 from specan.errors import RequestError, library, nearest
 from specan.io.output_file import text_file, whole_file, write_encoded
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from specan.result import RecordingResult
 
 __all__ = ["cells", "plain", "word"]
 
@@ -45,6 +42,9 @@ COLUMNS = {
 OPTIONAL = frozenset({"orders.txt"})
 
 
+_COMMA = "# decimal sign: comma\n"
+
+
 def read_table(path: Path) -> pd.DataFrame:
     """A table that a batch wrote, as a data frame.
 
@@ -58,8 +58,9 @@ def read_table(path: Path) -> pd.DataFrame:
     if path.name not in COLUMNS or not path.is_file():
         raise RequestError(f"there is no table {path}", remedy=nearest(path.name, COLUMNS))
     with path.open(encoding="utf-8") as file:
-        header = next((n for n, line in enumerate(file) if not line.startswith("#")), 0)
-    return pd.read_csv(path, sep="\t", skiprows=header, encoding="utf-8")
+        header = list(takewhile(lambda line: line.startswith("#"), file))
+    decimal = "," if _COMMA in header else "."
+    return pd.read_csv(path, sep="\t", skiprows=len(header), encoding="utf-8", decimal=decimal)
 
 
 def fixed(values: ArrayLike, decimals: int) -> list[str]:
@@ -192,7 +193,11 @@ def words(names: Iterable[object]) -> list[str]:
 
 
 def write_table(
-    path: Path, header: Iterable[str], columns: Sequence[str], blocks: Iterable[str | bytes]
+    path: Path,
+    header: Iterable[str],
+    columns: Sequence[str],
+    blocks: Iterable[str | bytes],
+    decimal: str = ".",
 ) -> None:
     """Write one result table; a reader sees the old file or the whole new one.
 
@@ -206,16 +211,23 @@ def write_table(
         Names of the columns.
     blocks : iterable of str or bytes
         Lines of the table as `rows` makes them, in order, or encoded; may come from a generator.
+    decimal : {".", ","}
+        Decimal sign of text. With a comma, a .csv has semicolons between columns and a byte order mark.
     """
     form = path.suffix.lower()
     if form in (".xlsx", ".parquet"):
         _write_frame(path, form, list(header), columns, blocks)
         return
+    if decimal != ".":
+        header = [*header, _COMMA[2:-1]]
+        blocks = (_NUMBER.sub(r"\1,\2", _text(block)) for block in blocks)
     with text_file(path) as file:
+        if decimal != "." and form == ".csv":
+            file.write("\ufeff")
         for line in header:
             file.write(f"# {escaped(' '.join(line.split()))}\n")
         if form == ".csv":
-            sheet = csv.writer(file, lineterminator="\n")
+            sheet = csv.writer(file, lineterminator="\n", delimiter="," if decimal == "." else ";")
             sheet.writerow(columns)
             for lines in map(_text, blocks):
                 sheet.writerows(cells(line) for line in lines.split("\n")[:-1])
@@ -226,6 +238,10 @@ def write_table(
                 write_encoded(file, [block])
             else:
                 file.write(block)
+
+
+# A cell that is a number with a point.
+_NUMBER = re.compile(r"(?<![^\t\n])(-?\d+)\.(\d+(?:e[-+]\d+)?)(?![^\t\n])")
 
 
 def _text(block: str | bytes) -> str:
@@ -265,20 +281,6 @@ def _write_frame(
             pd.DataFrame({"about": list(map(harmless, header))}).to_excel(
                 book, sheet_name="about", index=False
             )
-
-
-def write_result(found: RecordingResult, path: Path, tables: Iterable[Mapping[str, Any]] = ()) -> None:
-    """Write a result, or these tables of it: named columns as `table_lines` takes them, one set after the other.
-
-    The header says which verb made it, and ends with its settings, calibration and notes.
-    """
-    settings = dict(found.settings)
-    said = settings.pop("calibration", None)
-    calibration = [f"calibration: {said}"] if said else []
-    header = [f"specan {__version__} {found.verb}", *found.about(), f"settings: {settings}", *calibration]
-    parts = iter(tables or found.tables())
-    first = next(parts)
-    write_table(path, [*header, *found.notes], list(first), map(table_lines, chain([first], parts)))
 
 
 # A name as a cell of a table: read back as it was by pandas, R and spreadsheets, whatever it holds.

@@ -129,7 +129,7 @@ def _by_file(path: Path, columns: Sequence[str]) -> Iterator[tuple[str, dict[str
 
 def _number(text: str) -> float:
     try:
-        return float(text)
+        return float(text.replace(",", "."))
     except ValueError:
         return float("nan")
 

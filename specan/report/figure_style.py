@@ -232,7 +232,7 @@ def band_about(
 
 
 def figure_format(path: Path) -> str:
-    """Format by the suffix of a file, checked before the work is done.
+    """Format by the suffix of a file, checked before the work is done; PNG for standard output, ``-``.
 
     Raises
     ------
@@ -244,7 +244,7 @@ def figure_format(path: Path) -> str:
     >>> figure_format(Path("spectrum.SVG"))
     'svg'
     """
-    kind = path.suffix.lower().lstrip(".")
+    kind = "png" if str(path) == "-" else path.suffix.lower().lstrip(".")
     if kind not in FORMATS:
         raise RequestError(
             f"a figure cannot be written as {path.name!r}",

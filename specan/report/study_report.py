@@ -137,7 +137,7 @@ def _what_is_missing(found: Diagnosis | None) -> list[str]:
         return []
     parts = [
         "<h2>What is missing now</h2>",
-        f"<p><b>{escape(headline(found))}</b> {escape(reason(found.to_json()))}</p>",
+        f"<p><b>{escape(headline(found))}</b> {escape(reason(found.to_dict()))}</p>",
     ]
     if found.residual_law is not None:
         parts.append(f"<p>The remaining error follows {escape(found.residual_law.text.lstrip('~ '))}.</p>")
@@ -164,7 +164,7 @@ def _rejected(found: Diagnosis | None) -> list[str]:
     """Everything that was tried of the model as it is, and what these data could not have shown."""
     if found is None:
         return []
-    parts, rows = [], found.to_json()["ranking"][:MOST_REJECTED]
+    parts, rows = [], found.to_dict()["ranking"][:MOST_REJECTED]
     if rows:
         sheet = study_sheets.candidates(rows, valued=True)
         parts += [

@@ -51,7 +51,7 @@ def command(
         progress("what would determine the rest")
     advice = advise(shown)
     if as_json:
-        emit_json({**shown.to_json(), "advice": [one.as_dict() for one in advice]})
+        emit_json({**shown.to_dict(), "advice": [one.as_dict() for one in advice]})
     else:
         _print(shown, advice)
     draw(shown, plot)

@@ -119,7 +119,7 @@ class ProposedLaws(Result):
             "file": [str(law.file) for law in self.laws],
         }
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain values."""
         return {
             "p_value": self.p_value,

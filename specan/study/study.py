@@ -372,7 +372,7 @@ class Study:
     def diagnosed(self) -> dict[str, Any] | None:
         """What was diagnosed of the study as it is, as ``study diagnose --json`` prints it; None if nothing was."""
         found = self.kept.find("diagnosis", Diagnosis)
-        return None if found is None else found.to_json()
+        return None if found is None else found.to_dict()
 
     def _keep_stopped(self, content: Mapping[str, Any]) -> None:
         """Write what a stopped diagnosis had found into the study, where its directory can be written to."""

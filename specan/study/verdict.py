@@ -156,12 +156,12 @@ class ErrorFall:
             text += f"; on conditions left out of the fit {_fall(self.left_out_before, self.left_out_after)}"
         return text
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain values."""
         names = ("before", "after", "left_out_before", "left_out_after")
         found = {name: getattr(self, name) for name in names}
         plain: dict[str, Any] = {name: None if e is None else e.as_dict() for name, e in found.items()}
-        return plain | ({"others": [one.to_json() for one in self.others]} if self.others else {})
+        return plain | ({"others": [one.to_dict() for one in self.others]} if self.others else {})
 
 
 def _fall(before: ObservableError, after: ObservableError) -> str:
@@ -312,7 +312,7 @@ class Diagnosis(Result):
             "unknown_possible": self.unknown_possible,
             **({"probabilities": self.probabilities} if self.probabilities else {}),
             "pulls": self.pulls,
-            "error": None if self.error is None else self.error.to_json(),
+            "error": None if self.error is None else self.error.to_dict(),
             "remarks": self.remarks,
             "other_form": self.other_form,
             "ranking": [row.content() for row in self.ranking],
@@ -431,7 +431,7 @@ OR_WRONG_DATA = "One condition is wrong, or something is missing there that is n
 
 def headline(found: Diagnosis) -> str:
     """The verdict as one sentence: ``Missing: windage (97 %) or seal-drag (2 %); these data cannot tell which.``"""
-    return headline_of(found.to_json())
+    return headline_of(found.to_dict())
 
 
 def headline_of(content: Mapping[str, Any]) -> str:

@@ -194,7 +194,7 @@ def test_results_are_short_on_the_screen_and_can_be_drawn():
 def test_json_is_that_of_the_verb(verb, options, settings):
     path = SAMPLES / "knock.tdms"
     done = CliRunner().invoke(main, [verb, str(path), *options, "--json"])
-    assert json.loads(done.stdout) == getattr(specan, verb)(path, **settings).to_json()
+    assert json.loads(done.stdout) == getattr(specan, verb)(path, **settings).to_dict()
 
 
 def test_json_of_a_recording_is_that_of_info():
@@ -203,7 +203,7 @@ def test_json_of_a_recording_is_that_of_info():
     said = json.loads(done.stdout)["files"][0]
     assert {k: v for k, v in said.items() if k not in ("size_bytes", "excitation")} == specan.read(
         path
-    ).to_json()
+    ).to_dict()
 
 
 def test_a_model_is_built_from_a_rig_file_its_content_or_the_example(tmp_path):
@@ -306,15 +306,15 @@ def test_a_study_does_what_the_verbs_do(tmp_path, monkeypatch):
     assert "opening" not in study.effects
     before = study.compare()
     assert {"parameter", "value", "low", "high", "unit"} < set(before.to_dataframe())
-    assert before.to_json() == printed("study", "compare", str(tmp_path / "s"))
+    assert before.to_dict() == printed("study", "compare", str(tmp_path / "s"))
     before.plot(path=tmp_path / "before.svg")
     assert (tmp_path / "before.svg").read_bytes() == drawn(study, tmp_path / "study.svg")
     verdict = specan.diagnose(tmp_path / "s")
     assert verdict.verdict == "effect"
     assert verdict.to_dataframe()["effects"][0] == "opening"
-    assert study.diagnose().to_json() == verdict.to_json()
+    assert study.diagnose().to_dict() == verdict.to_dict()
     assert study.next().to_dataframe().columns.tolist() == ["place", "text"]
-    assert study.next().to_json() == printed("study", "next", str(tmp_path / "s"))
+    assert study.next().to_dict() == printed("study", "next", str(tmp_path / "s"))
     change = study.add("opening", because="asked for")
     frame = change.to_dataframe().set_index("data")
     assert frame.loc["held-out", "after"] < frame.loc["held-out", "before"]

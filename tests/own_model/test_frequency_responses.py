@@ -164,9 +164,7 @@ def test_universal_files_of_others(place):
 def test_export_writes_transfer_functions_as_universal_file(place):
     pyuff = pytest.importorskip("pyuff")
     (place / "run.csv").write_text(as_text(simulate(ThreeMasses(), seed=6)), encoding="utf-8")
-    assert "2 channels over force" in run(
-        "export", "run.csv", "--to", "uff", "--reference", "force", "-o", "frf.uff"
-    )
+    run("frf", "run.csv", "--reference", "force", "--channel", "x1,x2", "-o", "frf.uff")
     table = json.loads(run("frf", "run.csv", "--reference", "force", "--channel", "x*", "--json", "-q"))
     sets = pyuff.UFF("frf.uff").read_sets()
     assert [(s["func_type"], s["rsp_node"], s["ref_node"]) for s in sets] == [
@@ -191,14 +189,6 @@ def test_export_writes_transfer_functions_as_universal_file(place):
     assert "from the coherence and 9 averages" in run(
         "study", "new", "s", "--model", "m.py", "--measurement", "frf.uff"
     )
-
-
-def test_export_of_transfer_functions_as_something_else_is_refused(place):
-    (place / "run.csv").write_text(as_text(simulate(ThreeMasses(), seconds=2)), encoding="utf-8")
-    with pytest.raises(RequestError, match=r"--reference is for --to uff.*specan frf"):
-        CliRunner().invoke(
-            main, ["export", "run.csv", "--to", "csv", "--reference", "force"], catch_exceptions=False
-        )
 
 
 def refused(path: Path, **observable) -> str:

@@ -604,7 +604,7 @@ ROW = {
 @pytest.mark.parametrize("truth", [nothing, lambda x, z: 3 * x**2, lambda x, z: 6 * x**3])
 def test_json_is_the_contract(toy, truth):
     names = ["cross", "zero-error", "wave"] if truth(1.0, 0.0) == 6 else CATALOGUE
-    found = diagnose(toy.problem(truth, names, seed=16)).to_json()
+    found = diagnose(toy.problem(truth, names, seed=16)).to_dict()
     assert set(found) == KEYS
     assert all(set(row) == ROW for row in found["ranking"])
     assert set(found["lack_of_fit"]) == {"reduced_chi2", "p_value", "n_effective"}
@@ -628,7 +628,7 @@ def test_progress_is_told(toy):
 
 
 def test_the_same_problem_gives_the_same_verdict(toy):
-    one, two = (diagnose(toy.problem(lambda x, z: 3 * x**2, CATALOGUE, seed=18)).to_json() for _ in range(2))
+    one, two = (diagnose(toy.problem(lambda x, z: 3 * x**2, CATALOGUE, seed=18)).to_dict() for _ in range(2))
     assert one == two
 
 

@@ -52,7 +52,7 @@ def test_the_same_state_is_computed_once(diagnosed, study, computed):
     found = Study(study).diagnose()
     assert computed == []
     assert found == diagnosed[1]
-    assert found.to_json() == diagnosed[1].to_json()
+    assert found.to_dict() == diagnosed[1].to_dict()
 
 
 def test_a_fit_comes_back_to_the_last_bit(study):

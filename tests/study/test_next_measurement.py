@@ -107,7 +107,7 @@ def test_the_unknown_is_looked_for_where_nothing_was_measured(toy):
 
 
 def test_a_verdict_carries_its_proposals(toy):
-    found = diagnose(toy.problem(lambda x, z: 4 * x**2, ["square", "twin", "cross"], seed=9)).to_json()
+    found = diagnose(toy.problem(lambda x, z: 4 * x**2, ["square", "twin", "cross"], seed=9)).to_dict()
     for row in found["next_measurement"]:
         assert set(row) == {
             "text",

@@ -184,7 +184,7 @@ def run_batch(
         header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
         if channel_table is not None:
             header.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
-        written = write_tables(store.place, header, results, kept)
+        written = write_tables(store.place, header, results, kept, settings.decimal)
         _publish(store.place, out, written)
         store.keep_only(kept)
     tables = tuple(out / name for name in written)

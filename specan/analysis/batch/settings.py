@@ -38,6 +38,8 @@ class BatchSettings(Settings):
         Of calibrator recordings among the files.
     orders : Orders or None
         Of all recordings; by default those that have a tacho are analysed, with its own settings.
+    decimal : {".", ","}
+        Decimal sign of the tables; results do not depend on it.
     """
 
     reference: str | None = None
@@ -48,6 +50,7 @@ class BatchSettings(Settings):
     octave: Octave = Octave()
     calibration: CalibrationSettings = CalibrationSettings()
     orders: Orders | None = None
+    decimal: Literal[".", ","] = "."
 
     @field_validator("transfer_function")
     @classmethod
@@ -67,8 +70,8 @@ class BatchSettings(Settings):
         )
 
     def as_json(self) -> str:
-        """All settings on one line, keys sorted; orders only where they are asked for."""
-        left_out = {"orders"} if self.orders is None else None
+        """All settings on one line, keys sorted; orders only where they are set, the decimal sign not at all."""
+        left_out = {"decimal", "orders"} if self.orders is None else {"decimal"}
         content = self.model_dump(mode="json", exclude=left_out)
         return json.dumps(content, sort_keys=True, separators=(",", ":"))
 

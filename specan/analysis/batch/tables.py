@@ -37,7 +37,11 @@ UNITS = {
 
 
 def write_tables(
-    out: Path, header: Sequence[str], results: Sequence[FileResult], kept: Mapping[str, Kept]
+    out: Path,
+    header: Sequence[str],
+    results: Sequence[FileResult],
+    kept: Mapping[str, Kept],
+    decimal: str = ".",
 ) -> dict[str, int]:
     """Write every table, those without a row as well; optional ones only where a file has them.
 
@@ -49,6 +53,8 @@ def write_tables(
         Sorted by label.
     kept : mapping
         Label to where the lines of a file stand.
+    decimal : {".", ","}
+        Decimal sign.
 
     Returns
     -------
@@ -73,7 +79,7 @@ def write_tables(
         else:
             lines = (kept[r.label].encoded(name) for r in here)
             written[name] = sum(kept[r.label].rows[name] for r in here)
-        text.write_table(out / name, [*_head(name, header), *about], columns, lines)
+        text.write_table(out / name, [*_head(name, header), *about], columns, lines, decimal)
     return written
 
 

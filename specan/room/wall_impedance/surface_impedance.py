@@ -146,7 +146,7 @@ class Impedance(Result):
         return found
 
     def content(self) -> dict[str, Any]:
-        """What `to_json` gives, with arrays in it."""
+        """What `to_dict` gives, with arrays in it."""
         return {
             "rows": [row.as_dict() for row in self.rows],
             "criterion": self.criterion,
