@@ -120,16 +120,13 @@ class Case:
     def observation(self) -> TableObservation:
         """The table, written and read as a user's would be."""
         rng = np.random.default_rng([self.seed, 2])
-        actual = {
-            n: _reset(x, self.machine.setting.get(n, 0.0), rng) if self.repeated else x
-            for n, x in self.table.items()
-        }
+        actual, written = self.settings(rng)
         readings = self.machine.readings(actual, self.forms, self.strengths)
         noisy = {
             n: y + 0.01 * self.noise * _scale(self.clean[n]) * self._white(rng, y.size)
             for n, y in readings.items()
         }
-        columns = {**self.table, **noisy}
+        columns = {**written, **self.written(noisy, rng)}
         rows = "\n".join(
             ",".join(v if isinstance(v, str) else f"{v:.8g}" for v in row)
             for row in zip(*columns.values(), strict=True)
@@ -140,6 +137,18 @@ class Case:
             (found,) = read_tables(self.model, [path]).fitted
         assert isinstance(found, TableObservation)
         return found
+
+    def settings(self, rng: np.random.Generator) -> tuple[Table, Table]:
+        """What was really set, and what the table says."""
+        actual = {
+            n: _reset(x, self.machine.setting.get(n, 0.0), rng) if self.repeated else x
+            for n, x in self.table.items()
+        }
+        return actual, self.table
+
+    def written(self, readings: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
+        """What the table says of the readings."""
+        return readings
 
     def _white(self, rng: np.random.Generator, n: int) -> Array:
         """Errors of unit variance; in a case of that kind each remembers the one before."""

@@ -22,7 +22,7 @@ from specan.study.evidence.judgement import (
     without_larger,
 )
 from specan.study.localisation.localise import localise
-from specan.study.selection.doubtful_data import copied_rows, odd_repeat, rows_of_two_kinds, suspect_rows
+from specan.study.selection.doubtful_data import odd_repeat, rows_of_two_kinds, suspect_rows
 from specan.study.selection.pulls import pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
 from specan.study.selection.residual_law import residual_law
@@ -286,7 +286,6 @@ class _Telling:
     def _remarks(self) -> list[str]:
         base, best = self.base, self._best.best
         remarks = [
-            ("copied rows", lambda: copied_rows(base)),
             ("suspect rows", lambda: suspect_rows(base)),
             ("rows without load", lambda: rows_of_two_kinds(base)),
             ("odd repeats", lambda: odd_repeat(base)),

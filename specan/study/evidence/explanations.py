@@ -28,7 +28,7 @@ from specan.models import Use
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.levenberg_marquardt import NotSettledError, descend, descend_steps
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.faults import SIZES, Fault, faults, observable_rows, sizes_of
+from specan.study.evidence.faults import SIZES, Fault, Faults, levels, observable_rows, sizes_of
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.noise import Autoregression, autoregressions, chains_of
 from specan.study.evidence.promises import Catalogue, Promise
@@ -50,6 +50,7 @@ SETS = 0.7  # share of a diagnosis that is over when sets are fitted
 FORMS = (0.01, 0.03, 0.1, 0.3)
 FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of form changes
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
+SMOOTH = 0.8  # of unknown functions; the others act at one level of a variable, or from one on
 WITHIN = 3.0  # ln of the best probability over a promised one that is still fitted
 SLACK = 1.5  # ln by which a linear promise may fall short of a fit
 AS_GOOD = 1.0  # ln of the best probability over that of something else, from where every effect is fitted
@@ -434,11 +435,18 @@ class Explanations:
             )
 
     def _gain_of_unknown(self, form: Form, beside: Marginal) -> float:
-        """ln of the evidence with a smooth function over that without, summed over its sizes and lengths."""
-        gains = [beside.beside(white, np.array(SIZES))[0] for white in self.unknown_functions(form)]
-        return float(logsumexp(gains) - np.log(np.size(gains)))
+        """ln of the evidence with such a function over that without, summed over kinds, sizes and lengths."""
+        kinds = []
+        for share, functions in (
+            (SMOOTH, self.smooth_functions(form)),
+            (1 - SMOOTH, self.functions_at_levels(form)),
+        ):
+            gains = [beside.beside(white, np.array(SIZES))[0] for white in functions]
+            if gains:
+                kinds.append(float(logsumexp(gains) + np.log(share / np.size(gains))))
+        return float(logsumexp(kinds))
 
-    def unknown_functions(self, form: Form) -> Iterator[Array]:
+    def smooth_functions(self, form: Form) -> Iterator[Array]:
         """Columns of smooth functions of the size of the prediction, whitened: of every choice of variables and length.
 
         Several observables may fail alike, or each in a way of its own.
@@ -452,6 +460,13 @@ class Explanations:
                 for one in roots:
                     for size in (relative, level):
                         yield self.problem.whiten(size[:, None] * one)
+
+    def functions_at_levels(self, form: Form) -> Iterator[Array]:
+        """The same of the rows at one level of an operating variable, as at a resonance, or from one on."""
+        root = kernel_root(self.points, max(UNKNOWN_LENGTHS))
+        for rows in levels(self.problem):
+            for size in sizes_of(form.problem, form.predicted):
+                yield self.problem.whiten((size * rows)[:, None] * root)
 
     # --- noise and data -----------------------------------------------------------------------------
 
@@ -475,24 +490,20 @@ class Explanations:
 
     def _faults(self) -> None:
         """A fault of the data beside the likeliest of the others."""
+        looked_for: dict[int, Faults] = {}
         for one in self._top(8):
+            if id(one.form) not in looked_for:
+                looked_for[id(one.form)] = Faults(one.form.tangent, one.form.predicted)
             marginal, ln_evidence = self.weighed(one.form, one.tangent)
-            by_name: dict[str, list[tuple[float, Fault]]] = {}
-            for fault in faults(self.problem, one.form.predicted):
-                gains, found = marginal.beside(self.problem.whiten(fault.columns), np.array(SIZES))
-                sized = fault.of_size(self.problem, found[int(np.argmax(gains))])
-                by_name.setdefault(fault.name, []).append(
-                    (float(logsumexp(gains) - np.log(len(gains))), sized)
-                )
-            for items in by_name.values():
-                gain = float(logsumexp([g for g, _ in items]) - np.log(len(items)))
+            found = looked_for[id(one.form)].beside(marginal)
+            for gain, fault in found:
                 self.found.append(
                     replace(
                         one,
                         kind="fault",
-                        fault=max(items, key=lambda i: i[0])[1],
+                        fault=fault,
                         ln_evidence=ln_evidence + gain,
-                        ln_prior=one.ln_prior + np.log(FAULT / len(by_name)),
+                        ln_prior=one.ln_prior + np.log(FAULT / len(found)),
                     )
                 )
 

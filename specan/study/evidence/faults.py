@@ -1,22 +1,28 @@
 """Faults of the data, as columns that the prediction may lack.
 
-Each is a set of columns over the measured rows for one unit of a coefficient that is known beforehand to a deviation of
-so many per cent of what the model predicts: a relative one (a gain) or one of the same size in all rows (a zero). How
-large it may be, and from which row on, is summed over.
+Each is a set of columns over the measured rows for one unit of a coefficient that is known beforehand to a deviation.
+A reading may be off by a share of what the model predicts: a gain, or a zero of the same size in all rows. A condition
+may not be what the table says: the prediction changes by its derivative. In which rows, and by how much, is summed
+over.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import betaln, logsumexp
 
-from specan.study.data.setpoints import TIME
+from specan.models.quantity import Condition
+from specan.study.data.setpoints import MOST_LEVELS, TIME, round_step
 from specan.study.estimation.problem import Problem
+from specan.study.evidence.marginal import Marginal, Tangent
+from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
+from specan.units import convert, printed_unit
 
 SIZES = (
     0.003,
@@ -25,9 +31,18 @@ SIZES = (
     0.1,
     0.3,
 )  # of what the model predicts: deviations of what is not known, summed over
-PLACES = 40  # rows from which on something may differ, that are tried
+OF_A_SETTING = (
+    1.0,
+    3.0,
+    10.0,
+    30.0,
+)  # the same of a scale without a zero, in its usual uncertainties of setting
+PLACES = 200  # rows from which on something may differ, or values above which, that are tried
 LEAST_ROWS = 3  # on either side of such a row
 WARM_UP = (0.05, 0.15)  # of the whole measurement, over which first rows settle
+
+Rows = NDArray[np.bool_]
+Words = Callable[[Array], str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +57,25 @@ class Fault:
         A sentence without its end.
     columns : array, shape (n, k)
         Change of the measured rows, for a size of one.
+    sizes : tuple of float
+        Deviations of the coefficients, each as likely.
+    in_words : callable, optional
+        What follows the text for given coefficients; by default the size in the readings.
+    ln_known : float
+        ln of the evidence beside what the columns explain.
     """
 
     name: str
     text: str
     columns: Array
+    sizes: tuple[float, ...] = SIZES
+    in_words: Words | None = None
+    ln_known: float = 0.0
 
     def of_size(self, problem: Problem, coefficients: Array) -> Fault:
         """The same with its size in words: by how much it changes the readings of the observable that it shows in."""
+        if self.in_words is not None:
+            return replace(self, text=self.text + self.in_words(coefficients))
         change, model = self.columns @ coefficients, problem.assembly.model
         name, rows = max(
             observable_rows(problem).items(), key=lambda item: float(np.ptp(problem.whiten(change)[item[1]]))
@@ -57,6 +83,59 @@ class Fault:
         unit = model.observables[name].unit if name in model.observables else ""
         size = f"{float(np.ptp(change[rows])):.2g} {'' if unit == '1' else unit}".rstrip()
         return replace(self, text=f"{self.text}, {name} by up to {size}")
+
+
+class Faults:
+    """Everything that is looked for in the rows of tables, beside fits of one form of the base.
+
+    Parameters
+    ----------
+    tangent : Tangent
+        Of the base.
+    predicted : array
+        By it.
+    """
+
+    def __init__(self, tangent: Tangent, predicted: Array) -> None:
+        self.problem = tangent.problem
+        self.all = sorted(faults(tangent, predicted), key=lambda one: one.name)
+        alone = [k for k, one in enumerate(self.all) if one.columns.shape[1] == 1]
+        self._alone = {
+            sizes: [k for k in alone if self.all[k].sizes == sizes]
+            for sizes in {self.all[k].sizes for k in alone}
+        }
+        self._white = {
+            sizes: self.problem.whiten(np.hstack([self.all[k].columns for k in own]))
+            for sizes, own in self._alone.items()
+        }
+        self._several = {
+            k: self.problem.whiten(one.columns) for k, one in enumerate(self.all) if one.columns.shape[1] != 1
+        }
+
+    def beside(self, marginal: Marginal) -> list[tuple[float, Fault]]:
+        """ln of the evidence with a fault over that without, and the likeliest place and size, for each name."""
+        found: dict[int, tuple[float, Array]] = {}
+        for sizes, own in self._alone.items():
+            gains, coefficients = marginal.one_by_one(self._white[sizes], np.array(sizes))
+            for j, k in enumerate(own):
+                found[k] = _mean(gains[:, j]), coefficients[[int(np.argmax(gains[:, j]))], j]
+        for k, white in self._several.items():
+            gains, each = marginal.beside(white, np.array(self.all[k].sizes))
+            found[k] = _mean(gains) + self.all[k].ln_known, each[int(np.argmax(gains))]
+        by_name: dict[str, list[int]] = {}
+        for k, one in enumerate(self.all):
+            by_name.setdefault(one.name, []).append(k)
+        told = []
+        for own in by_name.values():
+            best = max(own, key=lambda k: found[k][0])
+            gain = _mean(np.array([found[k][0] for k in own]))
+            told.append((gain, self.all[best].of_size(self.problem, found[best][1])))
+        return told
+
+
+def _mean(ln: Array) -> float:
+    """ln of the mean."""
+    return float(logsumexp(ln) - np.log(ln.size))
 
 
 def sizes_of(problem: Problem, predicted: Array) -> tuple[Array, Array]:
@@ -82,43 +161,235 @@ def observable_rows(problem: Problem) -> dict[str, NDArray[np.bool_]]:
     return {str(name): together == name for name in np.unique(together)}
 
 
-def faults(problem: Problem, predicted: Array) -> Iterator[Fault]:
-    """Everything that is looked for in the rows of tables."""
+def faults(tangent: Tangent, predicted: Array) -> Iterator[Fault]:
+    """Everything that is looked for in the rows of tables.
+
+    Parameters
+    ----------
+    tangent : Tangent
+        Of the explanation that the faults stand beside.
+    predicted : array
+        Of its base.
+    """
+    problem = tangent.problem
     first, *others = problem.observations
     if others or not isinstance(first, TableObservation):
         return
+    yield from _of_readings(problem, first, predicted)
+    slopes = {name: _slope(tangent, first, name) for name in _conditions(problem, first)}
+    for name, slope in slopes.items():
+        yield from _of_condition(problem, first, name, slope)
+    yield from _not_set_anew(problem, first, slopes)
+    yield from _copies(tangent, first)
+
+
+# --- readings -----------------------------------------------------------------------------------
+
+
+def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Iterator[Fault]:
+    """A zero or a gain of one observable that is not the same in all rows."""
     relative, level = sizes_of(problem, predicted)
-    kinds = {"gain": relative, "zero": level}
-    for name, text, shape in _courses(first):
-        for kind, size in kinds.items():
-            yield Fault(name.format(kind), text.format(kind), size[:, None] * shape)
+    for observable, rows in observable_rows(problem).items():
+        unit = printed_unit(problem.assembly.model.observables[observable].unit)
+        ranges = _ranges(observable, unit, rows, np.abs(predicted))
+        for name, text, shape in (*_courses(o), *ranges):
+            for kind, size in {"gain": relative, "zero": level}.items():
+                columns = (size * rows)[:, None] * shape
+                if np.any(columns):
+                    yield Fault(name.format(kind), text.format(kind), columns)
 
 
 def _courses(o: TableObservation) -> Iterator[tuple[str, str, Array]]:
-    """Name, sentence and course over the rows of every fault."""
+    """Name, sentence and course over the rows of what goes with their order."""
     row = _order(o)
     time = np.asarray(o.conditions.get(TIME, row), float)
     if np.ptp(time) > 0:
         u = (time - time.min()) / np.ptp(time)
-        yield (
-            "drift of the {}",
-            "the {} of the readings drifts with the order of the rows",
-            (u - 0.5)[:, None],
-        )
+        text = "the {} of the readings drifts with the order of the rows"
+        yield "drift of the {}", text, (u - 0.5)[:, None]
+        text = "the first rows differ from the others and settle, as while warming up"
         for share in WARM_UP:
-            yield (
-                "first rows",
-                "the first rows differ from the others and settle, as while warming up",
-                np.exp(-u / share)[:, None],
-            )
-        for place in np.unique(np.quantile(time, np.linspace(0, 1, PLACES + 2)[1:-1])):
-            after = time > place
-            if min(after.sum(), (~after).sum()) >= LEAST_ROWS:
-                text = f"the {{}} of the readings differs from {_line(o, row, after)} on"
-                yield "{} from a row on", text, after[:, None].astype(float)
+            yield "first rows", text, np.exp(-u / share)[:, None]
+    for line, after in _from_a_row_on(o):
+        text = f"the {{}} of the readings differs from {line} on"
+        yield "{} from a row on", text, after[:, None].astype(float)
     if o.recording is not None and np.unique(o.recording).size > 1:
         inside = o.recording[:, None] == np.unique(o.recording)[1:]
         yield "{} of a file", "the {} of the readings differs between the files", inside.astype(float)
+
+
+def _ranges(name: str, unit: str, rows: Rows, size: Array) -> Iterator[tuple[str, str, Array]]:
+    """The same of readings above some size, as where an instrument switches its range."""
+    for above in _steps(size[rows]):
+        limit = float(size[rows][above].min())
+        text = f"the {{}} of the readings differs from {name} {limit:.3g} {unit}".rstrip() + " on"
+        shape = np.zeros((rows.size, 1))
+        shape[np.flatnonzero(rows)[above]] = 1.0
+        yield "{} of a range", f"{text}, as after a switch of range", shape
+
+
+# --- conditions ---------------------------------------------------------------------------------
+
+
+def _conditions(problem: Problem, o: TableObservation) -> Iterator[str]:
+    known = problem.assembly.model.conditions
+    for name in o.conditions:
+        if name != TIME and name in known and known[name].varies and not known[name].group:
+            yield name
+
+
+def _slope(tangent: Tangent, o: TableObservation, name: str) -> Array:
+    """Derivative of the prediction by a condition."""
+    x = o.conditions[name]
+    step = 1e-3 * max(float(np.ptp(x)), 0.1 * float(np.abs(x).max()), 1e-9)
+    ends = []
+    for side in (1, -1):
+        moved = replace(o, conditions={**o.conditions, name: x + side * step}, series=None, position=None)
+        ends.append(tangent.problem.over([moved]).predictions(tangent.theta)[0])
+    slope = (ends[0] - ends[1]) / (2 * step)
+    return np.where(np.isfinite(slope), slope, 0.0)
+
+
+def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array) -> Iterator[Fault]:
+    """A condition that is not what the table says: at some levels, from a row on, or everywhere."""
+    condition, x = problem.assembly.model.conditions[name], o.conditions[name]
+    words, setting = condition.words, condition.usual_setting
+    scale, sizes = (setting.absolute, OF_A_SETTING) if setting.absolute else (x, SIZES)
+    change = slope * scale
+    if not np.any(change):
+        return
+
+    def fault(kind: str, text: str, rows: Rows) -> Fault:
+        at = int(np.argmax(rows))
+        read, step = float(x[at]), float(np.broadcast_to(scale, x.shape)[at])
+
+        def in_words(coefficients: Array) -> str:
+            true = read + float(coefficients[0]) * step
+            return f": where it says {_shown(condition, read)} it would be {_shown(condition, true)}"
+
+        return Fault(f"{words} {kind}", text, (change * rows)[:, None], sizes, in_words)
+
+    for text, rows in _levels(condition, o):
+        yield fault("of a level", f"the {words} {text} is off", rows)
+    for line, rows in _from_a_row_on(o):
+        yield fault("from a row on", f"the {words} differs from {line} on", rows)
+    if setting.absolute:
+        text = f"the {words} is not what it was where it acts, as of a sensor in another place"
+        for root in _elsewhere(problem, o, x):
+            columns = change[:, None] * root
+            yield Fault(f"{words} of another place", text, columns, sizes, lambda _: "")
+
+
+def _elsewhere(problem: Problem, o: TableObservation, x: Array) -> Iterator[Array]:
+    """Courses of what lies between a sensor and what it is to measure: with its reading, the operation, the time."""
+    if np.ptp(x) > 0:
+        yield np.column_stack([np.ones(o.n), (x - x.mean()) / x.std()])
+    points, row = operating_points(problem), _order(o)
+    yield kernel_root(points, 1.0)
+    yield kernel_root(np.column_stack([points, 2 * row / max(row.max(), 1.0)]), 1.0)
+
+
+def _levels(condition: Condition, o: TableObservation) -> Iterator[tuple[str, Rows]]:
+    """Rows at one level of a condition."""
+    unit = printed_unit(condition.column_unit)
+    for level, rows in levels_of(condition, o).items():
+        yield f"of the rows at {level:g} {unit}".rstrip(), rows
+
+
+def levels(problem: Problem) -> Iterator[Rows]:
+    """Rows at each level of each condition that has a few, and above each."""
+    for o in problem.observations[:1]:
+        if isinstance(o, TableObservation):
+            for name in _conditions(problem, o):
+                own = list(levels_of(problem.assembly.model.conditions[name], o).values())
+                yield from own
+                for k in range(2, len(own) - 1):
+                    yield np.any(own[k:], axis=0)
+
+
+def levels_of(condition: Condition, o: TableObservation) -> dict[float, Rows]:
+    """Rows at each of the few levels of a condition; none where it has many, or two."""
+    labels = np.asarray(o.labels.get(condition.column, np.empty(0)))
+    levels = np.unique(labels)
+    return {float(x): labels == x for x in levels} if 2 < levels.size <= MOST_LEVELS else {}
+
+
+def _shown(condition: Condition, value: float) -> str:
+    unit = printed_unit(condition.column_unit)
+    return f"{float(convert(value, condition.unit, condition.column_unit)):.4g} {unit}".rstrip()
+
+
+# --- repeats ------------------------------------------------------------------------------------
+
+
+def _not_set_anew(problem: Problem, o: TableObservation, slopes: Mapping[str, Array]) -> Iterator[Fault]:
+    """Repeats of which each was not set anew hold less than setting is declared to scatter; that is in their means."""
+    declared = problem.assembly.model.rig.setting
+    variance = sum((slopes[n] * declared[n].at(o.conditions[n])) ** 2 for n in slopes if n in declared)
+    if o.replicate_group is None or not np.isfinite(problem.noise_dof) or not np.any(variance):
+        return
+    groups = o.replicate_group[:, None] == np.unique(o.replicate_group)
+    text = (
+        "the repeats scatter less than setting is declared to: they were read without setting anew; say so in a "
+        "column 'setup'"
+    )
+    yield Fault("repeats not set anew", text, np.sqrt(variance)[:, None] * groups, (1.0,), lambda _: "")
+
+
+def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
+    """Rows that equal an earlier one in every number, more of them than chance makes.
+
+    Two normal readings of deviation u, printed in steps s, agree with probability s / (2 sqrt(pi) u). A copy is one of
+    any earlier repeat of its condition; the share of rows that are copies is uniform.
+    """
+    conditions = [c for n, c in o.conditions.items() if n != TIME]
+    if o.lines is None or o.replicate_group is None or not conditions:
+        return
+    kinds = np.unique(o.observable, return_inverse=True)[1]
+    table = np.column_stack([*conditions, o.measured, kinds])
+    _, first, index = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    original = first[np.ravel(index)]
+    copies = np.flatnonzero(original != np.arange(o.n))
+    if not copies.size:
+        return
+    alike = (o.replicate_group[:, None] == o.replicate_group) & (kinds[:, None] == kinds)
+    earlier = np.sum(np.tril(alike, -1), axis=1)
+    count = int(np.sum(earlier > 0))
+    reading = o.parts.get("reading", np.zeros(o.n))
+    scatter = min(1.0, float(np.sqrt(np.mean(tangent.residual**2)))) * np.where(reading > 0, reading, o.sigma)
+    gain = float(betaln(copies.size + 1, max(count - copies.size, 0) + 1))
+    for k in copies:
+        step = _printed_step(np.unique(o.measured[kinds == kinds[k]]))
+        agree = step / (2 * np.sqrt(np.pi) * scatter[k])
+        gain -= float(np.log(max(earlier[k], 1) * min(agree, 1.0)))
+    pairs = [f"{_line_of(o, int(k))} and {_line_of(o, int(original[k]))}" for k in copies[:LEAST_ROWS]]
+    more = f" and {copies.size - len(pairs)} more pairs" if copies.size > len(pairs) else ""
+    text = f"rows are copies, equal to the last digit ({', '.join(pairs)}{more}); keep one of each"
+    yield Fault("copied rows", text, np.zeros((o.n, 0)), (1.0,), lambda _: "", gain)
+
+
+def _printed_step(distinct: Array) -> float:
+    """In which readings are printed; the least difference where they are not decimal, as after a change of unit."""
+    step = round_step(distinct)
+    return step if step > 1e-9 * np.abs(distinct).max() else float(np.diff(distinct).min(initial=np.inf))
+
+
+# --- order of rows ------------------------------------------------------------------------------
+
+
+def _from_a_row_on(o: TableObservation) -> Iterator[tuple[str, Rows]]:
+    """Where from, and the rows after that."""
+    row = _order(o)
+    for after in _steps(np.asarray(o.conditions.get(TIME, row), float)):
+        yield _line_of(o, int(np.flatnonzero(after)[np.argmin(row[after])])), after
+
+
+def _steps(x: Array) -> Iterator[Rows]:
+    """Where values lie above one of them, that leaves rows on either side."""
+    for place in np.unique(np.quantile(x, np.linspace(0, 1, min(x.size, PLACES)), method="lower")):
+        above = x > place
+        if min(above.sum(), (~above).sum()) >= LEAST_ROWS:
+            yield above
 
 
 def _order(o: TableObservation) -> Array:
@@ -129,10 +400,9 @@ def _order(o: TableObservation) -> Array:
     return np.asarray(place.ravel(), float)
 
 
-def _line(o: TableObservation, row: Array, after: NDArray[np.bool_]) -> str:
-    """The first of some rows: ``line 61 of b.csv``."""
-    first = int(np.flatnonzero(after)[np.argmin(row[after])])
+def _line_of(o: TableObservation, row: int) -> str:
+    """``line 61 of b.csv``."""
     if o.lines is None:
-        return f"row {first + 1}"
-    file = o.recordings[0 if o.recording is None else int(o.recording[first])]
-    return f"line {int(o.lines[first])}" + (f" of {file}" if file else "")
+        return f"row {row + 1}"
+    file = o.recordings[0 if o.recording is None else int(o.recording[row])]
+    return f"line {int(o.lines[row])}" + (f" of {file}" if file else "")

@@ -88,11 +88,13 @@ def judge(explanations: Explanations) -> Judgement:
     all_of_them = stated(explanations)
     whole = Judgement("", (), all_of_them)
     named = whole.probability("effects")
-    if whole.probability("nothing") > NOTHING_ABOVE:
-        return Judgement("nothing-missing", (), all_of_them)
-    if whole.probability("fault") > FAULT_ABOVE:
+    fault = whole.probability("fault")
+    if fault > FAULT_ABOVE:
         faults = tuple(one for one in all_of_them if one.kind == "fault")
         return Judgement("faulty-data", faults[:1], all_of_them)
+    # A fault that is not sure is no reason to say that an effect is missing.
+    if whole.probability("nothing") > NOTHING_ABOVE * (1 - fault):
+        return Judgement("nothing-missing", (), all_of_them)
     beyond = [one for one in all_of_them if one.kind == "beyond"]
     if whole.probability("beyond") > max(named, whole.probability("unknown")):
         return Judgement("fits-only-if", tuple(beyond[:1]), all_of_them)

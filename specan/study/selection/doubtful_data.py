@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from specan.study.data.operating_table import IDLE
 from specan.study.estimation.fit import fit
-from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit, kept_with_refit
 from specan.study.selection.significance import lack_of_fit_probability
@@ -22,12 +21,6 @@ MOST_LINES = 6  # of a table that a sentence names
 LEAST_ROWS = 3  # of each kind, below which kinds are not compared
 LEAST_REPEATED = 20  # rows whose repeats tell what is usual
 ODD = 6.0  # usual deviations beyond which a repeat is shown
-COPIED = 0.1  # share of the rows above which equal rows are shown
-# A reading in steps of a third of its standard deviation u agrees with a repeat by chance with probability
-# step / (2 sqrt(pi) u) = 0.09, that of a difference of two normal deviates within one step.
-FINE = 1 / 3
-TIME = "elapsed_time"
-LEAST_DOF = 8.0  # of the differences between repeats, below which no drift is told
 
 
 class _Table(TableObservation):
@@ -101,65 +94,6 @@ def odd_repeat(refit: Refit) -> str:
     what = "two repeats differ" if group.size == 2 else "a repeat lies off"
     times = f"{off[worst] / usual:.0f} times the usual scatter"
     return f"{_where(observation, lines)}: {what} by {times}; check it, the stated scatter is larger for it"
-
-
-def copied_rows(refit: Refit) -> str:
-    """A sentence on rows that equal an earlier one in every number, by their lines; empty where chance explains them.
-
-    Chance does not where repeats seldom have the same conditions (these are readings then), and where the observable is
-    printed in steps that are small beside its scatter.
-    """
-    observation = _table(refit)
-    if observation is None or not observation.conditions:
-        return ""
-    conditions = np.stack([*observation.conditions.values()], axis=1)
-    kinds = np.unique(observation.observable, return_inverse=True)[1]
-    table = np.column_stack([conditions, observation.measured, kinds])
-    _, first, index = np.unique(table, axis=0, return_index=True, return_inverse=True)
-    original = first[np.ravel(index)]
-    copies = np.flatnonzero(original != np.arange(observation.n))
-    if copies.size < max(COPIED * observation.n, 1):
-        return ""
-    apart = _seldom_alike(conditions[first], observation.replicate_group[first])
-    if not apart and not _finely_printed(observation):
-        return ""
-    pairs = [
-        f"{_line(observation, k)} and {_line(observation, original[k])}" for k in copies[: MOST_LINES // 2]
-    ]
-    more = f", and {copies.size - len(pairs)} more pairs" if copies.size > len(pairs) else ""
-    said = f"{', '.join(pairs)}{more}: equal to the last digit"
-    return f"lines {said}; a copied row is no repeat, and makes the data look surer than they are; keep one of each"
-
-
-def _seldom_alike(conditions: Array, replicate_group: NDArray[np.intp]) -> bool:
-    """Whether rows that were meant to be alike hardly ever have equal conditions."""
-    alike = pairs = 0
-    for cell in np.unique(replicate_group):
-        members = conditions[replicate_group == cell]
-        _, counts = np.unique(members, axis=0, return_counts=True)
-        alike += int((counts * (counts - 1)).sum())
-        pairs += members.shape[0] * (members.shape[0] - 1)
-    return pairs > 0 and alike <= COPIED * pairs
-
-
-def _finely_printed(observation: TableObservation) -> bool:
-    """Whether the smallest difference of two readings, their printed step at most, is small beside their scatter."""
-    if "reading" not in observation.parts:
-        return False
-    for name in np.unique(observation.observable):
-        mine = observation.observable == name
-        steps = np.diff(np.unique(observation.measured[mine]))
-        if not steps.size or steps.min() > FINE * np.median(observation.parts["reading"][mine]):
-            return False
-    return True
-
-
-def _line(observation: _Table, row: int) -> str:
-    """Line of a row, with its file where there are several."""
-    line = str(observation.lines[row])
-    if observation.recording is None or len(observation.recordings) < 2:
-        return line
-    return f"{line} of {observation.recordings[observation.recording[row]]}"
 
 
 @kept_with_refit
