@@ -1,39 +1,43 @@
-"""A batch on one page that a colleague can read: settings, figures, what was skipped and why."""
+"""A batch as a report for others: what was measured and how, the list of recordings, a page for each."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import datetime
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
-from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from specan import __version__
+from specan.analysis.batch.inputs import Input
+from specan.analysis.batch.one_file import open_calibrated
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.run import BatchReport
 from specan.analysis.batch.settings import BatchSettings
-from specan.io.results_text import cells, plain
-from specan.report.figure_style import level_limits, micro, with_gaps
-from specan.report.html_page import bullets, page, picture, table
-from specan.report.panels import Curve, Drawing, Panel, figure_of_panels, grouped
+from specan.analysis.levels import Levels
+from specan.data.band_levels import BandLevels
+from specan.data.calibration import stated
+from specan.data.levels import SignalLevels
+from specan.data.recording import Recording
+from specan.divisions import division_name
+from specan.errors import SpecanError
+from specan.report.figures import figure_of
+from specan.report.html_page import page, picture, table
+from specan.result import counted
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-MOST_FIGURES = 24  # of files of noise; the tables hold the others
-MOST_ROWS = 200  # of a table on the page
-SINES = ("file", "channel", "frequency_hz", "rms", "unit", "level_dB", "phase_deg", "flags")
-OTHERS = ("file", "channel", "band_hz", "rms", "unit", "level_dB", "flags")
-HEADERS = {
-    "frequency_hz": "frequency / Hz", "level_dB": "level / dB", "phase_deg": "phase / degrees", "band_hz": "band / Hz",
-}  # fmt: skip
-Row = Mapping[str, str]
+MOST_PAGES = 100  # of recordings; the others are in the list only
+FEW = 6  # channels whose bands have a column each
+Page = tuple[
+    list[Any], list[str]
+]  # a row of the list of recordings, and what is below it on a page of its own
 
 
 def batch_report(report: BatchReport, settings: BatchSettings) -> str:
-    """The page as HTML, from the tables that a batch has written.
+    """The page as HTML. Recordings are read once more, with the calibrations of the batch.
 
     Parameters
     ----------
@@ -42,166 +46,193 @@ def batch_report(report: BatchReport, settings: BatchSettings) -> str:
     settings : BatchSettings
         Those of the batch.
     """
-    tables = {path.name: path for path in report.tables}
-    where = tables["bands.txt"].absolute().parent.name
-    counts = {kind: len(report.of_kind(kind)) for kind in ("done", "aside", "failed")}
+    entries = {entry.label: entry for entry in report.inputs}
+    done = [result for result in report.of_kind("done") if result.label in entries]
+    seen = [_Measured(entries[result.label], result, settings) for result in done[:MOST_PAGES]]
+    roots = sorted({entry.root for entry in report.inputs})
+    title = f"Measurements: {', '.join(Path(root).name for root in roots)}"
+    named = ["recording", "excitation", "duration / s", *_HEADS]
     parts = [
-        f"<h1>Batch: {escape(where)}</h1>",
-        f'<p class="verdict">{counts["done"]} analysed, {counts["aside"]} skipped, '
-        f"{counts['failed']} failed.</p>",
-        *(f"<p>Calibration: {escape(line)}.</p>" for line in report.calibration),
-        *(_noise(tables["noise.txt"], report) if "noise.txt" in tables else []),
-        *(_bands(tables["bands.txt"], report) if "bands.txt" in tables else []),
-        *(_listing(tables["sine.txt"], "Sines", SINES) if "sine.txt" in tables else []),
-        *(_listing(tables["other.txt"], "Neither sine nor noise", OTHERS) if "other.txt" in tables else []),
+        f"<h1>{escape(title)}</h1>",
+        table(["", ""], _facts(roots, [one.recording for one in seen], report)),
+        "<h2>Recordings</h2>",
+        table(named, [one.row(number) for number, one in enumerate(seen, 1)]),
+        *([f"<p>{len(done) - MOST_PAGES} more are in the tables.</p>"] if len(done) > MOST_PAGES else []),
         *_skipped(report),
-        "<h2>To reproduce these numbers</h2>",
-        f"<p>specan {escape(__version__)}, settings {escape(settings.fingerprint)}:</p>",
-        table(["setting", "value"], _flat(settings.model_dump(mode="json"))),
-        "<p>The full tables:</p>",
-        bullets(path.name for path in report.tables),
+        *(part for number, one in enumerate(seen, 1) for part in one.page(number)),
+        f"<p>specan {escape(__version__)}, settings {escape(settings.fingerprint)}; the headers of "
+        f"{escape(', '.join(path.name for path in report.tables))} have all of them.</p>",
     ]
-    return page(f"Batch: {where}", parts)
+    return page(title, parts)
 
 
-def _rows(path: Path) -> Iterator[Row]:
-    """Lines of a result table, read one after the other: a table may be long."""
-    with path.open(encoding="utf-8", newline="\n") as file:
-        lines = ([plain(cell) for cell in cells(line)] for line in file if not line.startswith("#"))
-        header = next(lines, [])
-        for row in lines:
-            yield dict(zip(header, row))
-
-
-def _listing(path: Path, title: str, columns: Sequence[str]) -> list[str]:
-    shown = [[row[c] for c in columns] for row in islice(_rows(path), MOST_ROWS + 1)]
-    if not shown:
-        return []
-    more = f"<p>More rows are in {path.name}.</p>" if len(shown) > MOST_ROWS else ""
-    rows = table([HEADERS.get(c, c) for c in columns], shown[:MOST_ROWS])
-    return [f"<h2>{title}</h2>", f"<details><summary>Table</summary>{rows}{more}</details>"]
-
-
-def _noise(path: Path, report: BatchReport) -> list[str]:
-    parts: list[str] = []
-    columns = ("frequency_hz", "magnitude", "phase_deg", "coherence")
-    for name, channels in islice(_by_file(path, columns), MOST_FIGURES):
-        result = next((r for r in report.results if r.label == name), None)
-        figure = transfer_figure(name, channels, *_units_and_facts(result, path.name))
-        parts.append(picture(figure, f"transfer functions of {name}"))
-    return ["<h2>Transfer functions</h2>", *parts] if parts else []
-
-
-def _bands(path: Path, report: BatchReport) -> list[str]:
-    parts: list[str] = []
-    for name, channels in islice(_by_file(path, ("band_hz", "level_dB")), MOST_FIGURES):
-        result = next((r for r in report.results if r.label == name), None)
-        figure = band_figure(name, channels, *_units_and_facts(result, path.name))
-        parts.append(picture(figure, f"band levels of {name}"))
-    return ["<h2>Band levels</h2>", *parts] if parts else []
-
-
-def _units_and_facts(result: FileResult | None, table: str) -> tuple[Mapping[str, str], Sequence[str]]:
-    """Units of the channels, and what the headings of the tables say of the file: its excitation and description."""
-    if result is None:
-        return {}, ()
-    told = ("Description: ", "excitation ") if table == "bands.txt" else ("Description: ",)
-    facts = [line.removeprefix("Description: ") for line in result.about if line.startswith(told)]
-    if table == "noise.txt":
-        facts += [line for line in result.about if " over " in line and " blocks, " in line]
-    return result.units.get(table, {}), facts
-
-
-def _by_file(path: Path, columns: Sequence[str]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    """Channels of one file after the other, each an array (columns, rows); the tables are sorted by file."""
-    name, channels = None, dict[str, list[list[float]]]()
-    for row in _rows(path):
-        if row["file"] != name:
-            if name is not None and channels:
-                yield name, {c: np.array(v).T for c, v in channels.items()}
-            name, channels = row["file"], {}
-        values = [_number(row[c]) for c in columns]
-        if values[0] == values[0]:  # rows of totals have no frequency
-            channels.setdefault(row["channel"], []).append(values)
-    if name is not None and channels:
-        yield name, {c: np.array(v).T for c, v in channels.items()}
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        return float("nan")
-
-
-def transfer_figure(
-    name: str, channels: Mapping[str, np.ndarray], units: Mapping[str, str], facts: Sequence[str]
-) -> Figure:
-    """Magnitudes with one pair of axes a unit, phases, and the coherence; from rows of ``noise.txt``."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        level = [20 * np.log10(values[1]) for values in channels.values()]
-    panels = _level_panels(
-        channels, [values[0] for values in channels.values()], level, units, "Magnitude / dB re 1 {}", 100.0
-    )
-    phases = tuple(Curve(n, values[0], with_gaps(values[2])) for n, values in channels.items())
-    coherences = tuple(Curve(n, values[0], values[3]) for n, values in channels.items())
-    panels.append(Panel("Phase / degrees", phases, share=2, leads=False, phase=True, kind="thin"))
-    panels.append(Panel("Coherence", coherences, (0.0, 1.05), share=1, leads=False))
-    return figure_of_panels(Drawing(name, tuple(facts), "Frequency / Hz", tuple(panels), hertz=True))
-
-
-def band_figure(
-    name: str, channels: Mapping[str, np.ndarray], units: Mapping[str, str], facts: Sequence[str]
-) -> Figure:
-    """Band levels with one pair of axes a level reference; from rows of ``bands.txt``."""
-    edges, level = [_edges(values[0]) for values in channels.values()], [v[1] for v in channels.values()]
-    panels = _level_panels(channels, edges, level, units, "Level / dB re {}", 90.0)
-    return figure_of_panels(Drawing(name, tuple(facts), "Frequency / Hz", tuple(panels), hertz=True))
-
-
-def _level_panels(
-    names: Iterable[str],
-    xs: Sequence[np.ndarray],
-    levels: Sequence[np.ndarray],
-    units: Mapping[str, str],
-    label: str,
-    dynamics_dB: float,
-) -> list[Panel]:
-    """A panel for each unit, or reference of levels."""
-    curves = [Curve(name, x, y) for name, x, y in zip(names, xs, levels, strict=True)]
+def _facts(roots: Sequence[str], recordings: Sequence[Recording], report: BatchReport) -> list[list[str]]:
+    """Date, place, rig and calibration."""
+    paths = [Path(entry.path) for entry in report.inputs]
+    begun = sorted({day for recording in recordings if (day := _day(recording))})
+    modified = sorted({datetime.date.fromtimestamp(path.stat().st_mtime) for path in paths if path.exists()})
+    what, days = ("Recorded", begun) if begun else ("Files of", modified)
+    rigs = Counter(_rig(recording) for recording in recordings)
     return [
-        Panel(
-            label.format(micro(unit)) if unit else label.partition(" re ")[0],
-            tuple(curves[k] for k in rows),
-            level_limits(np.concatenate([curves[k].y for k in rows]), dynamics_dB, above=4.0),
+        ["Report of", f"{datetime.date.today():%Y-%m-%d}"],
+        *([[what, " to ".join(f"{day:%Y-%m-%d}" for day in dict.fromkeys((days[0], days[-1])))]] if days else []),
+        ["Directory", ", ".join(roots)],
+        *(["Rig", f"{rig} ({counted(n, 'recording')})"] for rig, n in rigs.most_common()),
+        *(["Calibration", line] for line in report.calibration),
+        ["Result", f"{report.summary().partition(';')[0]}"],
+    ]  # fmt: skip
+
+
+def _day(recording: Recording) -> datetime.date | None:
+    """When a recording begins, as its file says it."""
+    for properties in (*(c.properties for c in recording.channels), recording.properties):
+        begun = properties.get("wf_start_time", properties.get("DateTime"))
+        if begun is not None:
+            stamp = np.datetime64(begun, "D")
+            return stamp.astype(datetime.date) if not np.isnat(stamp) else None
+    return None
+
+
+def _rig(recording: Recording) -> str:
+    """What measured: channels by their roles, and rates."""
+    roles = Counter(channel.role for channel in recording.channels)
+    rates = sorted({channel.sampling_rate for channel in recording.channels})
+    parts = [counted(n, "other channel" if role == "other" else role) for role, n in roles.items()]
+    return f"{', '.join(parts)}, {' and '.join(f'{rate:g}' for rate in rates)} Hz"
+
+
+_HEADS = ["LAeq / dB, mean", "highest LAeq / dB", "highest LAFmax / dB"]
+
+
+@dataclass
+class _Measured:
+    """One recording of the report; one that can no longer be analysed says why."""
+
+    entry: Input
+    result: FileResult
+    settings: BatchSettings
+
+    def __post_init__(self) -> None:
+        self.recording = open_calibrated(self.entry)
+        spoken = self.recording.by_role("microphone") or self.recording.channels
+        rate = spoken[0].sampling_rate
+        names = tuple(channel.label for channel in spoken if channel.sampling_rate == rate)
+        self.levels: SignalLevels | None = None
+        self.bands: BandLevels | None = None
+        self.fault = ""
+        try:
+            self.levels = stated(Levels(channels=names)(self.recording), self.recording)
+            octave = self.settings.octave.model_copy(update={"channels": names})
+            self.bands = stated(octave(self.recording), self.recording)
+        except SpecanError as fault:
+            self.fault = str(fault)
+
+    @property
+    def excitation(self) -> str:
+        """What drove it, as the batch has recognised it."""
+        said = next(
+            (line for line in self.result.about if line.startswith("excitation ")), "excitation unknown"
         )
-        for unit, rows in grouped(units.get(curve.name, "") for curve in curves).items()
+        return said.removeprefix("excitation ").partition(" (")[0]
+
+    def row(self, number: int) -> list[Any]:
+        """Its line in the list of recordings."""
+        duration = max(channel.duration_s for channel in self.recording.channels)
+        return [f"{number}  {self.entry.label}", self.excitation, f"{duration:.4g}", *self._loudest()]
+
+    def _loudest(self) -> list[str]:
+        found = self.levels
+        if found is None or not np.isfinite(found.equivalent_dB.get("A", np.array([np.nan]))).any():
+            return ["", "", ""]
+        equivalent, largest = found.equivalent_dB["A"], found.max_dB
+        mean = 10 * np.log10(np.nanmean(10 ** (equivalent / 10)))
+        shown = [f"{mean:.1f}"]
+        for values in (equivalent, np.where(np.isfinite(equivalent), largest, np.nan)):
+            if not np.isfinite(values).any():
+                shown.append("")
+                continue
+            place = int(np.nanargmax(values))
+            shown.append(f"{values[place]:.1f} ({found.channels[place]})")
+        return shown
+
+    def page(self, number: int) -> list[str]:
+        """Its page: what it is, levels, bands, pictures."""
+        described = [line for line in self.result.about if line.startswith("Description: ")]
+        names = [channel.label for channel in self.recording.channels]
+        facts = [
+            *(line.removeprefix("Description: ") for line in described),
+            f"{_rig(self.recording)}. Calibration: {self.recording.calibration_of(names)}.",
+            *([f"No levels: {self.fault}."] if self.fault else []),
+        ]
+        parts = [f'<h2 class="sheet">{number}  {escape(self.entry.label)}</h2>']
+        parts += [f"<p>{escape(fact)}</p>" for fact in facts]
+        if self.levels is not None:
+            parts += ["<h3>Levels</h3>", table(*_level_table(self.levels))]
+        if self.bands is not None:
+            parts += [f"<h3>{division_name(self.bands.fraction).capitalize()} bands</h3>"]
+            parts += [picture(figure_of(self.bands), f"band levels of {self.entry.label}")]
+            parts += [table(*_band_table(self.bands))]
+        if self.excitation.startswith(("noise", "sweep")):
+            parts += self._transfer()
+        return parts
+
+    def _transfer(self) -> list[str]:
+        try:
+            found = self.settings.completed().transfer_function(self.recording)
+        except SpecanError:
+            return []  # no reference: skipped.txt says it
+        figure = figure_of(stated(found, self.recording))
+        return ["<h3>Transfer functions</h3>", picture(figure, f"transfer functions of {self.entry.label}")]
+
+
+def _level_table(found: SignalLevels) -> tuple[list[str], list[list[str]]]:
+    """Equivalent and largest levels, of sound with A weighting."""
+    sound = np.isfinite(found.equivalent_dB.get("A", np.full(len(found.channels), np.nan)))
+    if sound.any():
+        header, columns = ["LAeq / dB", "LAFmax / dB"], (found.equivalent_dB["A"], found.max_dB)
+    else:
+        header, columns = ["RMS", "level / dB"], (found.rms, found.level_dB)
+    rows = [
+        [name, *("" if v[k] != v[k] else f"{v[k]:.1f}" if v[k] > 1 else f"{v[k]:.4g}" for v in columns)]
+        for k, name in enumerate(found.channels)
     ]
+    return _side_by_side(["channel", *header], rows, max(8, -(-len(rows) // 3)))
 
 
-def _edges(mid_hz: np.ndarray) -> np.ndarray:
-    """Where steps change: between neighbouring bands on a logarithmic axis."""
-    inner = np.sqrt(mid_hz[1:] * mid_hz[:-1])
-    if not inner.size:
-        return np.array([mid_hz[0] / 1.2, mid_hz[0] * 1.2])
-    return np.concatenate([[mid_hz[0] ** 2 / inner[0]], inner, [mid_hz[-1] ** 2 / inner[-1]]])
+def _side_by_side(header: list[str], rows: list[list[str]], height: int) -> tuple[list[str], list[list[str]]]:
+    """A long table in blocks of some rows beside each other."""
+    blocks = [rows[first : first + height] for first in range(0, len(rows), height)]
+    blank = [""] * len(header)
+    lines = [
+        [part for block in blocks for part in (block[k] if k < len(block) else blank)] for k in range(height)
+    ]
+    return header * len(blocks), [line for line in lines if any(line)]
+
+
+def _band_table(found: BandLevels) -> tuple[list[str], list[list[str]]]:
+    """A row for each band; a column for each of a few channels, of many for their mean, lowest and highest."""
+    few = len(found.channels) <= FEW
+    alike = len({reference.text for reference in found.references}) == 1
+    rows: Mapping[str, Any] = dict(zip(found.channels, found.level_dB))
+    if not few and alike:
+        power = 10 ** (found.level_dB / 10)
+        rows = {
+            "mean": 10 * np.log10(power.mean(axis=0)),
+            "lowest": found.level_dB.min(axis=0),
+            "highest": found.level_dB.max(axis=0),
+        }
+    reference = f"dB re {found.references[0].text}" if alike else "dB"
+    header = [f"Hz ({reference})", *rows]
+    lines = zip(found.nominal_hz, *rows.values(), strict=True)
+    shown = [[f"{hertz:g}", *(f"{level:.1f}" for level in levels)] for hertz, *levels in lines]
+    return _side_by_side(header, shown, -(-len(shown) // 2))
 
 
 def _skipped(report: BatchReport) -> list[str]:
-    rows = [[r.label, "", r.kind, r.reason] for r in report.results if r.kind != "done"]
+    rows = [[r.label, r.reason] for r in report.results if r.kind == "failed"]
     rows += [
-        [r.label, channel, "aside", why] for r in report.results for channel, why in r.set_aside if channel
+        [f"{r.label}, {channel}", why] for r in report.results for channel, why in r.set_aside if channel
     ]
-    if not rows:
-        return []
-    return ["<h2>Skipped</h2>", table(["file", "channel", "kind", "reason"], rows)]
-
-
-def _flat(content: Mapping[str, Any], before: str = "") -> list[list[Any]]:
-    rows: list[list[Any]] = []
-    for name, value in content.items():
-        if isinstance(value, Mapping):
-            rows += _flat(value, f"{before}{name}.")
-        elif value not in (None, [], ""):
-            rows.append([f"{before}{name}", value])
-    return rows
+    aside = [r.label for r in report.of_kind("aside")]
+    parts = ["<h2>Not analysed</h2>", table(["file", "reason"], rows)] if rows else []
+    return [*parts, f"<p>Skipped: {escape(', '.join(aside))}.</p>"] if aside else parts

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -29,8 +30,13 @@ th { color: var(--soft); font-weight: 600; } td.n { text-align: right; font-vari
 img { max-width: 100%; background: #fff; border-radius: 4px; }
 .verdict { font-size: 1.15em; border-left: 0.3em solid var(--accent); margin: 0.5em 0; padding: 0.1em 0 0.1em 0.7em; }
 pre { background: var(--panel); padding: 0.8em; overflow-x: auto; font-size: 0.85em; } tr.grey { color: var(--soft); }
-@media print { body { max-width: none; margin: 0; font-size: 10pt; } h2, h3 { break-after: avoid; }
-img, table { break-inside: avoid; } }
+@media (max-width: 40em) { table { display: block; overflow-x: auto; } td, th { padding: 0.2em 0.5em; } }
+@page { size: A4; margin: 16mm; }
+@media print { :root { --ink: #000; --soft: #444; --line: #bbb; --paper: #fff; --panel: #fff; }
+body { max-width: none; margin: 0; font-size: 9pt; line-height: 1.35; }
+h1, h2, h3, p, table { margin-top: 0.4em; margin-bottom: 0.4em; } h2, h3 { break-after: avoid; }
+img { max-height: 78mm; width: auto; } .sheet { break-before: page; }
+img, tr { break-inside: avoid; } td, th { padding: 0.1em 0.6em; } }
 """
 
 
@@ -38,6 +44,7 @@ def page(title: str, parts: Iterable[str]) -> str:
     """The whole page; `parts` are HTML, `title` is text."""
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<meta name="generator" content="specan {__version__}">'
         f"<title>{escape(title)}</title><style>{STYLE}</style></head>\n<body>\n"
         + "\n".join(parts)
@@ -59,9 +66,13 @@ def shown(sheet: Sheet) -> str:
     return table(sheet.header, sheet.rows)
 
 
+# A number, perhaps with what follows in brackets or a unit.
+_NUMBER = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?( (\(.*\)|\S+))?")
+
+
 def _cell(value: Any) -> str:
     text = str(value)
-    number = isinstance(value, (int, float)) or text.lstrip("+-")[:1].isdigit()
+    number = isinstance(value, (int, float)) or _NUMBER.fullmatch(text) is not None
     return f'<td class="n">{escape(text)}</td>' if number and len(text) < 12 else f"<td>{escape(text)}</td>"
 
 

@@ -1,7 +1,9 @@
 """The page of a batch."""
 
+import datetime
 import html
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.io import wavfile
 
+import specan
 from specan_cli.batch import command
 
 RATE = 8000
@@ -39,7 +42,7 @@ def test_it_needs_nothing_from_elsewhere(written):
 def test_it_says_what_was_skipped_and_with_which_settings(written):
     assert "is a text file" in written
     assert "1 failed" in written
-    assert "transfer_function.lines" in written
+    assert "settings " in written
 
 
 def test_names_are_text(written):
@@ -48,17 +51,34 @@ def test_names_are_text(written):
     assert "<b>$1$" not in written
 
 
-def test_each_unit_of_a_batch_has_its_axis():
-    from specan.report.batch_report import band_figure, transfer_figure
+def test_a_recording_has_its_level_its_bands_and_its_calibration(tmp_path):
+    """A sine of 0.2 Pa at 1 kHz: 76.99 dB, A weighting 0 dB (IEC 61672-1, table 3); the band of 1 kHz has all of it."""
+    t = np.arange(2 * RATE) / RATE
+    lines = "\n".join(f"{a:.6f},{b:.6e}" for a, b in zip(t, 0.2 * np.sin(2 * np.pi * 1000 * t)))
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "tone.csv").write_text(f"time [s],Mic 1 [Pa]\n{lines}\n", encoding="utf-8")
+    out = tmp_path / "out"
+    CliRunner().invoke(command, [str(tmp_path / "in"), "-o", str(out), "--jobs", "1", "--report"])
+    text = re.sub(r"<[^>]*>", "|", (out / "report.html").read_text(encoding="utf-8"))
+    text = re.sub(r"\|+", "|", text)
+    level = 20 * np.log10(0.2 / np.sqrt(2) / 20e-6)
+    assert f"|{level:.1f}|{level:.1f} (Mic 1)|{level:.1f} (Mic 1)|" in text
+    assert f"|1000|{level:.1f}|" in text
+    assert "1 microphone, 8000 Hz" in text
+    assert f"|Report of|{datetime.date.today():%Y-%m-%d}|" in text
 
-    hertz = np.array([100.0, 125.0, 160.0])
-    one = {
-        name: np.array([hertz, [level, level, level]]) for name, level in (("Mic 1", 70.0), ("Laser", 140.0))
-    }
-    figure = band_figure("a.tdms", one, {"Mic 1": "20 uPa", "Laser": "1 nm/s"}, ["noise"])
-    assert [axes.get_ylabel() for axes in figure.axes] == ["Level / dB re 20 µPa", "Level / dB re 1 nm/s"]
-    rows = np.array([hertz, [1.0, 10.0, 100.0], [0.0, 90.0, -90.0], [1.0, 1.0, 1.0]])
-    both = transfer_figure("a.tdms", {"Mic 1": rows, "Force": rows}, {"Mic 1": "Pa/V", "Force": "N/V"}, [])
-    labels = [axes.get_ylabel() for axes in both.axes]
-    assert labels == ["Magnitude / dB re 1 Pa/V", "Magnitude / dB re 1 N/V", "Phase / degrees", "Coherence"]
-    np.testing.assert_allclose(both.axes[0].lines[0].get_ydata(), [0.0, 20.0, 40.0])
+
+def test_the_calibration_of_the_batch_is_that_of_the_report(tmp_path):
+    samples = Path(__file__).parents[2] / "sample_data" / "recordings"
+    for place in ("calibration", "noise"):
+        shutil.copytree(samples / place, tmp_path / "in" / place)
+    specan_cli = [str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--jobs", "1", "--report"]
+    CliRunner().invoke(command, specan_cli, catch_exceptions=False)
+    text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    recording = specan.read(
+        samples / "noise" / "noise_4_microphones_float32.tdms",
+        calibration=tmp_path / "out" / "calibration.toml",
+    )
+    level = specan.rms(recording, channels="Mic 1").equivalent_dB["A"][0]
+    assert f'<td>Mic 1</td><td class="n">{level:.1f}</td>' in text
+    assert "calibration.toml (Mic 1" in text

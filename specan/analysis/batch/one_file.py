@@ -35,6 +35,7 @@ from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.data.tone import Excitation
 from specan.errors import NoSignalError, SpecanError, unforeseen
+from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 
 Made = TypeVar("Made")
@@ -108,6 +109,12 @@ def open_headers(entry: Input) -> Recording:
         channel_table=entry.channel_table or None,
         sampling_rate=entry.sampling_rate,
     )
+
+
+def open_calibrated(entry: Input) -> Recording:
+    """The recording under its label, with the calibration of the batch."""
+    recording = open_headers(entry)
+    return apply(read_calibration(entry.calibration), recording) if entry.calibration else recording
 
 
 def _analyse(recording: Recording, settings: BatchSettings) -> FileResult:

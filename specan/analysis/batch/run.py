@@ -63,6 +63,8 @@ class BatchReport(Result):
         Number of results that an earlier batch had left.
     calibration : tuple of str
         Which calibrations were applied, as the headers of the tables say it.
+    inputs : tuple of Input
+        Files that are no calibrator recordings.
     """
 
     results: tuple[FileResult, ...]
@@ -70,6 +72,7 @@ class BatchReport(Result):
     rows: tuple[int, ...]
     resumed: int = 0
     calibration: tuple[str, ...] = ()
+    inputs: tuple[Input, ...] = ()
 
     dimensions = ("file",)
 
@@ -189,8 +192,16 @@ def run_batch(
         store.keep_only(kept)
     tables = tuple(out / name for name in written)
     said = [line.removeprefix("calibration: ") for line in assigned.header]
+    inputs = [_published(entry, store.place, out) for entry in assigned.inputs]
     applied = tuple("none, nominal sensitivities" if line == "none" else line for line in said)
-    return BatchReport(tuple(results), tables, tuple(written.values()), resumed, applied)
+    rows = tuple(written.values())
+    return BatchReport(tuple(results), tables, rows, resumed, applied, tuple(inputs))
+
+
+def _published(entry: Input, place: Path, out: Path) -> Input:
+    """A file of a batch whose calibration, where the batch has made it, now lies beside the tables."""
+    made = Path(entry.calibration)
+    return replace(entry, calibration=str(out / made.name)) if made.parent == place else entry
 
 
 def _watched(
