@@ -9,7 +9,20 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.options import opt
-from specan_cli.output import Verb, draw, emit_json, plot_option, say, show_sheets, table
+from specan_cli.output import (
+    TABLES,
+    OutputFile,
+    Verb,
+    decimal_option,
+    draw,
+    emit_json,
+    plot_option,
+    say,
+    say_written,
+    show_sheets,
+    table,
+    to_standard_output,
+)
 from specan_cli.study import open_study, probability, study_options
 
 if TYPE_CHECKING:
@@ -27,6 +40,8 @@ BLOCKS = 8  # of conditions where it fails
 @click.command("compare", cls=Verb)
 @study_options
 @plot_option("measured and model")
+@opt("-o --output", OutputFile(*TABLES, ".json"), "Write every value: measured, model, residual.")
+@decimal_option()
 @opt("--channel", None, "Recordings: the channel whose curves --plot shows.", "NAME")
 @opt("--accept-changes", bool, "Continue although measured files have changed.")
 def command(
@@ -34,6 +49,8 @@ def command(
     effects: tuple[Path, ...],
     as_json: bool,
     plot: Path | None,
+    output: Path | None,
+    decimal: str,
     channel: str | None,
     accept_changes: bool,
 ) -> None:
@@ -42,7 +59,7 @@ def command(
     Held-out data are not used.
 
     \b
-    specan study compare my_study --plot compare.png
+    specan study compare my_study --plot compare.png -o rows.csv
     specan study compare my_room --plot mic_7.png --channel "Mic 7"
     """
     study = open_study(directory, effects, accept_changes)
@@ -51,11 +68,16 @@ def command(
     if kept is not None:
         say(f"The study was changed since its last step: kept as step {kept.step}.")
     draw(found, plot, channel=channel)
+    if output is not None:
+        from specan.io.result_file import write_frame
+
+        write_frame(found.residuals, output, [f"compare {study.directory.name}"], decimal)
     if as_json:
         emit_json(found.to_dict())
-    else:
+    elif not to_standard_output(output, plot):
         _print(study, found)
         _print_recordings(study, study.frf_errors())
+        say_written(plot, output)
 
 
 def _print(study: Study, found: Comparison) -> None:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:  # for type checkers and editors: the same names as in `_PLACE
     from specan.models import Model as Model
     from specan.models import Observable as Observable
     from specan.models import Parameter as Parameter
+    from specan.models import Reading as Reading
     from specan.models import check_effect as check_effect
     from specan.models import constant as constant
     from specan.models import effect as effect
@@ -49,7 +50,7 @@ _PLACES = {
     "specan.data.recording": ("Recording",),
     "specan.errors": ("SpecanError",),
     "specan.models": (
-        "Model", "Condition", "Observable", "Parameter", "quantity", "constant", "effect", "check_effect",
+        "Model", "Condition", "Observable", "Parameter", "Reading", "quantity", "constant", "effect", "check_effect",
     ),
 }  # fmt: skip
 _HOME = {name: place for place, names in _PLACES.items() for name in names}
@@ -60,7 +61,8 @@ __all__ = list(_HOME)
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'specan' has no attribute {name!r}")
-    found = getattr(importlib.import_module(_HOME[name]), name)
+    home = importlib.import_module(_HOME[name])
+    found = getattr(home, "signed", lambda one: one)(getattr(home, name))
     globals()[name] = found
     return found
 

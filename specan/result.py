@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+# Ends of the names of columns, and the unit of such a column.
+_UNITS = {"_dB": "dB", "_hz": "Hz", "_s": "s", "_deg": "degree", "_percent": "percent"}
 _SHOWN_ROWS = 12  # of a table in a notebook
 
 
@@ -95,7 +97,9 @@ class Result:
         return pd.DataFrame(self.columns())
 
     def to_xarray(self) -> xr.Dataset:
-        """The numbers of the data frame over its dimensions: ``channel``, ``frequency_hz`` ...
+        """The numbers of the data frame over its dimensions: ``channel``, ``frequency_hz`` ..., in their order.
+
+        Attributes hold the units of each variable, the settings, and the calibration.
 
         Returns
         -------
@@ -113,7 +117,18 @@ class Result:
                 expected="one name for each channel",
                 remedy="choose the channels of one group",
             )
-        return data_set(frame.set_index(list(self.dimensions)))
+        found = data_set(frame.set_index(list(self.dimensions)))
+        found = found.reindex({name: list(dict.fromkeys(frame[name])) for name in self.dimensions})
+        for name, variable in found.variables.items():
+            if unit := next((u for end, u in _UNITS.items() if str(name).endswith(end)), ""):
+                variable.attrs["units"] = unit
+        units = getattr(self, "value_units", getattr(self, "units", None))
+        if units is not None and "channel" in self.dimensions:
+            found = found.assign_coords(unit=("channel", list(units)))
+        settings = dict(getattr(self, "settings", {}))
+        calibration = {"calibration": settings.pop("calibration")} if "calibration" in settings else {}
+        about = {"summary": self.summary(), **calibration, "settings": json.dumps(finite(settings))}
+        return found.assign_attrs(about)
 
     def plot(self, **options: Any) -> Figure:
         """The figure that ``--plot`` draws; see `specan.plot`."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import importlib
+import inspect
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -27,6 +29,20 @@ if TYPE_CHECKING:
     from specan.units import Quantity
 
 Source: TypeAlias = Recording | str | Path
+# Where the settings of each function stand.
+SETTINGS = {
+    "octave": "octave:Octave",
+    "fft": "spectrum:FourierSpectrum",
+    "spectrogram": "spectrogram:SpectrogramSettings",
+    "frf": "transfer_function:TransferFunction",
+    "rms": "levels:Levels",
+    "tones": "tone:Tone",
+    "orders": "orders:Orders",
+    "impulse": "decay:ImpulseResponse",
+    "decay": "decay:Decay",
+    "calibrate": "calibrator_tone:CalibrationSettings",
+    "batch": "batch.settings:BatchSettings",
+}
 
 
 def read(
@@ -101,9 +117,7 @@ def octave(recording: Source, fraction: int | str = 3, **settings: Any) -> BandL
     BandLevels
         Levels (channels, bands) and overall levels, dB; `to_dataframe` gives one row for each.
     """
-    from specan.analysis.octave import Octave
-
-    return _analysed(Octave, "octave", recording, fraction=fraction, **settings)
+    return _analysed("octave", recording, fraction=fraction, **settings)
 
 
 def fft(recording: Source, **settings: Any) -> Spectrum:
@@ -123,9 +137,7 @@ def fft(recording: Source, **settings: Any) -> Spectrum:
     Spectrum
         Complex lines or densities (channels, lines) over hertz.
     """
-    from specan.analysis.spectrum import FourierSpectrum
-
-    return _analysed(FourierSpectrum, "fft", recording, **settings)
+    return _analysed("fft", recording, **settings)
 
 
 def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
@@ -144,9 +156,7 @@ def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
     Spectrogram
         Levels (channels, lines, columns) over hertz and seconds.
     """
-    from specan.analysis.spectrogram import SpectrogramSettings
-
-    return _analysed(SpectrogramSettings, "spectrogram", recording, **settings)
+    return _analysed("spectrogram", recording, **settings)
 
 
 def frf(recording: Source, reference: str | None = None, **settings: Any) -> FrequencyResponse:
@@ -167,9 +177,7 @@ def frf(recording: Source, reference: str | None = None, **settings: Any) -> Fre
     FrequencyResponse
         Complex ratios (channels, lines) with coherence and standard uncertainty.
     """
-    from specan.analysis.transfer_function import TransferFunction
-
-    return _analysed(TransferFunction, "frf", recording, reference=reference, **settings)
+    return _analysed("frf", recording, reference=reference, **settings)
 
 
 def rms(recording: Source, **settings: Any) -> SignalLevels:
@@ -188,9 +196,7 @@ def rms(recording: Source, **settings: Any) -> SignalLevels:
     SignalLevels
         One value a channel of each level, dB, and of peak and RMS in the unit of the channel.
     """
-    from specan.analysis.levels import Levels
-
-    return _analysed(Levels, "rms", recording, **settings)
+    return _analysed("rms", recording, **settings)
 
 
 def tones(recording: Source, reference: str | None = None, **settings: Any) -> ToneTable:
@@ -210,9 +216,7 @@ def tones(recording: Source, reference: str | None = None, **settings: Any) -> T
     ToneTable
         One row a channel: amplitude in its unit, phase in degrees, distortion.
     """
-    from specan.analysis.tone import Tone
-
-    return _analysed(Tone, "tones", recording, reference=reference, **settings)
+    return _analysed("tones", recording, reference=reference, **settings)
 
 
 def orders(recording: Source, **settings: Any) -> OrderSpectrum:
@@ -232,9 +236,7 @@ def orders(recording: Source, **settings: Any) -> OrderSpectrum:
     OrderSpectrum
         Lines (channels, orders), and averages over a turn.
     """
-    from specan.analysis.orders import Orders
-
-    return _analysed(Orders, "orders", recording, **settings)
+    return _analysed("orders", recording, **settings)
 
 
 def impulse(recording: Source, reference: str | None = None, **settings: Any) -> ImpulseResponses:
@@ -255,9 +257,7 @@ def impulse(recording: Source, reference: str | None = None, **settings: Any) ->
     ImpulseResponses
         Responses (channels, samples) over seconds.
     """
-    from specan.analysis.decay import ImpulseResponse
-
-    return _analysed(ImpulseResponse, "impulse", recording, reference=reference, **settings)
+    return _analysed("impulse", recording, reference=reference, **settings)
 
 
 def decay(recording: Source, reference: str | None = None, **settings: Any) -> DecayTimes:
@@ -278,12 +278,11 @@ def decay(recording: Source, reference: str | None = None, **settings: Any) -> D
     DecayTimes
         Times in seconds, ratios in dB, one row for each channel and band.
     """
-    from specan.analysis.decay import Decay
     from specan.analysis.excitation import recognise
 
-    asked, source = _settings(Decay, "decay", **settings), _opened(recording)
+    asked, source = _settings("decay", **settings), _opened(recording)
     if reference is None and recognise(source).kind not in ("noise", "sweep", "stepped-sine"):
-        return _analysed(Decay, "decay", source, **settings)
+        return _analysed("decay", source, **settings)
     section = {"start_s": asked.start_s, "stop_s": asked.stop_s}
     responses = impulse(source, reference, channels=asked.channels, **section)
     whole = asked.model_copy(update={"start_s": 0.0, "stop_s": None, "channels": ()})
@@ -314,14 +313,13 @@ def calibrate(
         `read` takes it.
     """
     from specan.analysis.calibration import calibrate as evaluate
-    from specan.analysis.calibrator_tone import CalibrationSettings
     from specan.io.calibration_file import write_calibration
     from specan.io.output_file import check_output
 
     sources = [recordings] if isinstance(recordings, (Recording, str, Path)) else recordings
     found = evaluate(
         [one if isinstance(one, Recording) else open_recording(one) for one in sources],
-        _settings(CalibrationSettings, "calibrate", **settings),
+        _settings("calibrate", **settings),
     )
     if output is not None:
         check_output(Path(output), [Path(one) for one in sources if not isinstance(one, Recording)])
@@ -352,7 +350,7 @@ def batch(
         Number of processes; more than one only in a script with ``if __name__ == "__main__"``.
     **settings
         ``reference``, ``excitation``, ``sampling_rate``, and as dicts ``tone``, ``transfer_function``, ``octave``,
-        ``calibration``, ``orders``: see `specan.analysis.batch.settings.BatchSettings`.
+        ``calibration``, ``orders``, and ``decimal`` of the tables: see `specan.analysis.batch.settings.BatchSettings`.
 
     Returns
     -------
@@ -360,23 +358,44 @@ def batch(
         `BatchReport.to_dataframe` reads a table.
     """
     from specan.analysis.batch.run import run_batch
-    from specan.analysis.batch.settings import BatchSettings
 
     places = [directories] if isinstance(directories, (str, Path)) else directories
     return run_batch(
         [Path(place) for place in places],
         Path(output),
-        _settings(BatchSettings, "batch", **settings),
+        _settings("batch", **settings),
         calibration=None if calibration is None else Path(calibration),
         channel_table=None if channel_table is None else Path(channel_table),
         jobs=jobs,
     )
 
 
-def _analysed(kind: type[Settings], where: str, recording: Source, **settings: Any) -> Any:
+def signed(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of this module whose signature names every setting, for notebooks and `help`."""
+    if function.__name__ in SETTINGS:
+        own = inspect.signature(function)
+        known = [p for p in own.parameters.values() if p.kind is not p.VAR_KEYWORD]
+        more = [
+            inspect.Parameter(
+                name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=f.annotation
+            )
+            for name, f in _kind(function.__name__).model_fields.items()
+            if name not in own.parameters
+        ]
+        function.__dict__["__signature__"] = own.replace(parameters=[*known, *more])
+    return function
+
+
+def _kind(name: str) -> type[Settings]:
+    place, _, kind = SETTINGS[name].partition(":")
+    found: type[Settings] = getattr(importlib.import_module(f"specan.analysis.{place}"), kind)
+    return found
+
+
+def _analysed(name: str, recording: Source, **settings: Any) -> Any:
     """The result of one analysis; its settings say which calibration its channels have."""
     source = _opened(recording)
-    return stated(_settings(kind, where, **settings)(source), source)
+    return stated(_settings(name, **settings)(source), source)
 
 
 def _opened(recording: Source) -> Recording:
@@ -390,11 +409,13 @@ def _opened(recording: Source) -> Recording:
     return recording
 
 
-def _settings(kind: type[Settings], where: str, **given: Any) -> Any:
+def _settings(where: str, **given: Any) -> Any:
     """The settings of an analysis; one channel or percentile may be given without a tuple around it."""
     from specan.schema import parse
 
     for name in ("channels", "percentiles", "orders"):
         if isinstance(given.get(name), (str, float, int)):
             given[name] = (given[name],)
-    return parse(kind, {name: value for name, value in given.items() if value is not None}, f"specan.{where}")
+    return parse(
+        _kind(where), {name: value for name, value in given.items() if value is not None}, f"specan.{where}"
+    )

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, TypeAlias, Union
 
 from specan.api.drawing import saved
 from specan.errors import RequestError
+from specan.io.output_file import check_output
 from specan.study.study import Study as OpenedStudy
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
     from specan.models import Model
@@ -22,20 +25,27 @@ if TYPE_CHECKING:
     from specan.study.selection.search import Progress
     from specan.study.verdict import Diagnosis, NextMeasurements
 
+Measured: TypeAlias = Union[str, Path, "pd.DataFrame", Sequence[Union[str, Path, "pd.DataFrame"]]]
+
 
 class Study:
-    """A study directory: a model, measurements, and the steps that were taken.
+    """A study: a model, measurements, and the steps that were taken.
 
-    An object follows its directory: after `add` or `drop` it is the study as it is then.
+    An object follows its directory: after `add` or `drop` it is the study as it is then. ``Study(model, frame)`` makes
+    one without a directory of yours, which lasts as long as the program.
 
     Parameters
     ----------
-    directory : str or Path
-        Of the study.
+    directory : str, Path or Model
+        Of the study; or a model, with the `measurement` to compare it with.
+    measurement : DataFrame, path or sequence of them, optional
+        Measured data, columns as `Study.new` takes them.
     effects : sequence of paths
         Files with effects of your own, to take in, or to trust where the study comes from elsewhere.
     accept_changes : bool
         Go on although measured files have changed.
+    **begun
+        With a model: the options of `Study.new`, such as ``hold_out``.
 
     Raises
     ------
@@ -44,8 +54,24 @@ class Study:
     """
 
     def __init__(
-        self, directory: str | Path, *, effects: Sequence[str | Path] = (), accept_changes: bool = False
+        self,
+        directory: str | Path | Model,
+        measurement: Measured | None = None,
+        *,
+        effects: Sequence[str | Path] = (),
+        accept_changes: bool = False,
+        **begun: Any,
     ) -> None:
+        if measurement is not None:
+            self._place = TemporaryDirectory(prefix="specan-study-")
+            made = Study.new(self._place.name, directory, measurement, effects=effects or None, **begun)
+            self._now(made.opened)
+            return
+        if not isinstance(directory, (str, Path)) or begun:
+            raise RequestError(
+                "a study of a model needs a measurement",
+                expected="Study(model, frame), or the directory of a study",
+            )
         self._opened = OpenedStudy(Path(directory), accept_changes, [Path(e) for e in effects])
         self._diagnosis: Diagnosis | None = None
 
@@ -53,16 +79,17 @@ class Study:
     def new(
         cls,
         directory: str | Path,
-        model: str | Path,
-        measurement: str | Path | Sequence[str | Path],
+        model: str | Path | Model,
+        measurement: Measured,
         *,
         rig: str | Path | None = None,
-        validation: str | Path | Sequence[str | Path] = (),
+        validation: Measured = (),
         hold_out: str | Sequence[str] = (),
         calibration: str | Path | None = None,
         effects: Sequence[str] | None = None,
         columns: Mapping[str, str] | None = None,
         groups: str | Sequence[str] = (),
+        sheet: str = "",
     ) -> Study:
         """Make a study directory and fit the model once.
 
@@ -70,13 +97,14 @@ class Study:
         ----------
         directory : path
             Made if it does not exist; must not hold a study yet.
-        model : str or path
-            Name of a model, or a Python file that holds one.
-        measurement : path or sequence of paths
-            Data to fit.
+        model : str, path or Model
+            Name of a model, a Python file that holds one, or one in memory, which lasts as long as the program.
+        measurement : path, DataFrame, or sequence of them
+            Data to fit. A data frame has a column for each condition and observable, in the model's units or with a
+            unit in its name (``flow [l/s]``); it is written to the directory.
         rig : path, optional
             Rig file; a model of its own file may need none.
-        validation : path or sequence of paths
+        validation : as `measurement`
             Data that are only ever predicted.
         hold_out : str or sequence of str
             Rows or channels to put aside: ``"torque=50"``.
@@ -88,31 +116,30 @@ class Study:
             ``{column of the model: header of the table}`` where tables have names of their own.
         groups : str or sequence of str
             Columns of names (``specimen``) by which parameters may differ.
+        sheet : str
+            Of a workbook; the first by default.
 
         Returns
         -------
         Study
             `assumptions` says what was found and assumed about the measurement.
         """
+        from specan.models.catalogue import keep_in_memory
         from specan.study.create import begin
 
-        if not isinstance(model, (str, Path)):
-            raise RequestError(
-                f"the model is a {type(model).__name__} in memory",
-                expected="the name of a model, or a Python file that holds one",
-                remedy="write it to a file and give its path: a study keeps a copy of that",
-            )
+        place = Path(directory)
         begun = begin(
-            Path(directory),
-            str(model),
+            place,
+            str(model) if isinstance(model, (str, Path)) else keep_in_memory(model),
             None if rig is None else Path(rig),
-            _paths(measurement),
-            validations=_paths(validation),
+            _paths(measurement, place, "measurement"),
+            validations=_paths(validation, place, "validation"),
             hold_out=[hold_out] if isinstance(hold_out, str) else list(hold_out),
             calibration=None if calibration is None else Path(calibration),
             effects=effects,
             columns=columns,
             groups=[groups] if isinstance(groups, str) else groups,
+            sheet=sheet,
         )
         made = cls.__new__(cls)
         made._now(begun.study)
@@ -329,13 +356,20 @@ def diagnose(study: Study | str | Path) -> Diagnosis:
     return opened.diagnose()
 
 
-def _paths(given: str | Path | Sequence[str | Path]) -> list[Path]:
-    if isinstance(given, (str, Path)):
-        return [Path(given)]
-    if not isinstance(given, Sequence):
-        raise RequestError(
-            f"the measured data are a {type(given).__name__} in memory",
-            expected="the path of a file, or several",
-            remedy="write them to a file and give its path: a study keeps the hash of that",
-        )
-    return [Path(path) for path in given]
+def _paths(given: Measured, place: Path, name: str) -> list[Path]:
+    """Files of measured data; a data frame is written to one."""
+    whole = [given] if isinstance(given, (str, Path)) or hasattr(given, "to_csv") else list(given)
+    found = []
+    for number, one in enumerate(whole, 1):
+        if isinstance(one, (str, Path)):
+            found.append(Path(one))
+            continue
+        if not hasattr(one, "to_csv"):
+            raise RequestError(
+                f"the measured data are a {type(one).__name__}", expected="a path or a data frame, or several"
+            )
+        place.mkdir(parents=True, exist_ok=True)
+        found.append(place / f"{name}{'' if len(whole) == 1 else f'_{number}'}.csv")
+        check_output(found[-1])
+        one.to_csv(found[-1], index=False)
+    return found

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.result import RecordingResult, Sheet, counted, picked
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -93,6 +96,10 @@ class FrequencyResponse(RecordingResult):
     flags: tuple[tuple[str, ...], ...]
 
     dimensions = ("channel", "frequency_hz")
+
+    def to_xarray(self) -> xr.Dataset:
+        """As `Result.to_xarray`, with the complex transfer functions as ``H``."""
+        return super().to_xarray().assign(H=(self.dimensions, self.response))
 
     def summary(self) -> str:
         """What it is, on one line."""

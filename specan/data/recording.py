@@ -145,6 +145,15 @@ class Recording(Result):
             )  # fmt: skip
         return cls(label, tuple(channels), ArraySource(list(arrays.values())))
 
+    def __len__(self) -> int:
+        return len(self.channels)
+
+    def __iter__(self) -> Iterator[Channel]:
+        return iter(self.channels)
+
+    def __getitem__(self, name: str) -> Channel:
+        return self.channel(name)
+
     def summary(self) -> str:
         """What it is, on one line.
 
@@ -259,7 +268,11 @@ class Recording(Result):
         RequestError
             xarray is not installed.
         """
-        return data_set(self.to_dataframe())
+        found = data_set(self.to_dataframe()).assign_attrs(recording=self.label)
+        for channel in self.channels:
+            said = {"units": channel.unit, "role": channel.role, "calibration": channel.calibrated_by}
+            found[channel.label].attrs.update({name: text for name, text in said.items() if text})
+        return found
 
     def channel(self, name: str) -> Channel:
         """The channel of this name, or of this ``group/name``; any letters and the end of its name do as well.
@@ -388,7 +401,7 @@ class Recording(Result):
         return chosen
 
     def read(
-        self, channels: Sequence[Channel], start: int = 0, stop: int | None = None
+        self, channels: Sequence[Channel | str] | Channel | str, start: int = 0, stop: int | None = None
     ) -> NDArray[np.float64]:
         """Samples in the channels' units, shape (channels, samples); all of one rate.
 
@@ -396,8 +409,8 @@ class Recording(Result):
 
         Parameters
         ----------
-        channels : sequence of Channel
-            Of this recording.
+        channels : sequence of Channel or str
+            Of this recording, in this order; one by itself is a sequence of one.
         start, stop : int
             First sample, and the one after the last; to the end by default.
 
@@ -411,6 +424,8 @@ class Recording(Result):
         RequestError
             The channels have different rates, or the range is not inside the recording.
         """
+        named = [channels] if isinstance(channels, (Channel, str)) else channels
+        channels = [self.channel(c) if isinstance(c, str) else c for c in named]
         length = min((c.n_samples for c in channels), default=0)
         stop = length if stop is None else stop
         if not 0 <= start <= stop <= length:

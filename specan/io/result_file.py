@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from specan import __version__
 from specan.io.output_file import text_file
-from specan.io.results_text import table_lines, write_table
-from specan.result import RecordingResult
+from specan.io.results_text import table_lines, words, write_table
+from specan.result import RecordingResult, finite
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def write_frame(frame: pd.DataFrame, path: Path, header: Sequence[str], decimal: str = ".") -> None:
+    """Write a data frame as a table; the header says what it is."""
+    if path.suffix.lower() == ".json":
+        with text_file(path) as file:
+            content = {"written_by": f"specan {__version__}", "rows": finite(frame.to_dict("records"))}
+            json.dump(content, file, indent=2, ensure_ascii=False)
+        return
+    columns = {n: words(v) if v.dtype.kind in "OUT" else v.to_numpy(float) for n, v in frame.items()}
+    whole = [f"specan {__version__}", *header]
+    write_table(path, whole, list(columns), [table_lines(columns)], decimal)
 
 
 def write_result(

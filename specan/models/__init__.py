@@ -14,6 +14,7 @@ from specan.models.quantity import (
     Frf,
     Observable,
     Quantity,
+    Reading,
     RigStatement,
     SettingError,
     constant,
@@ -23,6 +24,6 @@ from specan.models.quantity import (
 
 __all__ = [
     "Assembly", "Completed", "Condition", "Effect", "Evaluation", "Frf", "LawSpace", "Model", "Nuisance", "Observable",
-    "Parameter", "Quantity", "Receivers", "RigStatement", "SettingError", "TableFault", "TableRules", "Use", "Words",
-    "check_effect", "conditions_over_limits", "constant", "effect", "quantity", "rig_statement", "varying",
+    "Parameter", "Quantity", "Reading", "Receivers", "RigStatement", "SettingError", "TableFault", "TableRules", "Use",
+    "Words", "check_effect", "conditions_over_limits", "constant", "effect", "quantity", "rig_statement", "varying",
 ]  # fmt: skip

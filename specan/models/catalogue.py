@@ -49,10 +49,33 @@ def load_model(name: str | Path, rig: Mapping[str, Any]) -> Model:
     RequestError
         Unknown model, a file that holds none, or a rig that is incomplete or impossible.
     """
+    if str(name).startswith(_MEMORY):
+        return _from_memory(str(name), rig)
     if is_file(name):
         return model_from_file(Path(name), rig)
     model: Model = _package(str(name)).build(rig)
     return model.with_effect(*_plugins(str(name)))
+
+
+_MEMORY = "memory:"
+_KEPT: dict[str, Model] = {}
+
+
+def keep_in_memory(model: Model) -> str:
+    """A name by which `load_model` finds a model that no file holds, as long as this program runs."""
+    name = f"{_MEMORY}{len(_KEPT)}"
+    _KEPT[name] = model
+    return name
+
+
+def _from_memory(name: str, rig: Mapping[str, Any]) -> Model:
+    if name not in _KEPT:
+        raise RequestError(
+            "the model of this study was in the memory of a program that has ended",
+            expected="a model in a file",
+            remedy="write the model to a Python file and begin a study with it",
+        )
+    return _KEPT[name].with_rig(rig) if rig else _KEPT[name]
 
 
 def is_file(name: str | Path) -> bool:

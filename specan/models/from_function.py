@@ -11,7 +11,16 @@ from typing import Any
 
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Parameter
-from specan.models.quantity import KIND, Condition, Frf, Observable, Quantity, SettingError, rig_statement
+from specan.models.quantity import (
+    KIND,
+    Condition,
+    Frf,
+    Observable,
+    Quantity,
+    Reading,
+    SettingError,
+    rig_statement,
+)
 from specan.units import base_unit, convert
 
 _FORMS = "a number, (value, low, high), (value, low, high, unit), or dict(value=, min=, max=, vary=, unit=)"
@@ -64,7 +73,10 @@ def fields_from_functions(
         "quantities": quantities,
         "effects": {effect.name: effect for effect in effects},
         "observables": measured,
-        "rig": rig_statement(rig, known.values(), measured.values()),
+        "rig": replace(
+            rig_statement(rig, known.values(), measured.values()),
+            discrepancies=_discrepancies(observables, named),
+        ),
     }
 
 
@@ -161,10 +173,23 @@ def _stated(observables: Mapping[str, Any]) -> dict[str, float]:
     for name, given in observables.items():
         if isinstance(given, tuple) and len(given) > 1:
             found[name] = given[1]
-        elif isinstance(given, Frf):
-            said = {name: given.uncertainty, f"{name}_percent": given.uncertainty_percent}
+        elif isinstance(given, (Frf, Reading)):
+            percent = given.percent if isinstance(given, Reading) else given.uncertainty_percent
+            said = {name: given.uncertainty, f"{name}_percent": percent}
             found |= {key: value for key, value in said.items() if value is not None}
     return found
+
+
+def _discrepancies(observables: Mapping[str, Any], named: Mapping[str, Any]) -> dict[str, tuple[str, float]]:
+    """How wrong the model itself may be, of the observables that say it."""
+    stated = {n: g.discrepancy for n, g in observables.items() if isinstance(g, Reading) and g.discrepancy}
+    for name, (quantity, _) in stated.items():
+        if quantity not in named:
+            raise RequestError(
+                f"the discrepancy of {name!r} is one of {quantity!r}, which is no function of the model",
+                remedy=nearest(quantity, named),
+            )
+    return stated
 
 
 def _is_span(given: Any) -> bool:
@@ -190,10 +215,13 @@ def _condition(name: str, given: Any) -> Condition:
 def _observable(name: str, given: Any, function: Callable[..., Any]) -> Observable:
     if isinstance(given, Observable):
         return given
-    unit = given.unit if isinstance(given, Frf) else given[0] if isinstance(given, tuple) else given
+    unit = (
+        given.unit if isinstance(given, (Frf, Reading)) else given[0] if isinstance(given, tuple) else given
+    )
     if not isinstance(unit, str):
         raise RequestError(
-            f"the observable {name!r} is {given!r}", expected="a unit, (unit, uncertainty), or Frf(unit, ...)"
+            f"the observable {name!r} is {given!r}",
+            expected="a unit, (unit, uncertainty), Reading(unit, ...) or Frf(unit, ...)",
         )
     _require_unit(unit, f"the observable {name!r}")
     doc = (inspect.getdoc(function) or name).split("\n")[0]

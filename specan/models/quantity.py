@@ -296,6 +296,40 @@ class Frf:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """An observable that is read from an instrument.
+
+    Attributes
+    ----------
+    unit : str
+        Of the column.
+    uncertainty, percent : float, optional
+        Standard uncertainty of one reading, in `unit` and in percent of the reading; both are added in squares.
+    discrepancy : (str, float), optional
+        A quantity of the model, and how many percent of it the model itself is expected to be wrong by: it changes
+        smoothly over the operating range.
+
+    Examples
+    --------
+    >>> from specan.models import Model
+    >>> def drop(flow, resistance=2.0): return resistance * flow
+    >>> def outlet(inlet, drop): return inlet - drop
+    >>> model = Model.from_function(
+    ...     outlet, drop, conditions={"flow": ("kg/s", 1, 9), "inlet": ("degC", 20, 80)},
+    ...     observables={"outlet": Reading("degC", 0.05, percent=0.2, discrepancy=("drop", 0.5))},
+    ...     units={"drop": "K"},
+    ... )
+    >>> model.rig.discrepancies
+    {'outlet': ('drop', 0.5)}
+    """
+
+    unit: str
+    uncertainty: float | None = None
+    percent: float | None = None
+    discrepancy: tuple[str, float] | None = None
+
+
+@dataclass(frozen=True)
 class RigStatement:
     """Limits and uncertainties of a rig, in SI, by the model's names of conditions and observables.
 
@@ -316,6 +350,8 @@ class RigStatement:
         Declared standard discrepancy of the model, in percent of what its effects do to the reading.
     defaults_used : mapping
         ``{"table.key": value}`` that the rig file did not give and the model assumed.
+    discrepancies : mapping
+        ``{observable: (quantity, percent)}`` where the model states it of one observable.
     """
 
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -324,6 +360,7 @@ class RigStatement:
     discrepancy_percent: float = 0.0
     reading_percent: Mapping[str, float] = field(default_factory=dict)
     defaults_used: Mapping[str, Any] = field(default_factory=dict)
+    discrepancies: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
 
 def rig_statement(

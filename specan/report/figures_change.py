@@ -19,11 +19,11 @@ from specan.report.figure_style import (
     styled,
 )
 from specan.report.figures import figure_named
-from specan.report.figures_study import readings
 from specan.report.figures_study_frf import measured_transfer
 from specan.report.panels import draw_range
 from specan.report.residual_map import axis_text, map_axes
 from specan.report.study_words import fall_text, history_sentence, state_of
+from specan.study.comparison import readings
 from specan.study.history import History, Step, error_pairs
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.table import TableObservation
@@ -110,7 +110,7 @@ def _table_residuals(
     sigma = observation.sigma[first]
     names = map_axes({n: v[first] for n, v in observation.labels.items()})
     order = sorted(names, key=lambda n: np.unique(observation.labels[n]).size, reverse=True)
-    x = readings(study, observation, order[0])[first] if order else np.arange(residual.size)
+    x = readings(study.model, observation, order[0])[first] if order else np.arange(residual.size)
     if study.data.known:
         reach = 2 * float(np.median(sigma))
         axes.axhspan(-reach, reach, color="0.92", lw=0)

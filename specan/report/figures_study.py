@@ -15,6 +15,7 @@ from specan.report.figures import figure_named
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.residual_map import axis_text, residual_map
 from specan.report.study_words import state_of
+from specan.study.comparison import readings
 from specan.study.observation import variable_named
 from specan.study.observation.table import TableObservation
 from specan.units import axis_label, convert
@@ -162,7 +163,7 @@ def _draw(
     top: Axes,
     bottom: Axes,
 ) -> None:
-    x = readings(study, observation, panel.x)
+    x = readings(study.model, observation, panel.x)
     at_level = _predict(study, observation, _at_levels(study, observation, panel.x))
     shown = observation.measured - predicted + at_level
     z = (predicted - observation.measured) / observation.sigma
@@ -196,15 +197,6 @@ def _condition_of(study: Study, column: str) -> str | None:
     return next((n for n, c in study.model.conditions.items() if c.column == column), None)
 
 
-def readings(study: Study, observation: TableObservation, column: str) -> NDArray[Any]:
-    """Values along an operating variable as they were read, in the column's unit; its labels where it is no number."""
-    name = next((n for n, c in study.model.conditions.items() if c.column == column and not c.group), None)
-    if name is None:
-        return observation.labels[column]
-    condition = study.model.conditions[name]
-    return np.asarray(convert(observation.conditions[name], condition.unit, condition.column_unit))
-
-
 def _at_levels(study: Study, observation: TableObservation, but: str) -> dict[str, NDArray[np.float64]]:
     """Conditions with every operating variable at its level, except one."""
     moved = dict(observation.conditions)
@@ -229,7 +221,7 @@ def _curve(
     study: Study, observation: TableObservation, panel: _Panel, mine: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The model along x, everything else as in the first of the rows."""
-    x = readings(study, observation, panel.x)[mine]
+    x = readings(study.model, observation, panel.x)[mine]
     name = _condition_of(study, panel.x)
     if name is None:  # no curve between labels that the model does not know: its values at the rows
         moved = _predict(study, observation, _at_levels(study, observation, panel.x))[mine]

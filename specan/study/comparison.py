@@ -4,12 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from specan.result import Result
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.prediction_error import ObservableError
 from specan.study.localisation.localise import Localisation
+from specan.units import convert
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from specan.models import Model
+    from specan.study.observation import Observation
+
+
+def readings(model: Model, observation: Observation, column: str) -> NDArray[Any]:
+    """Values along an operating variable as they were read, in the column's unit; its labels where it is no number."""
+    name = next((n for n, c in model.conditions.items() if c.column == column and not c.group), None)
+    if name is None:
+        return observation.labels[column]
+    condition = model.conditions[name]
+    return np.asarray(convert(observation.conditions[name], condition.unit, condition.column_unit))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,6 +68,49 @@ class Comparison(Result):
         names = ("value", "low", "high", "unit", "plausible", "at_bound")
         rows = self.parameters.values()
         return {"parameter": list(self.parameters), **{n: [row[n] for row in rows] for n in names}}
+
+    @property
+    def residuals(self) -> pd.DataFrame:
+        """Every measured value beside the model's.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The conditions of each value, ``measured``, ``model``, ``residual`` (measured less model) and its standard
+            uncertainty ``u`` in ``unit``; ``data`` says whether it was fitted or held out.
+        """
+        import pandas as pd
+
+        study, problem = self.study, self.study.problem
+        seen = zip(problem.observations, problem.plain(study.shown.theta), strict=True)
+        parts = [("fitted", one, predicted) for one, predicted in seen]
+        if study.held_out is not None:
+            unseen = zip(study.data.held_out, study.held_out.predictions, strict=True)
+            parts += [("held-out", one, predicted) for one, predicted in unseen]
+        known = study.model.observables
+        columns = {c.column for c in study.model.conditions.values()}
+        frames = []
+        for data, one, predicted in parts:
+            names = np.broadcast_to(getattr(one, "observable", one.name), one.measured.shape)
+            frames.append(
+                pd.DataFrame(
+                    {
+                        "file": one.name,
+                        "data": data,
+                        **{
+                            n: readings(study.model, one, n) if n in columns else v
+                            for n, v in one.labels.items()
+                        },
+                        "observable": names,
+                        "measured": one.measured,
+                        "model": predicted,
+                        "residual": one.measured - predicted,
+                        "u": one.sigma,
+                        "unit": [known[name].unit if name in known else "" for name in names],
+                    }
+                )
+            )
+        return pd.concat(frames, ignore_index=True)
 
     @property
     def path_gains(self) -> list[dict[str, Any]]:

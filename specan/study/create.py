@@ -47,6 +47,7 @@ def begin(
     effects: Sequence[str] | None = None,
     columns: Mapping[str, str] | None = None,
     groups: Sequence[str] = (),
+    sheet: str = "",
 ) -> Begun:
     """Make a study directory.
 
@@ -69,6 +70,8 @@ def begin(
         ``{column of the model: header of the table}`` where the tables have names of their own.
     groups : sequence of str, optional
         Columns of names (``specimen``) by which parameters may differ, beside those of the model.
+    sheet : str
+        Of the workbooks among the data; the first by default.
 
     Raises
     ------
@@ -88,7 +91,9 @@ def begin(
         **{key: relative_to(directory, path) for key, path in paths.items() if path is not None},
         "columns": dict(columns or {}),
         "groups": list(groups),
-        **{key: [_data_entry(directory, path, model) for path in files] for key, files in data.items()},
+        **{
+            key: [_data_entry(directory, path, model, sheet) for path in files] for key, files in data.items()
+        },
         "hold_out": [{"where": where} for where in hold_out],
     }
     content = {key: value for key, value in content.items() if value}
@@ -125,10 +130,11 @@ def _about_own_file(fault: RequestError, directory: Path, copy: str, own: str) -
     return type(fault)(fault.found, expected=fault.expected, remedy=fault.remedy)
 
 
-def _data_entry(directory: Path, path: Path, model: Model) -> dict[str, Any]:
+def _data_entry(directory: Path, path: Path, model: Model, sheet: str) -> dict[str, Any]:
     if not path.exists():
         raise RequestError(f"the measurement {path} does not exist", remedy="check the path")
-    return {"file": relative_to(directory, path), "sha256": file_hash(path), "kind": kind_of(path, model)}
+    entry = {"file": relative_to(directory, path), "sha256": file_hash(path), "kind": kind_of(path, model)}
+    return entry | ({"sheet": sheet} if sheet and path.suffix.lower() == ".xlsx" else {})
 
 
 def _effects(model: Model, names: Sequence[str], recordings: int) -> list[dict[str, Any]]:

@@ -187,7 +187,14 @@ class Study:
 
         def files(entries: Sequence[DataEntry], kind: str) -> list[DataFile]:
             return [
-                DataFile(names[e.file], self._path(e.file), e.estimator, e.conditions, self.content.columns)
+                DataFile(
+                    names[e.file],
+                    self._path(e.file),
+                    e.estimator,
+                    e.conditions,
+                    self.content.columns,
+                    e.sheet,
+                )
                 for e in entries
                 if e.kind == kind
             ]

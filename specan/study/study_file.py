@@ -56,6 +56,7 @@ class DataEntry(Settings):
     sha256: str
     kind: str = "table"
     estimator: str = ""
+    sheet: str = ""
     conditions: dict[str, float | str] = Field(default_factory=dict)
 
 

@@ -298,10 +298,8 @@ def test_a_study_does_what_the_verbs_do(tmp_path, monkeypatch):
         tmp_path / "s", SPRING, tmp_path / "spring.csv",
         rig=tmp_path / "rig.toml", hold_out="pull=30",
     )  # fmt: skip
-    with pytest.raises(RequestError, match="the model is a Model in memory"):
-        specan.Study.new(tmp_path / "t", study.compare().study.model, tmp_path / "spring.csv")
-    with pytest.raises(RequestError, match="the measured data are a DataFrame in memory"):
-        specan.Study.new(tmp_path / "t", SPRING, study.compare().to_dataframe())
+    with pytest.raises(RequestError, match="the measured data are a dict"):
+        specan.Study.new(tmp_path / "t", SPRING, [{"pull_N": 5}])
     assert study.assumptions
     assert "opening" not in study.effects
     before = study.compare()

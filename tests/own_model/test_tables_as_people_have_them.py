@@ -9,6 +9,7 @@ from specan.errors import InputError
 from specan.models import Model
 from specan.models.catalogue import example_model
 from specan.study.data.operating_table import join
+from specan.study.data.table_file import read_table
 from specan.study.data.table_reader import read_measurement
 from specan.study.observation import kind_of
 from specan.study.study_file import read_study_file
@@ -203,3 +204,23 @@ def test_messages_name_the_file_as_the_user_did(tmp_path, monkeypatch):
             ["study", "new", "s", "--model", "pump.py", "--measurement", "t.csv"],
             catch_exceptions=False,
         )
+
+
+def test_a_sheet_of_a_workbook_with_lines_above_the_header(tmp_path, monkeypatch):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["a cover page"])
+    sheet = book.create_sheet("Runs")
+    for row in (["Bench 3"], ["Operator", "K."], [], ["flow [l/s]", "speed", "head", "note 1", "note 2"]):
+        sheet.append(row)
+    sheet.append([5, 2900, 32.6, "x", "y"])
+    sheet.append([10, 2900, 28.4, "x", "y"])
+    book.save(tmp_path / "runs.xlsx")
+    table = read_table(tmp_path / "runs.xlsx", sheet="Runs")
+    assert list(table.frame) == ["flow [l/s]", "speed", "head"]
+    assert table.frame["head"].tolist() == [32.6, 28.4]
+    assert table.notes == ["lines above the header ignored: Bench 3; Operator K."]
+    with pytest.raises(InputError, match=r"no rows.*--sheet"):
+        read_table(tmp_path / "runs.xlsx")
+    with pytest.raises(InputError, match=r"'Run'.*name of the sheet"):
+        read_table(tmp_path / "runs.xlsx", sheet="Run")

@@ -14,10 +14,10 @@ from specan.inspect.look import COLOURS
 from specan.inspect.plots import PanelPlot, plain
 from specan.inspect.trial import Trial
 from specan.report.figure_style import level_limits, with_gaps
-from specan.report.figures_study import readings
 from specan.report.figures_study_frf import MeasuredTransfer, level_dB, measured_transfer, phase_deg
 from specan.report.panels import Curve, Panel
 from specan.report.residual_map import axis_text, map_axes
+from specan.study.comparison import readings
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.table import TableObservation
 from specan.study.study import Study
@@ -38,7 +38,7 @@ class TableAgreement:
         self.labels = _labels(tables)
         several = [name for name in self.labels if name != "row"]
         self._read = self.labels | {
-            name: np.concatenate([readings(study, o, name) for o in tables]) for name in several
+            name: np.concatenate([readings(study.model, o, name) for o in tables]) for name in several
         }
         order = sorted(self.labels, key=lambda n: -np.unique(self.labels[n]).size)
         first = (map_axes(self.labels) or order)[0]

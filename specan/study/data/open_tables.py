@@ -103,7 +103,7 @@ def _read(file: DataFile, model: Model) -> Table:
     for column, value in file.conditions.items():
         if isinstance(value, str) and column not in model.groups:
             raise RequestError(f"{file.name}: the condition {column!r} is {value!r}", expected="a number")
-    return read_measurement(file.path, model, file.conditions, name=file.name, columns=file.columns)
+    return read_measurement(file.path, model, file.conditions, file.name, file.columns, file.sheet)
 
 
 def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:

@@ -246,6 +246,11 @@ class Reference:
         slope = (ends[0] - ends[1]) / (2 * step)
         return np.where(np.isfinite(slope), slope, 0.0)
 
+    def quantity(self, rows: Rows, name: str) -> Array:
+        """Another quantity of the model in every row."""
+        found = self.assembly.evaluate(rows.conditions, self.values)[name]
+        return np.broadcast_to(np.asarray(found, dtype=float), (rows.n,))
+
     def effects_part(self, rows: Rows) -> Array:
         """What the effects do to the reading: prediction less that of the model without effects.
 

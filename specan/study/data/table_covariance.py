@@ -82,6 +82,9 @@ class Uncertainty:
         root = np.sqrt(setup)
         covariance = np.diag(reading) + np.where(together, np.outer(root, root), 0.0)
         part = self.discrepancy_percent / 100 * self.reference.effects_part(rows)
+        for name, (quantity, percent) in self.model.rig.discrepancies.items():
+            own = percent / 100 * self.reference.quantity(rows, quantity)
+            part = np.where(rows.observable == name, own, part)
         part = np.where(np.isfinite(part), part, 0.0)
         covariance += np.outer(part, part) * self._discrepancy_correlation(rows)
         return TableObservation(
@@ -174,10 +177,16 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
         and not model.conditions[name].group
     }
     found = Uncertainty(model, centre, noise, ranges)
-    percent = found.discrepancy_percent
-    statements.append(
-        f"model discrepancy {percent:g} % of the {model.words.discrepancy_of}, smooth over the operating variables"
-    )
+    percent, stated = found.discrepancy_percent, model.rig.discrepancies
+    if percent or not stated:
+        what = model.words.discrepancy_of
+        statements.append(
+            f"model discrepancy {percent:g} % of the {what}, smooth over the operating variables"
+        )
+    statements += [
+        f"{name}: model discrepancy {of:g} % of {quantity}, smooth over the operating variables"
+        for name, (quantity, of) in stated.items()
+    ]
     return Uncertainty(model, centre, noise, ranges, tuple(statements))
 
 

@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -61,11 +62,12 @@ def read_table(
     path: Path,
     choose: Callable[[Iterable[str]], dict[str, str]] | None = None,
     texts: Collection[str] = (),
+    sheet: str = "",
 ) -> Table:
     """Read a table with one header line; ``#`` begins a comment line.
 
-    A second line that holds units only, ``[m3/h];[m]``, belongs to the header. Workbooks (.xlsx, the first sheet)
-    and Parquet files are read through pandas.
+    A second line that holds units only, ``[m3/h];[m]``, belongs to the header; lines of a title above it, which have
+    few cells, are ignored. Workbooks (.xlsx) and Parquet files are read through pandas.
 
     Parameters
     ----------
@@ -74,6 +76,8 @@ def read_table(
         Given the headers, returns ``{header: name}`` of the columns to read; all under their own names by default.
     texts : collection of str
         Names of columns whose cells are names, not numbers.
+    sheet : str
+        Of a workbook; the first by default.
 
     Raises
     ------
@@ -86,14 +90,21 @@ def read_table(
         raise InputError(f"the table {path} does not exist", remedy="check the path") from None
     except OSError as fault:
         raise InputError(f"the table {path} cannot be read ({fault})") from None
-    cells, comma = _frame_cells(path, raw) if raw[:4] in (b"PK\x03\x04", b"PAR1") else _text_cells(path, raw)
+    cells, comma = (
+        _frame_cells(path, raw, sheet) if raw[:4] in (b"PK\x03\x04", b"PAR1") else _text_cells(path, raw)
+    )
     if len(cells) < 2:
-        raise InputError(f"the table {path} holds no rows", expected="a header line and rows of numbers")
+        raise InputError(
+            f"the table {path} holds no rows",
+            expected="a header line and rows of numbers",
+            remedy="name the sheet with --sheet" if raw[:2] == b"PK" else "",
+        )
+    titles = _without_titles(cells)
     header = _header(cells)
     _check(path, header, cells)
     kept = [name for name in header if name and not name.startswith("note")]
     names = {name: name for name in kept} if choose is None else choose(kept)
-    found = Table(path, pd.DataFrame(index=list(cells)))
+    found = Table(path, pd.DataFrame(index=list(cells)), notes=titles)
     for k, title in enumerate(header):
         name = names.get(title)
         if name is None:
@@ -126,12 +137,12 @@ def _text_cells(path: Path, raw: bytes) -> tuple[dict[int, list[str]], bool]:
     return {n: [c.strip() for c in row] for n, row in zip(lines, rows)}, delimiter != ","
 
 
-def _frame_cells(path: Path, raw: bytes) -> tuple[dict[int, list[str]], bool]:
-    """The same of the first sheet of a workbook, or of a Parquet file."""
+def _frame_cells(path: Path, raw: bytes, sheet: str) -> tuple[dict[int, list[str]], bool]:
+    """The same of a sheet of a workbook, or of a Parquet file."""
     workbook = raw[:2] == b"PK"
     try:
         if workbook:
-            frame = pd.read_excel(io.BytesIO(raw), header=None, dtype=object)
+            frame = pd.read_excel(io.BytesIO(raw), sheet or 0, header=None, dtype=object)
         else:
             frame = pd.read_parquet(io.BytesIO(raw)).astype(object).T.reset_index().T
     except ImportError:
@@ -141,9 +152,23 @@ def _frame_cells(path: Path, raw: bytes) -> tuple[dict[int, list[str]], bool]:
             remedy=f'pip install "specan[{needed}]", or save the table as CSV',
         ) from None
     except Exception as fault:  # whatever the reader of such a file finds wrong with it
-        raise InputError(f"the table {path} cannot be read ({fault})", remedy="save it as CSV") from None
+        raise InputError(
+            f"the table {path} cannot be read ({fault})",
+            remedy="check the name of the sheet" if sheet else "save it as CSV",
+        ) from None
     rows = [["" if pd.isna(cell) else str(cell).strip() for cell in row] for row in frame.to_numpy()]
     return {n: row for n, row in enumerate(rows, 1) if any(row) and not row[0].startswith("#")}, False
+
+
+def _without_titles(cells: dict[int, list[str]]) -> list[str]:
+    """Take out the lines above the header, which have at most half as many cells as those of the table; a note."""
+    sizes = {line: sum(map(bool, row)) for line, row in cells.items()}
+    usual = float(np.median(list(sizes.values())))
+    above = list(takewhile(lambda line: 2 * sizes[line] <= usual, sizes))
+    if not above or len(above) > len(sizes) - 2:
+        return []
+    said = "; ".join(" ".join(filter(None, cells.pop(line))) for line in above)
+    return [f"lines above the header ignored: {said}"]
 
 
 def _header(cells: dict[int, list[str]]) -> list[str]:

@@ -33,6 +33,7 @@ def read_measurement(
     constants: Mapping[str, Any] | None = None,
     name: str = "",
     columns: Mapping[str, str] | None = None,
+    sheet: str = "",
 ) -> Table:
     """Read a table as a measurement of what a model predicts: its columns, checked, in the units of the model's.
 
@@ -47,7 +48,9 @@ def read_measurement(
         For messages; the file's name by default.
     columns : mapping, optional
         ``{column of the model: header of the table}`` where the table has names of its own; headers that are nothing
-        known are passed over then.
+        known are ignored then.
+    sheet : str
+        Of a workbook; the first by default.
 
     Raises
     ------
@@ -55,7 +58,7 @@ def read_measurement(
         Columns that are missing, unknown or contradict each other; values that cannot be.
     """
     names = ColumnNames(path, model, columns or {})
-    table = read_table(path, names.choose, texts=model.groups)
+    table = read_table(path, names.choose, model.groups, sheet)
     table.name = name or path.name
     names.convert(table)
     known = {c.column: c for c in model.conditions.values() if c.column}

@@ -301,6 +301,7 @@ class DataFile:
     estimator: str = ""
     conditions: Mapping[str, float | str] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
+    sheet: str = ""
 
 
 @dataclass(frozen=True)
