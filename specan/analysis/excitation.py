@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.analysis.quality import LARGEST
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.tone import Excitation, ExcitationKind
@@ -175,6 +176,9 @@ def _from_channels(recording: Recording) -> Excitation:
             silent.append(f"{channel.label} is too short")
             continue
         sections = _sections(recording, channel)
+        if sections is None:
+            silent.append(f"{channel.label} holds samples that are not finite, or too large for their squares")
+            continue
         looks = [appearance(s, channel.sampling_rate) for s in sections]
         sections, looks = _without_switching(sections, looks)
         if any(look.look != "silence" for look in looks):
@@ -209,8 +213,8 @@ def _without_switching(
     return sections, looks
 
 
-def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64]]:
-    """The sections in which the channel is not silent, in their order."""
+def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64]] | None:
+    """The sections in which the channel is not silent, in their order; None where all hold what is not finite."""
     total, rate = channel.n_samples, channel.sampling_rate
     count = max(1, min(len(PLACES), int(total / max(LEAST_SECTION_S * rate, MIN_SAMPLES))))
     size = min(total // count, int(SECTION_S * rate)) if count > 1 else total
@@ -223,9 +227,10 @@ def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64
         for number in range(count)
     ]
     sections = [recording.read([channel], start, start + size)[0] for start in starts]
-    sections = [s for s in sections if np.all(np.isfinite(s))]
-    with np.errstate(over="ignore"):  # a damaged channel may hold anything
-        rms = [float(np.sqrt(np.mean((s - s.mean()) ** 2))) for s in sections]
+    sections = [s for s in sections if np.all(np.abs(s) < LARGEST)]
+    if not sections:
+        return None
+    rms = [float(np.sqrt(np.mean((s - s.mean()) ** 2))) for s in sections]
     floor = 0.01 * max(rms, default=0.0)  # 40 dB below the loudest: before the start, after the end
     if channel.full_scale is not None:
         floor = max(floor, SILENT_RE_FULL_SCALE * channel.full_scale)

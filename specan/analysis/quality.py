@@ -16,6 +16,7 @@ from specan.dsp.overlapped_blocks import OverlappedBlocks
 
 # Converters are not symmetric: the largest positive code of 16 bits is 3.05e-5 short of full scale.
 _FULL_SCALE_TOLERANCE = 4e-5
+LARGEST = 1e150  # of a sample whose square, summed over any record, is a number
 _HEAD = 2  # samples on either side of a block border that are looked at together
 _GRID = 1 << 15
 BLOCK = 1 << 17
@@ -85,10 +86,10 @@ class QualityAccumulator:
         highest, lowest = block.max(axis=1), block.min(axis=1)
         for row, channel in enumerate(self.channels):
             samples, border = block[row], np.concatenate([self._tail[row], block[row, :_HEAD]])
-            if not (np.isfinite(highest[row]) and np.isfinite(lowest[row])):
-                missing = ~np.isfinite(samples)
-                self._not_finite[row] += int(missing.sum())
-                samples, border = samples[~missing], border[np.isfinite(border)]
+            if not (highest[row] < LARGEST and lowest[row] > -LARGEST):
+                usable = np.abs(samples) < LARGEST
+                self._not_finite[row] += int((~usable).sum())
+                samples, border = samples[usable], border[np.abs(border) < LARGEST]
             if not samples.size:
                 continue
             low, high = self._rails[row]

@@ -30,7 +30,7 @@ class Quality:
     clipped_low, clipped_high : bool
         Whether the signal rests on its lower or upper rail.
     flags : tuple of str
-        ``dead`` (all samples equal), ``nan`` (some are not finite), ``clipped``.
+        ``dead`` (all samples equal), ``nan`` (some are not finite, or too large for their squares), ``clipped``.
     """
 
     channel: str

@@ -77,6 +77,8 @@ def test_noise(samples):
     ("samples", "word"),
     [
         (signal.chirp(T, 500, DURATION, 501), "moves"),
+        (1e200 * np.sin(T), "too large"),
+        (np.full_like(T, np.nan), "not finite"),
         (np.zeros_like(T), "silent"),
         (np.full_like(T, 3.3), "silent"),
         (NOISE * np.where(T > 4, np.exp((4 - T) / 0.02), 1e-5), "transient"),
@@ -93,6 +95,8 @@ def test_noise(samples):
     ],
     ids=[
         "slow sweep",
+        "overflow",
+        "not numbers",
         "zeros",
         "constant",
         "impulse",

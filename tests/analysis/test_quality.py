@@ -30,6 +30,7 @@ def flags(samples: np.ndarray, size: int = 20000, **known: float) -> tuple[str, 
         (NOISE[:2000], ()),
         (np.where(np.arange(500) == 77, np.nan, NOISE[:500]), ("nan",)),
         (np.where(np.arange(500) == 77, np.inf, NOISE[:500]), ("nan",)),
+        (np.where(np.arange(500) == 77, -1e200, NOISE[:500]), ("nan",)),  # its square is none
     ],
 )
 def test_flags_do_not_depend_on_the_blocks(samples: np.ndarray, expected: tuple[str, ...], size: int) -> None:
