@@ -75,7 +75,7 @@ def is_cut_off(samples: NDArray[np.float64], top: float, span: float) -> bool:
             return False
     elif depth.max() <= 2 * STEPS * step or count <= PER_EIGHT * np.count_nonzero(depth <= STEPS * step):
         return False
-    return _moving(samples, on_rail, same)
+    return _moving(samples, on_rail, samples <= top - span + same, same)
 
 
 def _falls_short(samples: NDArray[np.float64], on_rail: NDArray[np.bool_], top: float, span: float) -> bool:
@@ -118,12 +118,16 @@ def _levels(depth: NDArray[np.float64], same: float) -> tuple[NDArray[np.float64
     return ordered[first], np.diff(first, append=ordered.size)
 
 
-def _moving(samples: NDArray[np.float64], on_rail: NDArray[np.bool_], same: float) -> bool:
-    """Whether most neighbours of the rests on the rail differ from their own next neighbours."""
+def _moving(
+    samples: NDArray[np.float64], on_rail: NDArray[np.bool_], on_other: NDArray[np.bool_], same: float
+) -> bool:
+    """Whether most neighbours of the rests on the rail, but those on the other rail, differ from their next ones."""
     entered = np.flatnonzero(on_rail[2:] & ~on_rail[1:-1]) + 1
     left = np.flatnonzero(on_rail[:-2] & ~on_rail[1:-1]) + 1
     near, beyond = np.append(entered, left), np.append(entered - 1, left + 1)
-    return bool(near.size and np.mean(np.abs(samples[near] - samples[beyond]) > same) >= MOVING)
+    between = ~on_other[near]
+    moves = np.abs(samples[near] - samples[beyond])[between] > same
+    return bool(moves.size and np.mean(moves) >= MOVING)
 
 
 def longest_run(holds: NDArray[np.bool_]) -> int:

@@ -56,6 +56,13 @@ def test_a_periodic_signal_that_is_clipped_hard() -> None:
     assert flags(heavy) == ()
 
 
+@pytest.mark.parametrize("hz", [1813.6, 1952.1, 1964.0, 2028.0, 2094.0, 2112.6])
+def test_a_tone_near_a_quarter_of_the_rate_that_jumps_between_its_rails_is_clipped(hz: float) -> None:
+    whole = np.sin(2 * np.pi * hz * np.arange(40000) / 8000 + 1)
+    assert flags(np.clip(whole, -0.5, 0.5)) == ("clipped",)
+    assert flags(whole) == ()
+
+
 def test_a_square_wave_is_not_clipping() -> None:
     assert flags(np.sign(SINE + 1e-9)) == ()
 
