@@ -157,6 +157,10 @@ def test_a_burst_near_an_end_counts(weighting: str, rate: float, frequency: floa
     for averaging in ("fast", "slow"):
         found = Levels(averaging=averaging, weighting=weighting)(cut)
         assert found.max_dB[0] == pytest.approx(10 * np.log10(largest(y, rate, averaging) / 4e-10), abs=0.05)
+    if weighting == "A":
+        for averaging in ("slow", "impulse"):
+            of_bands = Octave(averaging=averaging, hold="max", fmin=100)(cut).overall_dB["A"][0]
+            assert of_bands == pytest.approx(10 * np.log10(largest(y, rate, averaging) / 4e-10), abs=0.05)
     equivalent = 10 * np.log10(np.mean(np.square(y)) / 4e-10)
     assert found.equivalent_dB[weighting][0] == pytest.approx(equivalent, abs=0.05)
     assert found.exposure_dB[weighting][0] == pytest.approx(equivalent + 10 * np.log10(1.2), abs=0.05)
