@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.analysis.quality import LARGEST
 from specan.analysis.section import reasons_apart
 from specan.data.channel import Channel
 from specan.data.recording import Recording
@@ -169,9 +170,10 @@ def _numbered(word: str, microphones: list[Channel], recording: Recording) -> Ch
 
 
 def volts(recording: Recording, channels: Sequence[Channel], start: int, stop: int) -> NDArray[np.float64]:
-    """Samples in volts, whatever sensitivity the file states."""
+    """Samples in volts, whatever sensitivity the file states; NaN for all that is no number or too large to square."""
     back = np.array([[c.raw_scale / c.gain] for c in channels])
-    return recording.read(channels, start, stop) * back
+    samples = recording.read(channels, start, stop) * back
+    return np.where(np.abs(samples) < LARGEST, samples, np.nan)
 
 
 def find_tone(recording: Recording, found: Candidates, settings: CalibrationSettings) -> tuple[float, str]:
@@ -198,9 +200,7 @@ def find_tone(recording: Recording, found: Candidates, settings: CalibrationSett
     loudest = max(pure or tones, key=lambda tone: tone.amplitude)
     n = min(found.n_samples, int(LONGEST_FOR_FREQUENCY_S * rate))
     start = (found.n_samples - n) // 2
-    samples = np.nan_to_num(
-        volts(recording, [loudest.channel], start, start + n)[0], nan=0, posinf=0, neginf=0
-    )
+    samples = np.nan_to_num(volts(recording, [loudest.channel], start, start + n)[0])
     low, high = _search(nominal, rate)
     guess = peak_frequency(samples, rate, low, high)
     return fit_frequency(samples, rate, guess).frequency_hz, why
@@ -228,7 +228,7 @@ def _tones(recording: Recording, channels: Sequence[Channel], nominal: float | N
     best: dict[int, _Tone] = {}
     for start in sorted({0, (n - size) // 2, n - size}) if size >= 16 else ():
         samples = volts(recording, channels, start, start + size)
-        for row, x in enumerate(np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0)):
+        for row, x in enumerate(np.nan_to_num(samples)):
             if not np.ptp(x) > 0:
                 continue
             try:

@@ -177,7 +177,9 @@ def _from_channels(recording: Recording) -> Excitation:
             continue
         sections = _sections(recording, channel)
         if sections is None:
-            silent.append(f"{channel.label} holds samples that are not finite, or too large for their squares")
+            silent.append(
+                f"{channel.label} holds samples that are not finite, or too large for their squares"
+            )
             continue
         looks = [appearance(s, channel.sampling_rate) for s in sections]
         sections, looks = _without_switching(sections, looks)

@@ -183,7 +183,7 @@ def _fit_windows(
         quality.add(samples)
         finite[:, window] = np.isfinite(samples).all(axis=1)
         there[:, window] = finite[:, window] & ~_stands_still(samples, rate / frequency)
-        fit = fit_sine(np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0), rate, frequency)
+        fit = fit_sine(np.nan_to_num(samples), rate, frequency)
         phasors[:, window] = fit.phasors[:, 0] * np.exp(-2j * np.pi * frequency * start / rate)
         rest[:, window] = fit.residual_rms
     amplitude = np.abs(phasors)

@@ -106,7 +106,9 @@ def test_a_drop_out_of_the_shared_microphone_leaves_the_others_their_phases() ->
         assert channel.verdict == ("doubtful" if name == "Mic 1" else "good"), channel
 
 
-@pytest.mark.parametrize("change", [lambda v: v * 0, lambda v: v * np.nan], ids=["zeros", "nan"])
+@pytest.mark.parametrize(
+    "change", [lambda v: v * 0, lambda v: v * np.nan, lambda v: v * 1e300], ids=["zeros", "nan", "overflow"]
+)
 @pytest.mark.parametrize("mic", [7, 9])
 def test_a_channel_without_a_signal_is_left_out_and_named(mic: int, change) -> None:
     hit = star()
