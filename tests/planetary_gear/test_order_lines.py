@@ -7,12 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import specan
 from specan.errors import RequestError
 from specan.models import Condition, Model, Observable, Parameter, Use, effect
 from specan.models.quantity import constant, quantity
 from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study import figures as figures_study_orders
-from specan.planetary_gear.study.open_orders import like
+from specan.planetary_gear.study.open_orders import _marks, _uneven, like
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, declared_errors, response_errors
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend
@@ -360,3 +361,30 @@ def test_a_contact_that_stiffens_mixes_the_lines_of_a_fault():
     beyond = np.array([[False, True, True, False, True]])
     found = _products(amplitude, beyond, np.array([1, 1, 1, 2, 2]))
     assert found == pytest.approx(PRODUCTS * np.array([[0.9, 0.9, 0.9, 0.01, 0.01]]))
+
+
+def test_marks_of_the_tacho_that_are_uneven_are_found_and_what_they_make_of_lines() -> None:
+    """One line of a steady machine: its false companions in an order analysis are as large as is allowed for."""
+    rate, ratio, peak, order = 12800, 3.75, np.radians(0.2), 66.0
+    turns = 8 * np.arange(8 * rate) / rate + 0.1
+    marks = np.arange(32) / 32
+    marks = marks + peak / (2 * np.pi) * np.cos(2 * np.pi * marks + 0.4)
+    phase = np.interp(
+        ratio * turns % 1, np.concatenate([marks[-1:] - 1, marks, marks[:1] + 1]), np.arange(-1, 33.0)
+    )
+    plain = specan.Recording.from_arrays(
+        {"Acc 1": 5 * np.cos(2 * np.pi * order * turns), "Tacho sun": np.sin(2 * np.pi * phase)}, rate,
+        units={"Acc 1": "m/s^2"}, roles={"Tacho sun": "tacho"},
+    )  # fmt: skip
+    acc, tacho = plain.channels
+    recording = replace(plain, channels=(acc, replace(tacho, properties={"PulsesPerRevolution": 32})))
+    uneven = _uneven(recording, "Tacho sun")
+    assert uneven[0] == pytest.approx(peak, rel=0.02)
+    assert uneven[1:] == pytest.approx(np.zeros(7), abs=0.03 * peak)
+    wanted = np.array([order - ratio, order, order + 1, order + ratio])
+    found = specan.orders(
+        recording, tacho="Tacho sun", ratio=ratio, orders=tuple(wanted.tolist()), channels=("Acc 1",)
+    )
+    allowed = _marks(found.lines.amplitude, wanted, ratio, uneven)[0]
+    assert np.abs(found.lines.amplitude[0, [0, 3]]) == pytest.approx(allowed[[0, 3]], rel=0.05)
+    assert allowed[2] == 0.0

@@ -40,6 +40,7 @@ LEAKAGE, RANGE = 1e-4, 3e-5
 # at twice the frequency of (e - 1) / (4 e) r of the first; e = 1.3. Lines that one fault alone makes mix so.
 PRODUCTS = 0.06
 SHOWN = 1e-6  # of a harmonic's strongest line: less is rounding
+MARKS = 8  # multiples of the tacho's turn at which errors of its marks are looked for
 LIKE_ENOUGH = 25.0  # chi-square that turning a recording by whole turns must gain; 1e-5 for the best of 28
 
 
@@ -120,6 +121,7 @@ def observe(
         levels[name] = (float(f"{shown:.3g}"), Variable(name.replace("_", " "), condition.column_unit))
     (observable,) = (o for o in model.observables.values() if o.kind == "orders")
     beyond = ~_shown(model, observable.quantity, known, point)
+    uneven = _uneven(recording, tacho)
     observation = OrderLinesObservation(
         name=file.name,
         recording=file.name,
@@ -131,7 +133,10 @@ def observe(
         amplitude=amplitude,
         noise=np.hypot(
             _with_leakage(_smooth(_noise(lines)[place], known.harmonic), amplitude, known, found.tacho),
-            _products(amplitude, beyond, known.harmonic),
+            np.hypot(
+                _products(amplitude, beyond, known.harmonic),
+                _marks(amplitude, known.order, tachos[tacho], uneven),
+            ),
         ),
         relative=declared_errors(known.order, known.offset, known.discrepancy, known.path),
         common=response_errors(beyond, known.harmonic, known.response),
@@ -145,6 +150,8 @@ def observe(
     return observation, [
         f"{file.name}: {len(sensors)} sensors, {known.order.size} order lines over {lines.turns} turns, angle from "
         f"{tacho}; {levels_said} (carrier torque {how})",
+        f"{file.name}: marks of {tacho} uneven by up to {np.degrees(uneven.max(initial=0)):.2g} degree, or its shaft "
+        "turns so; lines beside strong ones are as uncertain as that makes them",
         *(f"{file.name}: {note}" for note in found.notes),
     ]
 
@@ -179,6 +186,44 @@ def _with_leakage(
     beside = np.hypot(LEAKAGE, jitter) * _strongest(amplitude, known.harmonic)
     far = RANGE * np.abs(amplitude).max(axis=1, keepdims=True)
     return np.asarray(np.sqrt(noise**2 + beside**2 + far**2))
+
+
+def _uneven(recording: Recording, tacho: str) -> NDArray[np.float64]:
+    """By how much the tacho's marks are off at multiples of its turn, peaks in rad of its shaft.
+
+    A mark's place is compared with the mean over the turn about it. What the shaft itself does with each turn looks
+    the same and is in it.
+    """
+    from specan.dsp.tacho import pulse_times, repair
+
+    channel = recording.channel(tacho)
+    count = round(float(channel.properties.get("PulsesPerRevolution", 1)))
+    pulses = repair(pulse_times(recording.read([channel])[0], channel.sampling_rate))
+    multiple = np.arange(1, min(MARKS, (count - 1) // 2) + 1)
+    turns = pulses.number[-1] // max(count, 1)
+    if not multiple.size or turns < 3:
+        return np.zeros(multiple.size)
+    time = np.interp(np.arange(turns * count), pulses.number, pulses.time)
+    # Turn by turn the marks' instants over a straight line from one turn to the next; a change of speed cancels.
+    place = time[: (turns - 1) * count].reshape(-1, count)
+    turn = np.diff(time[::count])[:, None]
+    off = (place - place[:, :1]) / turn - np.arange(count) / count
+    mean = 2 * np.pi * (off - off.mean(axis=1, keepdims=True)).mean(axis=0)
+    return np.abs(np.fft.rfft(mean))[multiple] * 2 / count
+
+
+def _marks(
+    amplitude: NDArray[np.complex128],
+    order: NDArray[np.float64],
+    turns: float,
+    uneven: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """What marks of the tacho that are `uneven` make of other lines, (sensors, lines): half o b of one of order o."""
+    found = np.zeros(amplitude.shape)
+    for multiple, peak in enumerate(uneven, 1):
+        beside = np.abs(np.abs(order[:, None] - order) - multiple * turns) < 1e-3  # from the one to the other
+        found += (0.5 * order * peak / turns * np.abs(amplitude)) ** 2 @ beside
+    return np.sqrt(found)
 
 
 def _products(
