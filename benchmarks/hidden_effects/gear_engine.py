@@ -13,12 +13,11 @@ from hidden_effects.gear_cases import Case
 from specan.models import Model, Use
 from specan.planetary_gear.model.build import build
 from specan.planetary_gear.study.open_orders import open_data
-from specan.planetary_gear.study.order_lines import OrderLinesObservation
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import held_out_error
 from specan.study.estimation.problem import Problem
-from specan.study.observation import DataFile, MeasuredFiles
+from specan.study.observation import DataFile, MeasuredFiles, OpenedData
 from specan.study.selection.candidates import base_problem
 from truth.planetary_gear import Gear
 from truth.planetary_gear.recorded import Run
@@ -75,9 +74,8 @@ def _covered(truth: Gear, right: Mapping[str, Any]) -> bool | None:
 def _held_out(
     case: Case, truth: Gear, directory: Path, right: Mapping[str, Any]
 ) -> list[tuple[float, float | None]]:
-    run = truth.held_out
     problem = _problem(case, directory)
-    unseen = _observed(problem.assembly.model, directory, [*truth.runs, run])[-1:]
+    unseen = _opened(problem.assembly.model, directory, truth.runs, [truth.held_out]).held_out
     uses = _uses(truth)
     richer = problem.with_uses(uses)
     names = [name for name in right["parameters"] if name in richer.assembly.parameters]
@@ -108,9 +106,16 @@ def _gain_of(case: Case, truth: Gear, directory: Path) -> float:
 
 def _problem(case: Case, directory: Path) -> Problem:
     model = build(tomllib.loads((directory / "rig.toml").read_text(encoding="utf-8")))
-    return base_problem(model, _observed(model, directory, case.simulate().runs))
+    return base_problem(model, _opened(model, directory, case.simulate().runs).fitted)
 
 
-def _observed(model: Model, directory: Path, runs: Sequence[Run]) -> list[OrderLinesObservation]:
-    paths = [directory / f"run_{run.sun_hz:.0f}Hz_{run.torque:.0f}Nm.tdms" for run in runs]
-    return list(open_data(model, MeasuredFiles([DataFile(p.name, p) for p in paths])).fitted)
+def _opened(model: Model, directory: Path, runs: Sequence[Run], held_out: Sequence[Run] = ()) -> OpenedData:
+    fitted, unseen = (
+        [
+            DataFile(name, directory / name)
+            for run in part
+            if (name := f"run_{run.sun_hz:.0f}Hz_{run.torque:.0f}Nm.tdms")
+        ]
+        for part in (runs, held_out)
+    )
+    return open_data(model, MeasuredFiles(fitted, unseen))

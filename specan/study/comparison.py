@@ -118,9 +118,10 @@ class Comparison(Result):
         problem = self.study.problem
         values = problem.values_at(self.study.shown.theta)
         return [
-            o.path_gains(problem.assembly, problem.seen_by(o, values))
+            gains
             for o in problem.observations
             if hasattr(o, "path_gains")
+            for gains in o.path_gains(problem.assembly, problem.seen_by(o, values))
         ]
 
     def content(self) -> dict[str, Any]:

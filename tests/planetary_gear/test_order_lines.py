@@ -14,7 +14,7 @@ from specan.models.quantity import constant, quantity
 from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study import figures as figures_study_orders
 from specan.planetary_gear.study.open_orders import _marks, _uneven, like
-from specan.planetary_gear.study.order_lines import OrderLinesObservation, declared_errors, response_errors
+from specan.planetary_gear.study.order_lines import DeclaredErrors, OrderLinesObservation, joined
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.prediction_error import held_out_error, observable_errors
@@ -26,6 +26,8 @@ from specan.study.selection.either_sign import of_either_sign
 ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
 HARMONIC = np.array([1, 1, 1, 1, 2, 2, 2, 2])
 OFFSET = ORDER - 10.0 * HARMONIC
+PASSAGES = np.array([-3, -1, 0, 1, -3, -1, 0, 3])
+AWAY = np.minimum(np.abs(PASSAGES), 3) / 3
 BEYOND = np.zeros((2, 8), dtype=bool)  # lines that the ideal machine does not have
 BEYOND[:, [1, 3, 5]] = True
 TRUTH = np.random.default_rng(5).normal(size=(2, 8, 2)) @ np.array([1, 1j]) + 3.0
@@ -36,18 +38,20 @@ def observed(
 ) -> OrderLinesObservation:
     return OrderLinesObservation(
         name="run.tdms",
-        recording="run.tdms",
+        of_row=("run.tdms",) * 2,
         quantity="lines",
         channels=("A", "B"),
         order=ORDER,
         harmonic=HARMONIC,
+        passages=PASSAGES,
         family=np.array([f"10h+-{abs(o):g}" for o in OFFSET]),
         amplitude=amplitude,
         noise=np.full((2, 8), sigma),
-        relative=declared_errors(ORDER, OFFSET, near, path),
-        common=response_errors(BEYOND, HARMONIC, response),
+        beyond=BEYOND,
+        path=np.arange(2),
+        errors=DeclaredErrors(near, path, response),
         kept=np.ones((2, 8), dtype=bool),
-        point={"load": 2.0},
+        point={"load": np.full(2, 2.0)},
     )
 
 
@@ -64,7 +68,8 @@ def declared_covariance(lines: np.ndarray) -> np.ndarray:
         shared = 0.0
         if s == t:
             shared += 0.1**2 * np.sum(np.sqrt(basis[:, i] * basis[:, j]))
-            shared += 0.3**2 * (OFFSET[i] == OFFSET[j] != 0)
+            same = PASSAGES[i] == PASSAGES[j] and HARMONIC[i] == HARMONIC[j]
+            shared += 0.3**2 * AWAY[i] * AWAY[j] * same
         shared += 0.2**2 * (BEYOND[s, i] and BEYOND[t, j] and HARMONIC[i] == HARMONIC[j])
         v[s, i, t, j] = shared * lines[s, i] * np.conj(lines[t, j]) + 0.1**2 * ((s, i) == (t, j))
     return v.reshape(16, 16)
@@ -130,8 +135,12 @@ def test_chi_square_of_drawn_errors_has_the_stated_degrees_of_freedom() -> None:
             return rng.normal(size=(*shape, 2)) @ np.array([1, 1j])
 
         smooth = 0.1 * complex_normal(2, centres.size) @ basis
-        own = {o: 0.3 * complex_normal(2) for o in np.unique(OFFSET) if o}
-        beside = np.stack([own.get(o, np.zeros(2)) for o in OFFSET], axis=1)
+        own = {
+            place: 0.3 * complex_normal(2) for place in zip(HARMONIC.tolist(), PASSAGES.tolist(), strict=True)
+        }
+        beside = AWAY * np.stack(
+            [own[h, n] for h, n in zip(HARMONIC.tolist(), PASSAGES.tolist(), strict=True)], axis=1
+        )
         answer = 0.2 * complex_normal(2)[HARMONIC - 1] * BEYOND
         seen = observed(TRUTH * np.exp(smooth + beside + answer) + 0.1 * complex_normal(2, 8))
         return float(np.sum(seen.whiten(seen.as_known(TRUTH) - seen.measured) ** 2))
@@ -142,6 +151,25 @@ def test_chi_square_of_drawn_errors_has_the_stated_degrees_of_freedom() -> None:
     # gains are found by V about the prediction: products of errors make a tenth
     assert np.mean(values) == pytest.approx(dof, rel=0.1)
     assert np.var(values) == pytest.approx(2 * dof, rel=0.4)
+
+
+@pytest.mark.parametrize(("one_path", "price"), [(True, 1.0), (False, 2.0)])
+def test_a_path_that_two_recordings_share_is_paid_for_once(one_path: bool, price: float) -> None:
+    """A path a third weaker for one passage: as likely in two recordings at one speed as in one."""
+    beside = TRUTH * np.where((HARMONIC == 1) & (PASSAGES == 1), 0.7, 1.0)
+    first = observed(beside, 1e-6, near=1e-4, path=0.3, response=1e-4)
+    second = replace(first, path=first.path if one_path else first.path + 2, of_row=("b",) * 2)
+    both = joined([first, second])
+
+    def chi2(found: OrderLinesObservation, lines: np.ndarray) -> float:
+        return float(np.sum(found.whiten(found.as_known(lines) - found.measured) ** 2))
+
+    assert both.recordings == ("run.tdms", "b")
+    assert both.n_effective == 2 * first.n_effective
+    assert chi2(both, np.tile(TRUTH, (2, 1))) == pytest.approx(price * chi2(first, TRUTH), rel=0.02)
+    # a path that one recording has and the other has not, at one speed, is refused
+    unlike = joined([first, replace(second, amplitude=TRUTH)])
+    assert (chi2(unlike, np.tile(TRUTH, (2, 1))) > 100 * chi2(first, TRUTH)) == one_path
 
 
 def test_gains_of_a_sensor_and_harmonic_do_not_matter() -> None:
@@ -181,7 +209,7 @@ def test_a_model_is_asked_for_complex_lines() -> None:
 STATEMENT = OrderLines(
     ORDER,
     HARMONIC,
-    OFFSET,
+    PASSAGES,
     ("",) * 8,
     sun_turns=1.0,
     torque=1.0,
@@ -246,7 +274,7 @@ def test_errors_are_the_measurement_less_the_model_with_its_gains() -> None:
     rng = np.random.default_rng(7)
     apart = np.exp(0.2 * rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]))
     made = [
-        replace(observed(gain * TRUTH * apart, 0.01), name=name, recording=name)
+        replace(observed(gain * TRUTH * apart, 0.01), name=name, of_row=(name,) * 2)
         for gain, name in ((1, "a"), (2j, "b"))
     ]
     problem = base_problem(comb(TRUTH), made[:1])
@@ -262,7 +290,7 @@ def test_errors_are_the_measurement_less_the_model_with_its_gains() -> None:
     )
     assert error.rms == pytest.approx(np.sqrt(least / 32))
     # They are told, with the error that is there without them.
-    told = made[1].path_gains(problem.assembly, {})
+    (told,) = made[1].path_gains(problem.assembly, {})
     assert told["harmonic"] == [1, 2, 1, 2]
     assert told["rms_without"] == pytest.approx(np.sqrt(np.mean(np.abs(made[1].amplitude - TRUTH) ** 2) / 2))
     gains = [

@@ -168,7 +168,7 @@ def line_statement(rig: Rig, harmonics: int) -> OrderLines:
     return OrderLines(
         order=orders,
         harmonic=number,
-        offset=offset,
+        passages=np.array([_passages(gear, float(o)) for o in offset]),
         family=tuple(_family(gear.z_ring, abs(float(o))) for o in offset),
         sun_turns=1.0 / carrier_speed_ratio(gear),
         torque=rig.operation.carrier_torque_Nm,
@@ -177,6 +177,17 @@ def line_statement(rig: Rig, harmonics: int) -> OrderLines:
         path=rig.uncertainty.path_percent / 100,
         response=OF_A_RECORDING * rig.uncertainty.response_percent / 100,
     )
+
+
+def _passages(gear: Gear, offset: float) -> int:
+    """Whole orders between a line and the nearest that uneven wheels give each planet's meshes."""
+    sun, planet = float(sun_order(gear)), float(planet_order(gear))
+    own = np.array(
+        [0.0, *(sign * source for source in (planet, *(m * sun for m in MULTIPLES)) for sign in (-1, 1))]
+    )
+    away = offset - own
+    whole = away[np.abs(away - np.rint(away)) < 1e-6]
+    return int(np.rint(min(whole, key=abs, default=0.0)))
 
 
 def _family(mesh: int, offset: float) -> str:

@@ -21,8 +21,8 @@ class OrderLines:
     harmonic : array of int (lines,)
         Number of the harmonic that each belongs to: what lies between machine and sensor gives the lines of one
         harmonic one unknown gain.
-    offset : array (lines,)
-        Order less that of its harmonic.
+    passages : array of int (lines,)
+        How many passages of a planet a turn it lies beside what a single planet's meshes would have there.
     family : tuple of str
         What each line is called together with those of the other harmonics: ``66h+-1``.
     sun_turns : float
@@ -35,8 +35,8 @@ class OrderLines:
     discrepancy : float
         Relative standard uncertainty of the model, common to lines within a few orders.
     path : float
-        Relative standard uncertainty of lines beside a harmonic that is common to all harmonics: how strongly they
-        are heard there depends on the path to the sensor.
+        Relative standard uncertainty of lines three passages away: how strongly they are heard depends on the path
+        to the sensor, which differs from harmonic to harmonic.
     response : float
         Relative standard uncertainty of lines that the ideal machine does not have, against those that it has; common
         to the lines of a harmonic.
@@ -44,7 +44,7 @@ class OrderLines:
 
     order: Array
     harmonic: NDArray[np.intp]
-    offset: Array
+    passages: NDArray[np.intp]
     family: tuple[str, ...]
     sun_turns: float
     torque: float

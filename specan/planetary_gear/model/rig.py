@@ -94,7 +94,7 @@ class Uncertainty(Settings):
     """
 
     model_discrepancy_percent: NotNegative = 10.0
-    path_percent: NotNegative = 30.0
+    path_percent: NotNegative = 100.0
     response_percent: NotNegative = 50.0
     contact_stiffness_percent: Positive = 40.0
     contact_exponent: Positive = 0.15

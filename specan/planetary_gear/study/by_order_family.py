@@ -29,7 +29,8 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     """Find the families of order lines, and their harmonics, sensors and operating points, at which a model fails."""
     algebra = LeftOut(problem, best)
     lines = _Lines(problem, np.concatenate(problem.plain(best.theta)))
-    blocks = [_block(algebra, lines, where, rows) for where, rows in _places(lines.labels)]
+    apart = [(where, rows) for where, rows in _places(lines.labels) if lines.apart(rows)]
+    blocks = [_block(algebra, lines, where, rows) for where, rows in apart]
     marked = sorted(tested(blocks), key=lambda b: b.p_value)
     fails = [b for b in marked if b.significant and set(b.where) == {"orders"}]
     whole = [b for b in marked if set(b.where) == {"orders"}]
@@ -53,9 +54,15 @@ class _Lines:
         both = list(zip(seen, parts, strict=True))
         self.gap = np.concatenate([o.rows(np.abs(o.lines_of(part) - o.amplitude)) for o, part in both])
         self.size = np.concatenate([o.rows(np.abs(o.amplitude)) for o in seen])
+        near = np.concatenate([np.full(o.n, o.errors.near) for o in seen])
+        self.allowed = np.hypot(near * self.size, np.sqrt(2) * self.noise)
         self.middle = np.concatenate([_middle(o, part) for o, part in both])
         self.observable = seen[0].observable
         self.unit = problem.assembly.model.observables[self.observable].unit
+
+    def apart(self, rows: NDArray[np.bool_]) -> bool:
+        """Whether lines are further off than the model is declared to be, whatever errors of others make likely."""
+        return bool(np.sum(self.gap[rows] ** 2) > np.sum(self.allowed[rows] ** 2))
 
     def level(self, rows: NDArray[np.bool_]) -> float:
         """Model over measurement, dB; both with the noise, below which nothing is known."""

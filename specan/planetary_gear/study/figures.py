@@ -74,7 +74,8 @@ def figure_compare_orders(study: Study, channel: str | None = None) -> Figure:
     figure.align_ylabels(grid[:, 0])
     heading(
         figure, f"{study.directory.resolve().name}: measured and model", *state_of(study),
-        f"{observation.name}, {observation.channels[sensor]}. Marks: measured. Dashes: model, one gain a harmonic.",
+        f"{observation.of_row[sensor]}, {observation.channels[sensor]}. Marks: measured. Dashes: model with "
+        "one gain a harmonic.",
     )  # fmt: skip
     return figure
 

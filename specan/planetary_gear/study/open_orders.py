@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -23,7 +23,7 @@ from specan.io.open import open_recording
 from specan.models import Model
 from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study.by_order_family import localise  # noqa: F401  where a model of lines fails
-from specan.planetary_gear.study.order_lines import OrderLinesObservation, declared_errors, response_errors
+from specan.planetary_gear.study.order_lines import DeclaredErrors, OrderLinesObservation, joined
 from specan.study.data.recordings import put_aside, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
 from specan.units import convert
@@ -41,6 +41,7 @@ LEAKAGE, RANGE = 1e-4, 3e-5
 PRODUCTS = 0.06
 SHOWN = 1e-6  # of a harmonic's strongest line: less is rounding
 MARKS = 8  # multiples of the tacho's turn at which errors of its marks are looked for
+ONE_SPEED = 0.03  # of it: as far as resonances of housings stay where they are
 LIKE_ENOUGH = 25.0  # chi-square that turning a recording by whole turns must gain; 1e-5 for the best of 28
 
 
@@ -75,15 +76,28 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
             fitted.append(whole.take(~aside))
         if np.any(aside):
             held_out.append(whole.take(aside))
+    fitted, held_out = ([joined(_on_paths(parts))] if parts else [] for parts in (fitted, held_out))
     if not fitted:
         raise RequestError("everything that was measured is held out", remedy="hold out less")
     common = (
-        f"every line: model discrepancy {100 * known.discrepancy:.3g} %, common to lines within a few orders, and "
-        f"{100 * known.path:.3g} % for the path, common to all harmonics; lines that the ideal set does not have: "
+        f"every line: model discrepancy {100 * known.discrepancy:.3g} %, common to lines within a few orders; lines "
+        f"three passages beside: {100 * known.path:.3g} % for the path of each harmonic to each sensor, nearer ones in "
+        "proportion, common to recordings at one speed; lines that the ideal set does not have: "
         f"{100 * known.response:.3g} %, common to a harmonic (from the rig file or its defaults); a free gain for "
         "every harmonic of each sensor"
     )
     return OpenedData(tuple(fitted), tuple(held_out), (*statements, common), True, 100 * known.discrepancy)
+
+
+def _on_paths(parts: Sequence[OrderLinesObservation]) -> list[OrderLinesObservation]:
+    """The same with the number of each row's path: a sensor's is that of another recording at nearly its speed."""
+    found: list[OrderLinesObservation] = []
+    for number, part in enumerate(parts):
+        speed = part.point["sun_speed"][0]
+        near = [o for o in found if abs(np.log(speed / o.point["sun_speed"][0])) < ONE_SPEED]
+        path = near[0].path if near else number * part.path.size + np.arange(part.path.size)
+        found.append(replace(part, path=path))
+    return found
 
 
 def observe(
@@ -118,17 +132,21 @@ def observe(
     for name, value in point.items():
         condition = model.conditions[name]
         shown = float(convert(value, condition.unit, condition.column_unit))
-        levels[name] = (float(f"{shown:.3g}"), Variable(name.replace("_", " "), condition.column_unit))
+        levels[name] = (
+            np.full(len(sensors), float(f"{shown:.3g}")),
+            Variable(name.replace("_", " "), condition.column_unit),
+        )
     (observable,) = (o for o in model.observables.values() if o.kind == "orders")
     beyond = ~_shown(model, observable.quantity, known, point)
     uneven = _uneven(recording, tacho)
     observation = OrderLinesObservation(
         name=file.name,
-        recording=file.name,
+        of_row=(file.name,) * len(sensors),
         quantity=observable.quantity,
         channels=sensors,
         order=known.order,
         harmonic=known.harmonic,
+        passages=known.passages,
         family=np.array(known.family),
         amplitude=amplitude,
         noise=np.hypot(
@@ -138,15 +156,16 @@ def observe(
                 _marks(amplitude, known.order, tachos[tacho], uneven),
             ),
         ),
-        relative=declared_errors(known.order, known.offset, known.discrepancy, known.path),
-        common=response_errors(beyond, known.harmonic, known.response),
+        beyond=beyond,
+        path=np.arange(len(sensors)),
+        errors=DeclaredErrors(known.discrepancy, known.path, known.response),
         kept=np.ones(amplitude.shape, dtype=bool),
-        point=point,
+        point={name: np.full(len(sensors), value) for name, value in point.items()},
         levels=levels,
         noise_dof=NOISE_DOF,
         observable=observable.name,
     )
-    levels_said = ", ".join(f"{words.words} {value:g} {words.unit}" for value, words in levels.values())
+    levels_said = ", ".join(f"{words.words} {value[0]:g} {words.unit}" for value, words in levels.values())
     return observation, [
         f"{file.name}: {len(sensors)} sensors, {known.order.size} order lines over {lines.turns} turns, angle from "
         f"{tacho}; {levels_said} (carrier torque {how})",

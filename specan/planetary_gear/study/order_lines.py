@@ -17,8 +17,9 @@ N^(1/2) V^(-1/2) (measured - predicted). `plain` is the prediction itself.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
@@ -33,33 +34,58 @@ Complex = NDArray[np.complex128]
 
 REACH = 4.0  # orders within which the model's error is common to lines
 MOST = 2.0  # times a prediction: largest line that its relative errors are taken of
+FAR = 3  # passages of the planets from which on a path is as little known as it gets
 START = 0.3  # relative error that all lines are given for the first gains
+
+
+@dataclass(frozen=True)
+class DeclaredErrors:
+    """What a model is declared not to know of its lines: relative standard uncertainties of either component.
+
+    Attributes
+    ----------
+    near : float
+        Varies smoothly with the order; each recording and sensor has its own.
+    path : float
+        Of lines three passages of the planets or more beside what a machine with one planet has, in proportion nearer
+        by; how a planet that passes is heard differs from harmonic to harmonic and from sensor to sensor, and is the
+        same in recordings at one speed.
+    response : float
+        Common to the lines of a harmonic that the ideal machine does not have, one a recording: how strongly the
+        machine answers to what its equal parts do not do alike is known less well than how it answers to the rest.
+    """
+
+    near: float
+    path: float
+    response: float
 
 
 @dataclass(frozen=True, eq=False)
 class OrderLinesObservation(KeptLines):
-    """Measured order lines, one recording.
+    """Measured order lines of recordings of one machine.
 
     Attributes
     ----------
-    name, recording : str
+    name : str
+    of_row, channels : tuples of str
+        Recording and sensor of each row of lines: recordings one after the other, each with all sensors in the
+        model's order.
     quantity : str
         The model's quantity that is observed, array (sensors, lines).
-    channels : tuple of str
-        Names of the sensors, in the model's order.
-    order, harmonic, family : arrays (lines,)
+    order, harmonic, passages, family : arrays (lines,)
         See `specan.planetary_gear.model.lines.OrderLines`.
-    amplitude : complex array (sensors, lines)
-    noise : array (sensors, lines)
+    amplitude : complex array (rows, lines)
+    noise : array (rows, lines)
         Standard uncertainty of the real and of the imaginary part that lines do not share.
-    relative : array (lines, r)
-        Relative errors of the prediction, one standard deviation a column, each sensor's own; see `declared_errors`.
-    common : array (sensors, lines, q)
-        The same, common to the sensors.
-    kept : bool array (sensors, lines)
-        Rows in use; the real and the imaginary part of a line go together.
+    beyond : bool array (rows, lines)
+        Lines that the ideal machine does not have.
+    path : array of int (rows,)
+        Rows of one number hear the machine through one path.
+    errors : DeclaredErrors
+    kept : bool array (rows, lines)
+        Lines in use; their real and imaginary part go together.
     point : mapping
-        Value of every condition but the order, SI.
+        Value of every condition but the order in each row, SI.
     levels : mapping
         The same as printed, with words.
     noise_dof : float
@@ -67,19 +93,21 @@ class OrderLinesObservation(KeptLines):
     """
 
     name: str
-    recording: str
+    of_row: tuple[str, ...]
     quantity: str
     channels: tuple[str, ...]
     order: Array
     harmonic: NDArray[np.intp]
+    passages: NDArray[np.intp]
     family: NDArray[np.str_]
     amplitude: Complex
     noise: Array
-    relative: Array = field(repr=False)
-    common: Array = field(repr=False)
+    beyond: NDArray[np.bool_] = field(repr=False)
+    path: NDArray[np.intp]
+    errors: DeclaredErrors
     kept: NDArray[np.bool_] = field(repr=False)
-    point: Mapping[str, float]
-    levels: Mapping[str, tuple[float, Variable]] = field(default_factory=dict)
+    point: Mapping[str, Array]
+    levels: Mapping[str, tuple[Array, Variable]] = field(default_factory=dict)
     noise_dof: float = np.inf
     observable: str = "lines"
     kind: ClassVar[str] = "orders"
@@ -87,6 +115,11 @@ class OrderLinesObservation(KeptLines):
     cells: ClassVar[tuple[str, ...]] = ("orders", "harmonic", "channel")
     # The errors of log(measured / predicted) bend the valley to the minimum, so that it is followed to its end.
     strategy: ClassVar[Strategy] = Strategy(frugal=True, either_sign=True)
+
+    @property
+    def recordings(self) -> tuple[str, ...]:
+        """Their names, each once."""
+        return tuple(dict.fromkeys(self.of_row))
 
     @property
     def n_effective(self) -> float:
@@ -100,14 +133,13 @@ class OrderLinesObservation(KeptLines):
 
     @cached_property
     def of_one_gain(self) -> list[NDArray[np.bool_]]:
-        """Lines in use, (sensors, lines), of each sensor and harmonic: those that share a gain."""
+        """Lines in use, (rows, lines), of each row and harmonic: those that share a gain."""
         found = []
-        for sensor in range(len(self.channels)):
-            for harmonic in np.unique(self.harmonic):
-                mine = np.zeros(self.kept.shape, dtype=bool)
-                mine[sensor] = self.kept[sensor] & (self.harmonic == harmonic)
-                if mine.any():
-                    found.append(mine)
+        for row, harmonic in product(range(len(self.channels)), np.unique(self.harmonic)):
+            mine = np.zeros(self.kept.shape, dtype=bool)
+            mine[row] = self.kept[row] & (self.harmonic == harmonic)
+            if mine.any():
+                found.append(mine)
         return found
 
     @cached_property
@@ -117,9 +149,8 @@ class OrderLinesObservation(KeptLines):
 
     @cached_property
     def conditions(self) -> Mapping[str, Array]:
-        """Order of every row; the other conditions are the same in all."""
-        order = self.rows(self.order)
-        return {"order": order, **{c: np.full(self.n, v) for c, v in self.point.items()}}
+        """Order and the other conditions of every row."""
+        return {"order": self.rows(self.order), **{c: self.rows(v[:, None]) for c, v in self.point.items()}}
 
     @cached_property
     def labels(self) -> Mapping[str, NDArray[Any]]:
@@ -129,7 +160,7 @@ class OrderLinesObservation(KeptLines):
             "orders": self.rows(self.family),
             "harmonic": self.rows(number),
             "channel": self.channel_of_row,
-            **{name: np.full(self.n, level) for name, (level, _) in self.levels.items()},
+            **{name: self.rows(level[:, None]) for name, (level, _) in self.levels.items()},
         }
 
     @property
@@ -158,6 +189,11 @@ class OrderLinesObservation(KeptLines):
         """Apply N^(-1/2) along axis 0."""
         return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
 
+    @property
+    def along(self) -> Array:
+        """In units of twice the orders within which a model's error is common to lines."""
+        return self.rows(self.order / (2 * REACH))
+
     def powers(self) -> tuple[Array, Array]:
         """All rows; the power of their noise is taken with them."""
         return np.ones(self.n), self.sigma**2
@@ -176,25 +212,36 @@ class OrderLinesObservation(KeptLines):
             predicted[group] = gain * lines[group]
         return self.stack(predicted)
 
-    def path_gains(self, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Any]:
-        """The gains that `plain` learns from the lines, and the RMS error of the model without them."""
+    def path_gains(self, assembly: Assembly, values: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Of each recording: the gains that `plain` learns from its lines, and the RMS error without them."""
         lines = self._model_lines(assembly, values)
         gains = np.array(self._shown_gains(lines))
-        where = [np.argwhere(group)[0] for group in self.of_one_gain]
+        where = np.array([np.argwhere(group)[0] for group in self.of_one_gain])
         with np.errstate(divide="ignore"):
             level = 20 * np.log10(np.abs(gains))
-        return {
-            "recording": self.recording,
-            "rms_without": float(np.sqrt(np.mean((self.stack(lines) - self.measured) ** 2))),
-            "channel": [self.channels[sensor] for sensor, _ in where],
-            "harmonic": [int(self.harmonic[line]) for _, line in where],
-            "gain_dB": level.tolist(),
-            "phase_deg": np.degrees(np.angle(gains)).tolist(),
-        }
+        found = []
+        for name in self.recordings:
+            mine = np.array(self.of_row)[where[:, 0]] == name
+            rows = (self.kept.T & (np.array(self.of_row) == name)).T
+            gap = np.abs((lines - self.amplitude)[rows])
+            found.append({
+                "recording": name,
+                "rms_without": float(np.sqrt(np.mean(gap**2) / 2)),
+                "channel": [self.channels[row] for row in where[mine, 0]],
+                "harmonic": self.harmonic[where[mine, 1]].tolist(),
+                "gain_dB": level[mine].tolist(),
+                "phase_deg": np.degrees(np.angle(gains[mine])).tolist(),
+            })  # fmt: skip
+        return found
 
     def _model_lines(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
-        own = self._own(assembly, values)
-        return np.asarray(assembly.evaluate(self._conditions, own, wanted=[self.quantity])[self.quantity])
+        found = assembly.evaluate(self._conditions, values, wanted=[self.quantity])
+        return self._by_row(np.asarray(found[self.quantity]))
+
+    def _by_row(self, lines: Complex) -> Complex:
+        """Lines of all recordings, (sensors, recordings x lines), as (rows, lines)."""
+        parts = np.split(lines, len(self.recordings), axis=1)
+        return np.concatenate(parts)
 
     def _shown_gains(self, lines: Complex) -> list[Any]:
         """Of each group of `of_one_gain`, by least squares; none where the model has no lines."""
@@ -204,15 +251,18 @@ class OrderLinesObservation(KeptLines):
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values."""
-        own = [self._own(assembly, values) for values in many]
-        found = assembly.evaluate_many(self._conditions, own, [self.quantity])
-        return np.stack([self.as_known(np.asarray(one[self.quantity])) for one in found], axis=1)
+        found = assembly.evaluate_many(self._conditions, list(many), [self.quantity])
+        return np.stack(
+            [self.as_known(self._by_row(np.asarray(one[self.quantity]))) for one in found], axis=1
+        )
 
     @cached_property
     def _conditions(self) -> dict[str, Array]:
+        count = len(self.recordings)
+        each = len(self.channels) // count
         return {
-            "order": self.order,
-            **{c: np.full(self.order.size, v) for c, v in self.point.items()},
+            "order": np.tile(self.order, count),
+            **{c: np.repeat(v[::each], self.order.size) for c, v in self.point.items()},
         }
 
     def as_known(self, lines: Complex) -> Array:
@@ -246,37 +296,59 @@ class OrderLinesObservation(KeptLines):
         predicted = fitted[groups] * lines
         return predicted, self._whitening(predicted)
 
-    def _whitening(self, predicted: Complex) -> Callable[[Complex], Complex]:
-        """V^(-1/2) of the lines in use: noise, and relative errors about these predictions.
+    def ln_volume(self, assembly: Assembly, values: Mapping[str, Any]) -> float:
+        """-1/2 ln det V over that of the noise: what is predicted smaller is known better."""
+        predicted, _ = self._with_gains(self._model_lines(assembly, values)[self.kept])
+        there, root = self._root(predicted)
+        return -2 * float(np.sum(np.log(np.diag(root) / self.noise[self.kept][there])))
 
-        In the phases of the prediction V is real.
+    def _root(self, predicted: Complex) -> tuple[NDArray[np.intp], Array]:
+        """Lines that are predicted, and the lower Cholesky factor of their V in the phases of the prediction.
+
+        There V is real. Other lines have their noise alone.
         """
-        from scipy.linalg.lapack import dpotrf, dtrtrs
+        from scipy.linalg.lapack import dpotrf
 
-        size = np.abs(predicted)
-        phase = np.where(size > 0, predicted / np.where(size > 0, size, 1.0), 1.0)
-        size = _between(predicted, self.amplitude[self.kept])
-        covariance = self._relative_covariance * (size[:, None] * size)
-        covariance.flat[:: size.size + 1] += self.noise[self.kept] ** 2
+        there = np.flatnonzero(predicted)
+        size = _between(predicted, self.amplitude[self.kept])[there]
+        covariance = self._relative_covariance[np.ix_(there, there)] * (size[:, None] * size)
+        covariance.flat[:: size.size + 1] += self.noise[self.kept][there] ** 2
         root, failed = dpotrf(covariance, lower=1)
         if failed:
             raise FloatingPointError("the covariance of order lines is not positive definite")
+        return there, np.asarray(root)
+
+    def _whitening(self, predicted: Complex) -> Callable[[Complex], Complex]:
+        """V^(-1/2) of the lines in use: noise, and relative errors about these predictions."""
+        from scipy.linalg.lapack import dtrtrs
+
+        there, root = self._root(predicted)
+        phase = (predicted[there] / np.abs(predicted[there]))[:, None]
+        noise = self.noise[self.kept][:, None]
 
         def white(lines: Complex) -> Complex:
-            turn = phase if lines.ndim == 1 else phase[:, None]
-            turned = (lines * turn.conj()).reshape(size.size, -1)
+            found = lines.reshape(predicted.size, -1) / noise
+            turned = lines.reshape(predicted.size, -1)[there] * phase.conj()
             both = np.concatenate([turned.real, turned.imag], axis=1)
-            found = np.split(dtrtrs(root, both, lower=1)[0], 2, axis=1)
-            return np.asarray((found[0] + 1j * found[1]).reshape(lines.shape) * turn)
+            real, imaginary = np.split(dtrtrs(root, both, lower=1)[0], 2, axis=1)
+            found[there] = (real + 1j * imaginary) * phase
+            return found.reshape(lines.shape)
 
         return white
 
     @cached_property
     def _relative_covariance(self) -> Array:
-        sensor, line = np.nonzero(self.kept)
-        own = (self.relative @ self.relative.T)[np.ix_(line, line)] * (sensor[:, None] == sensor)
-        common = self.common[self.kept]
-        return own + common @ common.T
+        row, line = np.nonzero(self.kept)
+        own = self.errors.near**2 * _smooth(self.order)[np.ix_(line, line)] * (row[:, None] == row)
+        passes, path = self.passages[line], self.path[row]
+        away = self.errors.path * np.minimum(np.abs(passes), FAR) / FAR
+        alike = (passes[:, None] == passes) & (path[:, None] == path)
+        own += away[:, None] * away * alike * (self.harmonic[line][:, None] == self.harmonic[line])
+        recording = np.unique(self.of_row, return_inverse=True)[1][row]
+        answer = np.where(
+            self.beyond[self.kept], recording * (self.harmonic.max() + 1) + self.harmonic[line], -1
+        )
+        return own + self.errors.response**2 * ((answer[:, None] == answer) & (answer >= 0))
 
     @cached_property
     def _gain_of_line(self) -> NDArray[np.intp]:
@@ -284,13 +356,6 @@ class OrderLinesObservation(KeptLines):
         for k, group in enumerate(self.of_one_gain):
             number[group] = k
         return number[self.kept]
-
-    def _own(self, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Values with the number of this recording where each has its own."""
-        parameters = assembly.parameters
-        return {
-            n: v[0] if np.ndim(v) == 1 and parameters[n].per == "recording" else v for n, v in values.items()
-        }
 
 
 def _between(predicted: Complex, measured: Complex) -> Array:
@@ -304,46 +369,29 @@ def _between(predicted: Complex, measured: Complex) -> Array:
     return size * np.where(both, np.minimum(mean, MOST), 0.0)
 
 
-def declared_errors(order: Array, offset: Array, near: float, path: float) -> Array:
-    """Columns of one standard deviation each, (lines, r), of what the model is declared not to know of its lines.
-
-    Two relative errors of either component: one varies smoothly with the order and is common to lines within a few
-    orders (pieces `REACH` orders long that overlap); one is common to the lines at the same offset from every harmonic,
-    the path's, and leaves the harmonics themselves alone.
-
-    Parameters
-    ----------
-    order, offset : array (lines,)
-        Order, and its distance from the harmonic that the line belongs to.
-    near, path : float
-        Relative standard uncertainty of the one and of the other.
-
-    Examples
-    --------
-    >>> found = declared_errors(np.array([66.0, 67.0, 68.0]), np.array([0.0, 1.0, 2.0]), 0.1, 0.3)
-    >>> np.sqrt(np.sum(found**2, axis=-1)).round(3).tolist()
-    [0.1, 0.316, 0.316]
-    """
+def _smooth(order: Array) -> Array:
+    """Correlation of an error that varies smoothly with the order: pieces `REACH` orders long that overlap."""
     centres = np.arange(np.floor(order.min() / REACH), np.ceil(order.max() / REACH) + 1) * REACH
-    basis = np.clip(1 - np.abs(order - centres[:, None]) / REACH, 0, None)
-    parts = [near * np.sqrt(part) for part in basis if part.any()]  # the basis add up to one
-    places = np.round(offset, 6)
-    parts += [path * (places == place) for place in np.unique(places) if place]
-    return np.stack(parts, axis=-1)
+    root = np.sqrt(np.clip(1 - np.abs(order[:, None] - centres) / REACH, 0, None))  # the pieces add up to one
+    return np.asarray(root @ root.T)
 
 
-def response_errors(beyond: NDArray[np.bool_], harmonic: NDArray[np.intp], response: float) -> Array:
-    """Columns of one standard deviation each, (sensors, lines, q), of lines that the ideal machine does not have.
+def joined(parts: Sequence[OrderLinesObservation]) -> OrderLinesObservation:
+    """Recordings of one machine as one observation: what they hear of it through one path is common to them."""
+    first = parts[0]
 
-    How strongly the machine answers to what its equal parts do not do alike is known less well than how it answers to
-    what they share: one relative error for each harmonic, common to all lines and sensors.
+    def rows(name: str) -> Any:
+        return np.concatenate([getattr(part, name) for part in parts])
 
-    Parameters
-    ----------
-    beyond : bool array (sensors, lines)
-        Lines that the ideal machine does not have.
-    harmonic : array of int (lines,)
-    response : float
-        Relative standard uncertainty.
-    """
-    return np.stack([response * (beyond & (harmonic == h)) for h in np.unique(harmonic)], axis=-1)
+    return replace(
+        first,
+        name=", ".join(part.name for part in parts),
+        of_row=tuple(name for part in parts for name in part.of_row),
+        channels=tuple(name for part in parts for name in part.channels),
+        **{name: rows(name) for name in ("amplitude", "noise", "beyond", "path", "kept")},
+        point={c: np.concatenate([part.point[c] for part in parts]) for c in first.point},
+        levels={
+            n: (np.concatenate([part.levels[n][0] for part in parts]), words)
+            for n, (_, words) in first.levels.items()
+        },
+    )
