@@ -13,7 +13,7 @@ from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.models import Model, Receivers
 from specan.room.study.estimate_frf import observe_recording, settling_s
-from specan.study.data.recordings import put_aside, reads  # noqa: F401  a recording is one by its content
+from specan.study.data.recordings import doubts, put_aside, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.frf import FrfObservation
 
@@ -103,6 +103,7 @@ def _observe(
         f"after {settle:.3g} s; "
         "the model filters the recorded velocity and goes through the same blocks",
         *_sensitivities(recording, receivers),
+        *doubts(recording, recording.by_role(receivers.role), recording.by_role(receivers.reference_role)[0]),
         *found.notes,
     ]
 

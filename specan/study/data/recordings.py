@@ -1,16 +1,29 @@
-"""Recordings as measurements of a study: what is one, and which rows of it are put aside."""
+"""Recordings as measurements of a study: what is one, which rows of it are put aside, what looks wrong."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import welch
+from scipy.stats import linregress
 
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, nearest
 from specan.study.observation import DataFile, MeasuredFiles, Observation
+
+Real = NDArray[np.float64]
+
+HUM_S = 1.0  # of a block, in which multiples of 50 and 60 Hz are lines
+HARMONICS, LEAST_HUM = 8, 2  # of the mains that are looked at; that have to stand out
+STANDS_OUT = 10.0  # power of a line over its neighbours; of four averages chance gives 3
+SECTIONS = 24  # of a recording, over which a drift is sought
+BY_CHANCE, LEAST_DRIFT_DB = 1e-5, 0.3  # of 30 channels; less than a calibration is known
 
 
 def reads(path: Path) -> bool:
@@ -72,3 +85,71 @@ def _alike(labels: NDArray[Any], level: str) -> NDArray[np.bool_]:
         return np.isclose(labels, float(level), rtol=0.02)
     except ValueError:
         return np.zeros(labels.size, dtype=bool)
+
+
+def doubts(recording: Recording, channels: Sequence[Channel], reference: Channel) -> list[str]:
+    """What looks wrong with the samples of a steady recording, in sentences: clipping, hum, a drift.
+
+    Parameters
+    ----------
+    recording : Recording
+    channels : sequence of Channel
+        That are looked at.
+    reference : Channel
+        Of the excitation; a level that drifts with it is none of the channel.
+    """
+    from specan.analysis.quality import rms_and_quality
+
+    part = replace(recording, channels=tuple(channels))
+    flags = {channel.name: rms_and_quality(part)[k][1].flags for k, channel in enumerate(channels)}
+    excitation = recording.read([reference])[0]
+    found: dict[str, list[str]] = {}
+    for channel in channels:
+        samples = recording.read([channel])[0]
+        said = [*flags[channel.name]]
+        if "nan" not in said and "dead" not in said and samples.size == excitation.size:
+            said += [*_hum(samples, excitation, channel.sampling_rate), *_drift(samples, excitation)]
+        for text in said:
+            found.setdefault(text, []).append(channel.name)
+    return [
+        f"{recording.label}: {text} in {', '.join(names)}: check before anything else"
+        for text, names in found.items()
+    ]
+
+
+def _hum(samples: Real, excitation: Real, rate: float) -> list[str]:
+    """Lines at multiples of the mains' frequency that the excitation does not have."""
+    block = round(HUM_S * rate)
+    if samples.size < 4 * block:
+        return []
+    spectra = [welch(x, rate, nperseg=block)[1] for x in (samples, excitation)]
+    heard = []
+    for mains in (50, 60):
+        places = [round(k * mains * HUM_S) for k in range(1, HARMONICS + 1) if k * mains < 0.4 * rate]
+        stands = [
+            place for place in places if _above(spectra[0], place) > STANDS_OUT > _above(spectra[1], place)
+        ]
+        # A mode may lie on one of the multiples: hum has the first or the second beside others.
+        if len(stands) >= LEAST_HUM and stands[0] in places[:2]:
+            heard.append(f"hum at {mains} Hz and multiples")
+    return heard
+
+
+def _above(spectrum: Real, place: int) -> float:
+    """Power of a line over the median of its neighbours."""
+    beside = np.r_[spectrum[place - 12 : place - 3], spectrum[place + 4 : place + 13]]
+    return float(spectrum[place] / max(np.median(beside), 1e-300))
+
+
+def _drift(samples: Real, excitation: Real) -> list[str]:
+    """A level over that of the excitation that changes steadily from the beginning to the end."""
+    size = (samples.size - 1) // SECTIONS
+    # Of differences: a single low mode that swells and fades does not make the level.
+    steps = [np.diff(x)[: SECTIONS * size].reshape(SECTIONS, size) for x in (samples, excitation)]
+    rms = [np.sqrt(np.mean(x**2, axis=1)) for x in steps]
+    if not np.all(rms[0] > 0) or not np.all(rms[1] > 0):
+        return []
+    level = 20 * np.log10(rms[0] / rms[1])
+    line = linregress(np.linspace(0, 1, SECTIONS), level)
+    sure = line.pvalue < BY_CHANCE and abs(line.slope) > LEAST_DRIFT_DB
+    return [f"a drift of {line.slope:+.1f} dB over the recording"] if sure else []
