@@ -21,9 +21,11 @@ from specan.models.quantity import (
     quantity,
     rig_statement,
 )
+from specan.models.rates import Signal, State
 
 __all__ = [
     "Assembly", "Completed", "Condition", "Effect", "Evaluation", "Frf", "LawSpace", "Model", "Nuisance", "Observable",
-    "Parameter", "Quantity", "Reading", "Receivers", "RigStatement", "SettingError", "TableFault", "TableRules", "Use",
-    "Words", "check_effect", "conditions_over_limits", "constant", "effect", "quantity", "rig_statement", "varying",
+    "Parameter", "Quantity", "Reading", "Receivers", "RigStatement", "SettingError", "Signal", "State", "TableFault",
+    "TableRules", "Use", "Words", "check_effect", "conditions_over_limits", "constant", "effect", "quantity",
+    "rig_statement", "varying",
 ]  # fmt: skip

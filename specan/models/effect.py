@@ -233,6 +233,7 @@ class Effect:
     explanation: str = ""
     instrument: bool = False
     source: str = ""
+    states: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def changes(self) -> tuple[str, ...]:
@@ -264,6 +265,7 @@ def effect(
     separate_by: str = "",
     reference: str = "",
     instrument: bool = False,
+    states: Mapping[str, Any] | None = None,
 ) -> Callable[[Callable[..., Any]], Effect]:
     """Make a function an Effect.
 
@@ -294,6 +296,8 @@ def effect(
         Standard and clause, or paper.
     instrument : bool
         True for what the instruments do wrong rather than the machine.
+    states : mapping, optional
+        ``{name: State(unit, rate=function)}`` that it brings into a model of rates.
 
     Returns
     -------
@@ -320,7 +324,7 @@ def effect(
             name, function, reads, parameters, _names(adds_to), _names(scales), _names(joins), at,
             dict(neutral or {}), dict(valid or {}), tuple(needs), tuple(aliases), separate_by, reference,
             " ".join((inspect.getdoc(function) or "").split()), instrument,
-            inspect.getsourcefile(function) or "",
+            inspect.getsourcefile(function) or "", dict(states or {}),
         )  # fmt: skip
         _check_declaration(made)
         return made

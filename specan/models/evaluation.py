@@ -12,6 +12,7 @@ from specan.models.effect import Effect, Parameter, ParameterName, Use
 from specan.models.from_function import place_of, users_mistake
 from specan.models.loops import fixed_point, ordered, reached
 from specan.models.quantity import Quantity
+from specan.models.rates import WithStates
 from specan.units import convert
 
 BASE = "base"  # the name of the part of a quantity that is not an effect's
@@ -44,7 +45,7 @@ class _Call:
 
 
 @dataclass(frozen=True)
-class Evaluator:
+class Evaluator(WithStates):
     """What `specan.models.model.Assembly` is, but for the class of its model."""
 
     model: Any
@@ -132,6 +133,20 @@ class Evaluator:
         Of the others only what depends on a parameter that differs from the first set: a derivative by a receiver's
         gain then costs no sound field. Arguments as in `evaluate`.
         """
+        if self.model.rates is None:
+            yield from self.pointwise(conditions, many, wanted)
+            return
+        many = list(many)
+        for values, states in zip(many, self.trajectories(conditions, many), strict=True):
+            yield next(self.pointwise({**conditions, **states}, [values], wanted))
+
+    def pointwise(
+        self,
+        conditions: Mapping[str, Any],
+        many: Iterable[Mapping[str, Any]],
+        wanted: Sequence[str] | None = None,
+    ) -> Iterator[Evaluation]:
+        """The same where states, if there are any, are among the conditions."""
         quantities = None if wanted is None else tuple(wanted)
         first: Evaluation | None = None
         start: Mapping[str, Any] = {}

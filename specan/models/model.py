@@ -15,6 +15,7 @@ from specan.models.from_function import PREFIX, as_declared, fields_from_functio
 from specan.models.groups import check_groups, with_groups
 from specan.models.measurement_kinds import Receivers, TableRules
 from specan.models.quantity import Condition, Frf, Observable, Quantity, RigStatement, rig_statement
+from specan.models.rates import Rates, State, parts_of_rates, start_of, stated_noise, tolerances, with_reads
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,8 @@ class Model:
         Their names, once a measurement has told them.
     declared_units : bool
         Its functions receive numbers in the declared units of conditions and parameters, not in SI.
+    rates : Rates, optional
+        States that it integrates, of a model that `from_rates` makes.
     """
 
     name: str
@@ -139,15 +142,17 @@ class Model:
     unsuited: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     declared_units: bool = False
+    rates: Rates | None = None
     groups: tuple[str, ...] = ()
     group_elements: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        known = {*self.quantities, *self.conditions}
+        known = {*self.quantities, *self.conditions, *(self.rates.states if self.rates else ())}
         for node in self.quantities.values():
             _require_known(node.name, node.reads, known)
         for effect in self.effects.values():
-            _require_known(effect.name, effect.reads, known)
+            of_states = [r for state in effect.states.values() for r in state.reads]
+            _require_known(effect.name, (*effect.reads, *of_states), known | set(effect.states))
             _require_known(effect.name, effect.changes, set(self.quantities))
             if effect.at and effect.at not in self.axes:
                 raise RequestError(
@@ -325,6 +330,80 @@ class Model:
         made = with_groups(made, [groups] if isinstance(groups, str) else groups)
         check_groups(made)
         return made
+
+    @classmethod
+    def from_rates(
+        cls,
+        *functions: Callable[..., Any],
+        states: Mapping[str, State],
+        inputs: Mapping[str, Any],
+        observables: Mapping[str, Any],
+        parameters: Mapping[str, Any] | None = None,
+        units: Mapping[str, str] | None = None,
+        effects: Sequence[Effect] = (),
+        base_effects: Sequence[str] = (),
+        name: str = "",
+        title: str = "",
+    ) -> Model:
+        """Make a model of rates of change, which is compared with a recording itself.
+
+        The function ``dx`` gives the rate of the state ``x``, per second. Its arguments are states, inputs, ``time``,
+        parameters and other functions, as in `from_function`; so an effect can act on any term of it that has a name.
+        What an observable ``x`` reads is the quantity ``x_measured``, on which effects of the sensor act.
+
+        Parameters
+        ----------
+        *functions : callable
+            Rates, and what they or effects read.
+        states : mapping
+            ``{name: State(unit, start=)}``.
+        inputs : mapping
+            ``{name: unit}`` of recorded channels.
+        observables : mapping
+            ``{name: Signal(unit, uncertainty)}`` of states or functions.
+        parameters, units, effects, base_effects, name, title
+            As in `from_function`.
+
+        Returns
+        -------
+        Model
+            Whose measurements are recordings.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from specan.models import Signal, State
+        >>> def dx(x, force, rate):
+        ...     return rate * (force - x)
+        >>> model = Model.from_rates(
+        ...     dx, states={"x": State("N")}, inputs={"force": "N"}, observables={"x": Signal("N", 0.01)},
+        ...     parameters={"rate": (2.0, 0.1, 10, "1/s")},
+        ... )
+        >>> found = model.assemble().evaluate({"time": np.linspace(0, 1, 101), "force_channel": np.ones(101)})
+        >>> float(found["x"][-1].round(4))
+        0.8647
+        """
+        parts = parts_of_rates(functions, states, inputs, observables, units or {})
+        effects = [with_reads(effect) for effect in effects]
+        channels = parts.pop("inputs")
+        more = {
+            **{n: s.unit for n, s in states.items()},
+            **{n: s.unit for e in effects for n, s in e.states.items()},
+        }
+        asked = {n: Condition(n, unit, n) for n, unit in more.items()}
+        fields = fields_from_functions(
+            parts["functions"], {**parts["conditions"], **asked}, parts["observables"], parameters or {},
+            parts["units"], effects, stated_noise(observables),
+        )  # fmt: skip
+        fields["conditions"] = parts["conditions"]
+        fields["observables"] = {o.name: o for o in fields["observables"].values()}
+        fields["quantities"] |= {f"{n}_start": start_of(n, state) for n, state in states.items()}
+        first = functions[0]
+        rates = Rates(states, channels, tolerances(states, observables))
+        return cls(
+            name or name_of(first) or next(iter(observables)), title or title_of(first) or "a model of rates", **fields,
+            base_effects=tuple(base_effects), declared_units=True, rates=rates,
+        )  # fmt: skip
 
     def assemble(self, uses: Iterable[Use | str] = ()) -> Assembly:
         """Switch effects on.

@@ -13,6 +13,7 @@ from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.report.figures import figure_named
 from specan.report.figures_study_frf import figure_compare_frf
+from specan.report.figures_study_time import figure_compare_time
 from specan.report.residual_map import axis_text, residual_map
 from specan.report.study_words import state_of
 from specan.study.comparison import readings
@@ -61,8 +62,8 @@ def figure_of_comparison(found: Comparison, channel: str | None = None) -> Figur
 def figure_compare(study: Study, channel: str | None = None) -> Figure:
     """Measured values with two standard uncertainties beside the fitted model, and what is between them.
 
-    Of transfer functions, see `figure_compare_frf`. Of tables, one pair of panels for every
-    observable and, with three operating variables, for every level of the third. The curves run at the
+    Of transfer functions, see `figure_compare_frf`; of recordings, `figure_compare_time`. Of tables, one pair of panels
+    for every observable and, with three operating variables, for every level of the third. The curves run at the
     levels of the other variables; where readings lie beside their level (a brake that misses its set
     value), they are brought to it by the model, so that the gap between point and curve is the residual.
 
@@ -72,7 +73,8 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
         A `channel` that there is not, or one of a table.
     """
     observation = study.problem.observations[0]
-    own = figure_compare_frf if observation.kind == "frf" else figure_named(f"Comparison {observation.kind}")
+    drawn = {"frf": figure_compare_frf, "time": figure_compare_time}
+    own = drawn.get(observation.kind) or figure_named(f"Comparison {observation.kind}")
     if own is not None:
         return own(study, channel)
     assert isinstance(observation, TableObservation)

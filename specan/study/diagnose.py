@@ -21,6 +21,7 @@ from specan.study.evidence.diagnosis import diagnosis, not_settled, too_good
 from specan.study.localisation.localise import Block, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up, undeclared_shifts
 from specan.study.observation.table import TableObservation
+from specan.study.recorded_noise import with_noise_of_largest
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
 from specan.study.selection.alternatives import alternatives, refit_promising
 from specan.study.selection.initial_fit import NEAR, InitialFit, initial_fit, with_covariances_about
@@ -117,7 +118,7 @@ def diagnose(
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress, begun = progress or unheard, [] if begun is None else begun
     if all(isinstance(o, TableObservation) for o in problem.observations):
-        return diagnosis(problem, start.fit, progress, begun)
+        return diagnosis(*with_noise_of_largest(problem, start.fit), progress, begun)
     declared = Search(Refits(start), (), progress, part=(0.0, ENDS))
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data", 0.0)

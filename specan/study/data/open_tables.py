@@ -125,7 +125,7 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
     unit = rows.units.get(name, condition.column_unit)
     found = np.zeros(rows.n, dtype=bool)
     for word in text.split(","):
-        ends = _values(word, where, condition, unit)
+        ends = values_of(word, where, condition, unit)
         if len(ends) == 2:
             here = (rows.levels[name] >= min(ends)) & (rows.levels[name] <= max(ends))
         else:
@@ -141,7 +141,7 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
     return found & _in_file(rows, file)
 
 
-def _values(word: str, where: str, condition: Condition, unit: str) -> list[float]:
+def values_of(word: str, where: str, condition: Condition, unit: str) -> list[float]:
     """SI values of ``60``, ``60 kN`` or ``60..90 kN``."""
     said = _VALUES.fullmatch(word.strip())
     if said is None:

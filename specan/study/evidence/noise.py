@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from specan.study.data.setpoints import TIME
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
+from specan.study.observation.autoregression import burg, innovations
 
 ORDER = 2  # most coefficients: an oscillation of what is not measured has two
 LEAST_ROWS = 30  # of a chain, from which it is looked at
@@ -37,16 +38,7 @@ class Autoregression:
 
     def innovations(self, columns: Array) -> Array:
         """Rows of whitened columns as independent innovations of unit variance (lattice filter)."""
-        out = columns.copy()
-        for rows in self.chains:
-            forward = backward = columns[rows]
-            power = 1.0
-            for k, reflection in enumerate(self.reflections, 1):
-                ahead, behind = forward[1:], backward[:-1]
-                forward, backward = ahead - reflection * behind, behind - reflection * ahead
-                power *= 1 - reflection**2
-                out[rows[k:]] = forward / np.sqrt(power)
-        return out
+        return innovations(columns, self.chains, self.reflections)
 
     @property
     def ln_volume(self) -> float:
@@ -98,13 +90,5 @@ def autoregressions(chains: tuple[NDArray[np.intp], ...], residual: Array) -> li
     """
     if not chains:
         return []
-    forward, backward = [residual[rows] for rows in chains], [residual[rows] for rows in chains]
-    found: list[float] = []
-    for _ in range(ORDER):
-        pairs = [(f[1:], b[:-1]) for f, b in zip(forward, backward, strict=True)]
-        above = 2 * sum(float(f @ b) for f, b in pairs)
-        below = sum(float(f @ f + b @ b) for f, b in pairs)
-        found.append(float(np.clip(above / max(below, 1e-300), -0.999, 0.999)))
-        forward = [f - found[-1] * b for f, b in pairs]
-        backward = [b - found[-1] * f for f, b in pairs]
+    found, _ = burg(chains, residual, ORDER)
     return [Autoregression(chains, tuple(found[:k])) for k in range(1, ORDER + 1)]

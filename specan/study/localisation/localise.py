@@ -188,7 +188,10 @@ def level_and_phase(
 
 
 # kind of measurement -> module with its own way; the others are looked at by blocks
-WAYS = {"frf": "specan.study.localisation.by_band_and_channel"}
+WAYS = {
+    "frf": "specan.study.localisation.by_band_and_channel",
+    "time": "specan.study.localisation.by_frequency",
+}
 
 
 def localise(problem: Problem, best: Fit) -> Localisation:

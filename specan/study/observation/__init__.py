@@ -278,6 +278,7 @@ class Observation:
 KINDS = {
     "table": "specan.study.data.open_tables",
     "transfer": "specan.study.data.open_transfer",
+    "time": "specan.study.data.open_time",
 }
 ENTRY_POINTS = "specan.measurement_kinds"  # of installed packages: name = such a module
 

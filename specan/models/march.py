@@ -1,0 +1,405 @@
+"""Integration of the rates of a model over a recording.
+
+Rates, and the quantities and effects between them and the states, are written out as one function. With numba it is
+compiled once for a model with all of its effects, those that are off being skipped; without, all sets of parameter
+values march together, as columns. Quantities that no state moves are evaluated beforehand and taken as straight lines
+between the samples.
+
+Runge-Kutta's classical method, with as many steps a sample as its change on doubling them asks for. Where that takes
+too many the system is stiff, and the L-stable Rosenbrock method of Shampine and Reichelt (1997, SIAM J. Sci. Comput.
+18:1) marches instead.
+"""
+
+from __future__ import annotations
+
+import inspect
+import types
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError
+
+if TYPE_CHECKING:
+    from specan.models.evaluation import Evaluator
+
+Array = NDArray[np.float64]
+MOST_STEPS = 32  # of Runge-Kutta a sample; a system that needs more is stiff
+MOST_IMPLICIT = 64  # of the implicit method
+EXACT = 1e-4  # of a state's RMS: change on doubling the steps that is small where no noise is declared
+
+
+class Program:
+    """The rates of a model with some effects as one function ``rates(states, drives, parameters, on, out)``.
+
+    Parameters
+    ----------
+    assembly : Evaluator
+        The model with every effect that the function may have.
+    switched : bool
+        Whether each effect acts only where its element of `on` says so.
+    """
+
+    def __init__(self, assembly: Evaluator, switched: bool) -> None:
+        self.assembly, self.switched = assembly, switched
+        self.states = assembly.states
+        self.uses = assembly.uses
+        self.parameters: list[str] = []
+        self.functions: dict[str, Callable[..., Any]] = {}
+        self._lines: list[str] = []
+        self.drives: list[str] = []
+        self._write()
+
+    def _write(self) -> None:
+        order = [name for step in self.assembly._plan[0] for name in step]
+        moved = self.assembly.moved_by_states
+        inner = self.assembly.reached_from_rates
+        if set(self.assembly._plan[1]) & moved & inner:
+            raise RequestError(
+                "the rates read each other in a circle within one instant",
+                remedy="give one of the effects that close it a state of its own",
+            )
+        for name in order:
+            if name in moved and name in inner:
+                self._quantity(name)
+        for k, (name, state) in enumerate(self.states.items()):
+            if state.rate is None:
+                self._lines.append(f"out[{k}] = {self._read('d' + name)}")
+            else:
+                use = next(u for u in self.uses if name in self.assembly.model.effects[u.name].states)
+                own = {n: f"{use}.{n}" for n in self.assembly.model.effects[use.name].parameters}
+                self._on(
+                    use,
+                    f"out[{k}] = {self._call(f'r{k}', state.rate, state.reads, own)}",
+                    f"out[{k}] = 0.0",
+                )
+
+    def _quantity(self, name: str) -> None:
+        base, acting = self.assembly._calls[name]
+        self._lines.append(
+            f"q_{name} = {self._call(f'f_{name}', base.function, base.reads, dict(base.parameters))}"
+        )
+        for sign in ("+", "*"):
+            for k, (use, effect, call) in enumerate(acting):
+                if (sign == "+") != (name in effect.adds_to):
+                    continue
+                said = self._call(
+                    f"e_{name}_{sign == '+'}_{k}", call.function, call.reads, dict(call.parameters)
+                )
+                said += f"[{name!r}]" if len(effect.changes) > 1 else ""
+                self._on(use, f"q_{name} = q_{name} {sign} {said}")
+
+    def _on(self, use: Any, line: str, otherwise: str = "") -> None:
+        if not self.switched:
+            self._lines.append(line)
+            return
+        self._lines += [f"if on[{self.uses.index(use)}]:", f"    {line}"]
+        self._lines += ["else:", f"    {otherwise}"] if otherwise else []
+
+    def _read(self, name: str) -> str:
+        names = list(self.states)
+        if name in names:
+            return f"s[{names.index(name)}]"
+        if name in self.assembly.moved_by_states:
+            return f"q_{name}"
+        if name not in self.drives:
+            self.drives.append(name)
+        return f"d[{self.drives.index(name)}]"
+
+    def _call(self, key: str, function: Any, reads: Sequence[str], own: Mapping[str, str]) -> str:
+        """A call with everything by position."""
+        plain = getattr(function, "function", function)
+        waiting = list(reads)
+        given = []
+        for argument in inspect.signature(plain).parameters:
+            if argument in own:
+                if own[argument] not in self.parameters:
+                    self.parameters.append(own[argument])
+                given.append(f"p[{self.parameters.index(own[argument])}]")
+            else:
+                given.append(self._read(waiting.pop(0)))
+        self.functions[key] = _by_position(plain)
+        return f"{key}({', '.join(given)})"
+
+    @cached_property
+    def source(self) -> str:
+        """The function as text."""
+        return "def rates(s, d, p, on, out):\n    " + "\n    ".join(self._lines) + "\n"
+
+    @property
+    def identity(self) -> Any:
+        """What the function is made of: its text, the code of the functions in it, and what they take from outside."""
+        return self.source, tuple(_outside(f) for f in self.functions.values())
+
+    def compiled(self, decorate: Callable[[Any], Any]) -> Any:
+        """The march, with every function of it decorated."""
+        space: dict[str, Any] = {name: decorate(f) for name, f in self.functions.items()}
+        exec(self.source, space)
+        return _marches(decorate(space["rates"]), decorate)
+
+
+def _by_position(function: Any) -> Any:
+    """The function with arguments by position only, without defaults."""
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return function
+    total = code.co_argcount + code.co_kwonlyargcount
+    code = code.replace(co_argcount=total, co_kwonlyargcount=0)
+    return types.FunctionType(code, function.__globals__, function.__name__, None, function.__closure__)
+
+
+def _outside(function: Any) -> Any:
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return id(function)
+    taken = [function.__globals__.get(name) for name in code.co_names]
+    taken += [cell.cell_contents for cell in function.__closure__ or ()]
+    return code, tuple(v if isinstance(v, int | float | str) else id(v) for v in taken)
+
+
+def _marches(rates: Any, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
+    """Runge-Kutta's method and the implicit one over all samples."""
+
+    def between(drives, i, part, d):
+        for k in range(drives.shape[0]):
+            d[k] = drives[k, i] + (drives[k, i + 1] - drives[k, i]) * part
+
+    between = decorate(between)
+
+    def explicit(times, steps, drives, p, on, states):
+        s, d = np.empty_like(states[:, 0]), np.empty_like(drives[:, 0])
+        for k in range(s.shape[0]):
+            s[k] = states[k, 0]
+        y, k1, k2, k3, k4 = (
+            np.empty_like(s),
+            np.empty_like(s),
+            np.empty_like(s),
+            np.empty_like(s),
+            np.empty_like(s),
+        )
+        for i in range(times.size - 1):
+            h = (times[i + 1] - times[i]) / steps
+            for j in range(steps):
+                between(drives, i, j / steps, d)
+                rates(s, d, p, on, k1)
+                for k in range(s.shape[0]):
+                    y[k] = s[k] + 0.5 * h * k1[k]
+                between(drives, i, (j + 0.5) / steps, d)
+                rates(y, d, p, on, k2)
+                for k in range(s.shape[0]):
+                    y[k] = s[k] + 0.5 * h * k2[k]
+                rates(y, d, p, on, k3)
+                for k in range(s.shape[0]):
+                    y[k] = s[k] + h * k3[k]
+                between(drives, i, (j + 1) / steps, d)
+                rates(y, d, p, on, k4)
+                for k in range(s.shape[0]):
+                    s[k] = s[k] + h / 6 * (k1[k] + 2 * k2[k] + 2 * k3[k] + k4[k])
+            for k in range(s.shape[0]):
+                states[k, i + 1] = s[k]
+
+    def solve(matrix, right, found):
+        """Gauss's elimination with pivots."""
+        n = right.shape[0]
+        a = matrix.copy()
+        for k in range(n):
+            found[k] = right[k]
+        for k in range(n):
+            best = k
+            for i in range(k + 1, n):
+                if abs(a[i, k]) > abs(a[best, k]):
+                    best = i
+            for j in range(n):
+                a[k, j], a[best, j] = a[best, j], a[k, j]
+            found[k], found[best] = found[best], found[k]
+            for i in range(k + 1, n):
+                share = a[i, k] / a[k, k]
+                found[i] -= share * found[k]
+                for j in range(k, n):
+                    a[i, j] -= share * a[k, j]
+        for i in range(n - 1, -1, -1):
+            for j in range(i + 1, n):
+                found[i] -= a[i, j] * found[j]
+            found[i] /= a[i, i]
+
+    solve = decorate(solve)
+
+    def implicit(times, steps, drives, p, on, states):
+        n, gamma = states.shape[0], 1 / (2 + np.sqrt(2.0))
+        s, d, y, f0, f1 = np.empty(n), np.empty(drives.shape[0]), np.empty(n), np.empty(n), np.empty(n)
+        moved, right, k1, k2 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+        matrix = np.empty((n, n))
+        for k in range(n):
+            s[k] = states[k, 0]
+        for i in range(times.size - 1):
+            h = (times[i + 1] - times[i]) / steps
+            for j in range(steps):
+                between(drives, i, j / steps, d)
+                rates(s, d, p, on, f0)
+                for k in range(n):
+                    kept = s[k]
+                    step = 1e-7 * max(abs(kept), abs(h * f0[k]), 1e-12)
+                    s[k] = kept + step
+                    rates(s, d, p, on, moved)
+                    s[k] = kept
+                    for m in range(n):
+                        matrix[m, k] = (1.0 if m == k else 0.0) - gamma * h * (moved[m] - f0[m]) / step
+                between(drives, i, (j + 0.01) / steps, d)
+                rates(s, d, p, on, moved)
+                for k in range(n):
+                    right[k] = f0[k] + gamma * (moved[k] - f0[k]) / 0.01
+                solve(matrix, right, k1)
+                between(drives, i, (j + 0.5) / steps, d)
+                for k in range(n):
+                    y[k] = s[k] + 0.5 * h * k1[k]
+                rates(y, d, p, on, f1)
+                for k in range(n):
+                    right[k] = f1[k] - k1[k]
+                solve(matrix, right, k2)
+                for k in range(n):
+                    s[k] = s[k] + h * (k1[k] + k2[k])
+            for k in range(n):
+                states[k, i + 1] = s[k]
+
+    return decorate(explicit), decorate(implicit)
+
+
+def _numba() -> Any:
+    try:
+        import numba
+    except ImportError:
+        return None
+    return numba
+
+
+class Solver:
+    """Marches of one model, whatever effects it has."""
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        self._compiled: dict[Any, tuple[Program, Any] | None] = {}
+        self._steps: dict[Any, tuple[bool, int]] = {}
+
+    def _fast(self, assembly: Evaluator) -> tuple[Program, Any] | None:
+        """A compiled march: of all effects at once, else of those of the assembly; None where it cannot be."""
+        everything = self.model.assemble([e.name for e in self.model.effects.values() if not e.at])
+        for key in (everything, assembly):
+            known = key.uses
+            if not set(assembly.uses) <= set(known):
+                continue
+            if known not in self._compiled:
+                self._compiled[known] = _compile(key)
+            found = self._compiled[known]
+            if found is not None:
+                return found
+        return None
+
+    def march(
+        self, assembly: Evaluator, times: Array, drives_of: Any, many: Sequence[Mapping[str, Any]]
+    ) -> Array:
+        """States over time for several sets of values, shape (states, times, sets)."""
+        fast = self._fast(assembly)
+        program = fast[0] if fast else Program(assembly, switched=False)
+        drives, starts = drives_of(program.drives, program.states)
+        defaults = self.model.assemble(program.uses).defaults
+        values = np.array(
+            [
+                [float(v.get(n, assembly.defaults.get(n, defaults[n]))) for v in many]
+                for n in program.parameters
+            ]
+        ).reshape(len(program.parameters), len(many))
+        on = np.array([use in assembly.uses for use in program.uses])
+        run = _Run(times, drives, values, on, starts, fast[1] if fast else None, program)
+        key = assembly.uses, times.size, float(times[-1] - times[0])
+        if key not in self._steps:
+            self._steps[key] = self._needed(run)
+        return run(*self._steps[key], range(len(many)))
+
+    def _needed(self, run: _Run) -> tuple[bool, int]:
+        """Whether the implicit method is needed, and steps a sample."""
+        allowed = self.model.rates.tolerances
+        for implicit, most in ((False, MOST_STEPS), (True, MOST_IMPLICIT)):
+            steps, last = 1, run(implicit, 1, [0])[:, :, 0]
+            while steps < most:
+                found = run(implicit, 2 * steps, [0])[:, :, 0]
+                with np.errstate(all="ignore"):
+                    change = np.sqrt(np.mean((found - last) ** 2, axis=1))
+                    size = np.array([allowed.get(n, 0.0) for n in run.program.states])
+                    size = np.where(size > 0, size, EXACT * np.sqrt(np.mean(found**2, axis=1)))
+                if np.all(change <= size + 1e-300):
+                    return implicit, steps
+                steps, last = 2 * steps, found
+        return True, MOST_IMPLICIT
+
+    def method(self) -> str:
+        """What marched, in words."""
+        ways = {implicit for implicit, _ in self._steps.values()}
+        most = max((steps for _, steps in self._steps.values()), default=1)
+        name = "the implicit method of Rosenbrock (the model is stiff)" if True in ways else "Runge-Kutta"
+        return f"{name}, up to {most} steps a sample"
+
+
+def _compile(assembly: Evaluator) -> tuple[Program, Any] | None:
+    numba = _numba()
+    if numba is None:
+        return None
+    try:
+        program = Program(assembly, switched=True)
+        if program.identity not in _COMPILED:
+            made = program.compiled(numba.njit)
+            n, d = len(program.states), max(len(program.drives), 1)
+            made[0](
+                np.arange(2.0), 1, np.ones((d, 2)), np.ones(max(len(program.parameters), 1)),
+                np.ones(max(len(program.uses), 1), bool), np.ones((n, 2)),
+            )  # fmt: skip
+            _COMPILED[program.identity] = made
+    except (RequestError, numba.errors.NumbaError, TypeError, ZeroDivisionError):
+        return None
+    return program, _COMPILED[program.identity]
+
+
+_COMPILED: dict[Any, Any] = {}  # by what was compiled: a model that is loaded again is the same
+
+
+class _Run:
+    """One set of inputs, starts and parameter values."""
+
+    def __init__(
+        self, times: Array, drives: Array, values: Array, on: Any, starts: Array, fast: Any, program: Program
+    ) -> None:
+        self.times, self.drives, self.values, self.starts = times, drives, values, starts
+        self.on, self.fast, self.program = on, fast, program
+
+    @cached_property
+    def _slow(self) -> Any:
+        return self.program.compiled(lambda function: function)
+
+    def __call__(self, implicit: bool, steps: int, sets: Sequence[int]) -> Array:
+        n = len(self.program.states)
+        if self.fast is None and not implicit:
+            states = np.empty((n, self.times.size, len(sets)))
+            states[:, 0] = self.starts[:, list(sets)]
+            with np.errstate(all="ignore"):
+                self._slow[0](
+                    self.times,
+                    steps,
+                    self.drives[:, :, list(sets)],
+                    self.values[:, list(sets)],
+                    self.on,
+                    states,
+                )
+            return states
+        march = (self.fast or self._slow)[int(implicit)]
+        found = np.empty((n, self.times.size, len(sets)))
+        on = self.on if self.on.size else np.ones(1, bool)
+        for place, k in enumerate(sets):
+            states = np.empty((n, self.times.size))
+            states[:, 0] = self.starts[:, k]
+            values = np.ascontiguousarray(self.values[:, k]) if self.values.size else np.ones(1)
+            with np.errstate(all="ignore"):
+                march(self.times, steps, np.ascontiguousarray(self.drives[:, :, k]), values, on, states)
+            found[:, :, place] = states
+        return found

@@ -1,0 +1,177 @@
+"""Recordings for models of rates: channels by name, inputs and what is measured over the same time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.channel import Channel
+from specan.data.recording import Recording
+from specan.errors import InputError, RequestError
+from specan.io.open import open_recording
+from specan.models import Condition, Model, Observable
+from specan.models.rates import KIND, TIME
+from specan.models.trial import try_model
+from specan.study.data.open_tables import values_of
+from specan.study.data.recordings import reads as reads
+from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
+from specan.study.observation.time import TimeObservation
+from specan.units import convert, is_compatible
+
+TITLE = "a recording (TDMS, WAV, CSV, MAT, HDF5, UFF)"
+STATED_DOF, GUESSED_DOF = 10.0, 1.0  # degrees of freedom of a noise that is stated, that the data tell
+LEAST_NOISE = 1e-6  # of a channel's scatter
+
+
+def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
+    """Read the recordings of a study.
+
+    Raises
+    ------
+    InputError
+        A channel that the model needs is missing, or in another unit.
+    RequestError
+        Nothing is left to fit.
+    """
+    fitted = [_read(model, file, wanted.calibration) for file in wanted.measurements]
+    checked = [_read(model, file, wanted.calibration) for file in wanted.validations]
+    noise = {name: _noise(model, name, [one[1][name] for one in fitted]) for name in _observables(model)}
+    whole = _observation(model, wanted.measurements, fitted, noise)
+    aside = np.zeros(whole.n, dtype=bool)
+    for file, where in wanted.hold_out:
+        aside |= _put_aside(whole, model.conditions[TIME], file, where)
+    if np.all(aside):
+        raise RequestError(
+            "all samples are held out", expected="some to fit", remedy="hold out a shorter time"
+        )
+    kept = whole.take(~aside) if np.any(aside) else whole
+    held_out = [whole.take(aside)] if np.any(aside) else []
+    held_out += [_observation(model, wanted.validations, checked, noise)] if checked else []
+    if model.is_own:
+        try_model(model, {n: v[:1000] for n, v in fitted[0][0].items()})
+    statements = [said for *_, said in (*fitted, *checked)]
+    for name, (size, stated) in noise.items():
+        how = "as stated" if stated else "from the quickest changes"
+        statements.append(
+            f"{name}: noise of {size:.3g} {model.observables[name].unit}, {how}; a diagnosis corrects it by what the "
+            "likeliest explanation leaves"
+        )
+    return OpenedData((kept,), tuple(held_out), tuple(statements))
+
+
+def _observables(model: Model) -> dict[str, Observable]:
+    return {name: o for name, o in model.observables.items() if o.kind == KIND}
+
+
+def _read(
+    model: Model, file: DataFile, calibration: Path | None
+) -> tuple[dict[str, Array], dict[str, Array], str]:
+    """Conditions and measured values of a file, and what was found."""
+    recording = open_recording(file.path, calibration=calibration)
+    inputs = {c.name: c for c in model.conditions.values() if c.name in model.rates.inputs.values()}  # type: ignore[union-attr]
+    outputs = _observables(model)
+    found: dict[str, tuple[Channel, Array]] = {}
+    notes: list[str] = []
+    targets: dict[str, Condition | Observable] = {**inputs, **outputs}
+    for name, target in targets.items():
+        wanted = file.columns.get(target.column, target.column)
+        found[name] = _channel(recording, wanted, target, notes)
+    rates = {channel.sampling_rate for channel, _ in found.values()}
+    if len(rates) > 1:
+        raise InputError(
+            f"{file.name}: its channels have {min(rates):g} and {max(rates):g} Hz", expected="one sampling rate",
+            remedy="resample one of them",
+        )  # fmt: skip
+    size = min(values.size for _, values in found.values())
+    rate = rates.pop()
+    conditions = {TIME: np.arange(size) / rate}
+    conditions |= {name: found[name][1][:size] for name in inputs}
+    measured = {name: found[name][1][:size] for name in outputs}
+    for name in model.conditions:
+        of = name.removesuffix("_first")
+        if name != of and of in measured:
+            unit = model.observables[of].unit
+            conditions[name] = np.full(size, convert(measured[of][0], unit, model.conditions[name].unit))
+    channels = ", ".join(channel.name for channel, _ in found.values())
+    return conditions, measured, f"{file.name}: {channels}; {size} samples at {rate:g} Hz" + "".join(notes)
+
+
+def _channel(
+    recording: Recording, wanted: str, target: Condition | Observable, notes: list[str]
+) -> tuple[Channel, Array]:
+    """A channel in the unit of the model."""
+    channel = recording.channel(wanted)
+    (values,) = recording.read([channel])
+    unit = channel.unit
+    if unit in ("", "1") and target.unit != "1":
+        unit = target.unit
+        notes.append(f"; {channel.name} has no unit, taken as {unit}")
+    if not is_compatible(unit, target.unit):
+        raise InputError(
+            f"{recording.label}: {channel.name} is in {unit}", expected=f"a unit like {target.unit}",
+            remedy="correct the unit of the channel or of the model",
+        )  # fmt: skip
+    if not np.all(np.isfinite(values)):
+        raise InputError(
+            f"{recording.label}: {channel.name} holds values that are not finite", remedy="cut them off"
+        )
+    return channel, np.asarray(convert(values, unit, target.unit), float)
+
+
+def _noise(model: Model, name: str, values: Sequence[Array]) -> tuple[float, bool]:
+    """Standard deviation of a channel's noise, and whether it is stated."""
+    stated = model.rig.reading.get(name)
+    if stated:
+        return stated, True
+    quick = [np.diff(v, 3) for v in values]
+    size = np.sqrt(np.mean(np.concatenate(quick) ** 2) / 20)  # 1 + 9 + 9 + 1: of white noise
+    return max(float(size), LEAST_NOISE * float(np.std(np.concatenate(values))), 1e-300), False
+
+
+def _observation(
+    model: Model, files: Sequence[DataFile], parts: Sequence[Any], noise: dict[str, tuple[float, bool]]
+) -> TimeObservation:
+    """Everything that was measured in some files, one observable behind the other."""
+    names = list(noise)
+    sizes = [next(iter(conditions.values())).size for conditions, *_ in parts]
+    series = {n: np.concatenate([conditions[n] for conditions, *_ in parts]) for n in parts[0][0]}
+    recording = np.repeat(np.arange(len(parts)), sizes)
+    measured = np.concatenate([np.concatenate([own[name] for _, own, _ in parts]) for name in names])
+    count, every = sum(sizes), len(names)
+    position = np.tile(np.arange(count), every)
+    sigma = np.repeat([noise[name][0] for name in names], count)
+    return TimeObservation(
+        name=files[0].name if len(files) == 1 else f"{len(files)} recordings",
+        observable=np.repeat(names, count),
+        measured=measured,
+        conditions={n: v[position] for n, v in series.items()},
+        covariance=sigma**2,
+        recordings=tuple(file.name for file in files),
+        recording=recording[position],
+        noise_dof=STATED_DOF if all(stated for _, stated in noise.values()) else GUESSED_DOF,
+        available=frozenset(series),
+        series=(series, recording),
+        position=position,
+        lines=np.concatenate([np.arange(1, n + 1) for n in sizes] * every),
+    )
+
+
+def _put_aside(whole: TimeObservation, time: Condition, file: str | None, where: str) -> NDArray[np.bool_]:
+    """Samples that ``time=6..10`` or ``observable=v`` names."""
+    key, _, said = where.partition("=")
+    mine: NDArray[np.bool_] = np.ones(whole.n, bool)
+    if file is not None:
+        if file not in whole.recordings:
+            raise RequestError(f"no measurement {file!r}", expected="one of " + ", ".join(whole.recordings))
+        mine = np.asarray(whole.recording == whole.recordings.index(file))
+    if key.strip() == "channel":
+        return np.asarray(mine & np.isin(whole.observable, [w.strip() for w in said.split(",")]))
+    if key.strip() != TIME or not re.search(r"\.\.", said):
+        raise RequestError(f"{where!r} is not known for a recording", expected="time=6..10, or channel=NAME")
+    low, high = values_of(said, where, time, time.unit)
+    return np.asarray(mine & (whole.conditions[TIME] >= low) & (whole.conditions[TIME] <= high))

@@ -1,0 +1,98 @@
+"""At which frequencies what a model of rates leaves of a recording follows the inputs: there it lacks something."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import csd, welch
+
+from specan.models.rates import TIME
+from specan.study.estimation.fit import Fit
+from specan.study.estimation.problem import Problem
+from specan.study.localisation.localise import Block, Localisation, tested
+from specan.study.observation import Array, Variable
+from specan.study.observation.time import TimeObservation
+
+SEGMENTS = 8  # of a recording, before their overlap
+FOLLOWS = 0.2  # coherence from which bands are named
+CHANCE = 1e-4
+
+
+def localise(problem: Problem, best: Fit) -> Localisation:
+    """Bands in which the residual is coherent with an input, and whether it is white.
+
+    Parameters
+    ----------
+    problem : Problem
+    best : Fit
+        Its minimum.
+    """
+    blocks, notes = [], []
+    for o, predicted in zip(problem.observations, problem.plain(best.theta), strict=True):
+        assert isinstance(o, TimeObservation)
+        rates = problem.assembly.model.rates
+        inputs = rates.inputs if rates else {}
+        for name, chains in o.chains.items():
+            rows = max(chains, key=lambda chain: chain.size)
+            if rows.size < 16 * SEGMENTS:
+                continue
+            gap = (predicted - o.measured)[rows]
+            unit = problem.assembly.model.observables[name].unit
+            found = _following(
+                gap, {n: o.conditions[c][rows] for n, c in inputs.items()}, o.conditions[TIME][rows]
+            )
+            if found:
+                low, high, share, source, p_value = found
+                notes.append(
+                    f"{100 * share:.0f} % of what is left of {name} at {low:.3g} to {high:.3g} Hz follows {source}"
+                )
+                size = float(np.sqrt(np.mean(gap**2)))
+                blocks.append(
+                    Block(
+                        {"frequency_hz": f"{low:.3g} to {high:.3g} Hz"},
+                        name,
+                        rows.size,
+                        0.0,
+                        p_value,
+                        0.0,
+                        0.0,
+                        size,
+                        unit,
+                        variables={"frequency_hz": Variable("frequency")},
+                    )
+                )
+            lag = float(gap[1:] @ gap[:-1]) / max(float(gap @ gap), 1e-300)
+            if abs(lag) > 4 / np.sqrt(gap.size):
+                notes.append(
+                    f"what is left of {name} follows itself from sample to sample (correlation {lag:.2f})"
+                )
+    return Localisation(tuple(tested(blocks)), (), tuple(notes))
+
+
+def _following(
+    gap: Array, inputs: dict[str, Array], time: Array
+) -> tuple[float, float, float, str, float] | None:
+    """The band around the largest power of the residual that follows an input: ends, share, input, its probability."""
+    rate, size = 1 / float(time[1] - time[0]), 2 * gap.size // (SEGMENTS + 1)
+    best = None
+    for name, values in inputs.items():
+        if not np.ptp(values):
+            continue
+        f, left = welch(gap, rate, nperseg=size)
+        _, given = welch(values, rate, nperseg=size)
+        _, cross = csd(values, gap, rate, nperseg=size)
+        coherence = np.abs(cross) ** 2 / np.maximum(left * given, 1e-300)
+        along = np.where(coherence > FOLLOWS, coherence * left, 0.0)
+        along[:2] = 0.0
+        k = int(np.argmax(along))
+        if not along[k] > 0 or (1 - coherence[k]) ** (SEGMENTS - 1) * f.size > CHANCE:
+            continue
+        low = high = k
+        while low > 1 and along[low - 1] > 0.05 * along[k]:
+            low -= 1
+        while high < f.size - 1 and along[high + 1] > 0.05 * along[k]:
+            high += 1
+        share = float(np.sum(along[low : high + 1]) / np.sum(left[low : high + 1]))
+        p = float((1 - coherence[k]) ** (SEGMENTS - 1) * f.size)
+        if best is None or along[k] > best[0]:
+            best = float(along[k]), (float(f[low]), float(f[high]), share, name, p)
+    return best[1] if best else None

@@ -1,0 +1,118 @@
+"""States of models of rates against closed forms and scipy's integrators."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from specan.models import Model, Parameter, Signal, State, effect, march
+
+
+def spring(x, stiffness):
+    return stiffness * x
+
+
+def damper(v, damping):
+    return damping * v
+
+
+def dx(v):
+    return v
+
+
+def dv(force, spring, damper, mass):
+    return (force - spring - damper) / mass
+
+
+@effect("cubic-spring", adds_to="spring", neutral={"size": 0.0})
+def cubic_spring(x, *, size=Parameter(1e6, "N/m^3", min=1e4, max=1e9, lower=-1e10, upper=1e10)):
+    """A spring that hardens."""
+    return size * x**3
+
+
+def creep_rate(x, creep, pace):
+    return pace * (x - creep)
+
+
+SHARE = Parameter(2e3, "N/m", min=100, max=1e4, lower=0)
+PACE = Parameter(3.0, "1/s", min=0.1, max=50)
+
+
+@effect("creep", adds_to="spring", neutral={"share": 0.0}, states={"creep": State("m", rate=creep_rate)})
+def creeping(creep, *, share=SHARE, pace=PACE):
+    """A spring in parallel that follows late."""
+    return share * creep
+
+
+def oscillator(effects=(), start=0.0, damping=20.0):
+    return Model.from_rates(
+        dx, dv, spring, damper, states={"x": State("m", start=start), "v": State("m/s")}, inputs={"force": "N"},
+        observables={"x": Signal("mm", 0.01)},
+        parameters={"stiffness": (1e4, 1e3, 1e5, "N/m"), "mass": (1.0, 0.1, 10, "kg"),
+            "damping": (damping, 0, 1e6, "N*s/m")},
+        units={"spring": "N", "damper": "N"}, effects=effects,
+    )  # fmt: skip
+
+
+def response(model, time, force, values=None, effects=()):
+    found = model.assemble(effects).evaluate({"time": time, "force_channel": force}, values)
+    return found["x_measured"]
+
+
+@pytest.fixture(params=["numba", "numpy"])
+def way(request, monkeypatch):
+    if request.param == "numpy":
+        monkeypatch.setattr(march, "_numba", lambda: None)
+    else:
+        pytest.importorskip("numba")
+    return request.param
+
+
+TIME = np.arange(800) / 2000
+
+
+def test_free_decay_in_closed_form(way):
+    """1/omega_d exp(-d t) sin: of a start away from rest, without a force."""
+    decay, omega = 10.0, np.sqrt(1e4 - 100.0)
+    expected = 2.0 * np.exp(-decay * TIME) * (np.cos(omega * TIME) + decay / omega * np.sin(omega * TIME))
+    found = response(oscillator(start=2e-3), TIME, np.zeros(TIME.size))
+    assert np.max(np.abs(found - expected)) < 1e-3  # a tenth of the noise
+
+
+def test_nonlinear_with_a_state_of_an_effect(way):
+    """Against scipy's DOP853 at 1e-10, the input a straight line between samples."""
+    force = 60 * np.sin(2 * np.pi * 12 * TIME + 40 * TIME**2)
+
+    def rates(t, s):
+        x, v, c = s
+        pull = 1e4 * x + 4e6 * x**3 + 5e3 * c
+        return [v, np.interp(t, TIME, force) - pull - 20 * v, 7.0 * (x - c)]
+
+    truth = solve_ivp(
+        rates, (0, TIME[-1]), [0, 0, 0], "DOP853", TIME, rtol=1e-10, atol=1e-13, max_step=1 / 2000
+    )
+    found = response(
+        oscillator([cubic_spring, creeping]), TIME, force,
+        {"cubic-spring.size": 4e6, "creep.share": 5e3, "creep.pace": 7.0}, ["cubic-spring", "creep"],
+    )  # fmt: skip
+    assert np.max(np.abs(found - 1e3 * truth.y[0])) < 1e-3
+    assert 1 < np.max(np.abs(found)) < 100
+
+
+def test_stiff_system_takes_the_implicit_method(way):
+    """An overdamped one whose fast root is far beyond what Runge-Kutta can take: closed form of the slow one."""
+    model = oscillator(start=1e-3, damping=1e6)
+    found = response(model, TIME, np.zeros(TIME.size))
+    slow = (-1e6 + np.sqrt(1e12 - 4e4)) / 2
+    assert np.max(np.abs(found - np.exp(slow * TIME))) < 1e-3
+    assert "stiff" in model.rates.solver(model).method()
+
+
+def test_effects_that_are_off_change_nothing(way):
+    force = 30 * np.cos(2 * np.pi * 15 * TIME)
+    plain = response(oscillator(), TIME, force)
+    assert np.allclose(response(oscillator([cubic_spring, creeping]), TIME, force), plain, rtol=1e-12, atol=0)
+    neutral = {"cubic-spring.size": 0.0, "creep.share": 0.0}
+    model = oscillator([cubic_spring, creeping])
+    assert np.allclose(
+        response(model, TIME, force, neutral, ["cubic-spring", "creep"]), plain, rtol=1e-6, atol=1e-9
+    )
