@@ -16,17 +16,15 @@ import inspect
 import types
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
 
-if TYPE_CHECKING:
-    from specan.models.evaluation import Evaluator
-
 Array = NDArray[np.float64]
+Evaluator = Any  # an assembly: its module imports this one
 MOST_STEPS = 32  # of Runge-Kutta a sample; a system that needs more is stiff
 MOST_IMPLICIT = 64  # of the implicit method
 EXACT = 1e-4  # of a state's RMS: change on doubling the steps that is small where no noise is declared
