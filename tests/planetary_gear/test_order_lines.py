@@ -302,6 +302,17 @@ def test_errors_are_the_measurement_less_the_model_with_its_gains() -> None:
     assert held_out_error(problem, best, made[1:]).errors[0].rms == pytest.approx(2 * error.rms, rel=0.01)
 
 
+def test_unseen_lines_teach_nothing_where_their_path_was_heard_before() -> None:
+    """Gains come from fitted recordings at the same speed; a level that changes with the load stays in the error."""
+    fitted, louder = observed(2j * TRUTH, 0.01), observed(3j * TRUTH, 0.01)
+    problem = base_problem(comb(TRUTH), [fitted])
+    best = fit(problem, starts=1)
+    size = np.sqrt(np.mean(np.abs(TRUTH) ** 2) / 2)
+    for path, rms in ((fitted.path, size), (fitted.path + 2, 0.0)):
+        unseen = replace(louder, path=path, learned=fitted)
+        assert held_out_error(problem, best, [unseen]).errors[0].rms == pytest.approx(rms, abs=1e-9)
+
+
 @pytest.fixture
 def sidebands_low():
     """A problem whose model has sidebands of a harmonic 20 times too low: 26 dB; and its fit."""

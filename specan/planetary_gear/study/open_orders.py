@@ -58,27 +58,26 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     known: OrderLines | None = model.for_kinds.get("orders")
     if known is None:
         raise RequestError(f"the model {model.name} predicts no order lines", remedy="give a table instead")
-    fitted, held_out, statements = [], [], []
-    first: OrderLinesObservation | None = None
+    wholes: list[OrderLinesObservation] = []
+    statements = []
     for file in (*wanted.measurements, *wanted.validations):
         whole, said = observe(model, known, wanted, file)
-        if first is None:
-            first = whole
-        else:
-            whole, turned = like(first, whole, known)
+        if wholes:
+            whole, turned = like(wholes[0], whole, known)
             said += turned
+        wholes.append(_on_its_path(whole, wholes))
         statements += said
-        if file in wanted.validations:
-            held_out.append(whole)
-            continue
-        aside = put_aside(whole, file, wanted, partial(_label, whole=whole, model=model))
-        if not np.all(aside):
-            fitted.append(whole.take(~aside))
-        if np.any(aside):
-            held_out.append(whole.take(aside))
-    fitted, held_out = ([joined(_on_paths(parts))] if parts else [] for parts in (fitted, held_out))
+    aside = [
+        put_aside(whole, file, wanted, partial(_label, whole=whole, model=model))
+        for file, whole in zip(wanted.measurements, wholes, strict=False)
+    ]
+    parts = list(zip(wholes, aside, strict=False))
+    fitted = [whole.take(~out) for whole, out in parts if not np.all(out)]
+    held_out = [whole.take(out) for whole, out in parts if np.any(out)] + wholes[len(aside) :]
     if not fitted:
         raise RequestError("everything that was measured is held out", remedy="hold out less")
+    together = joined(fitted)
+    unseen = (replace(joined(held_out), learned=together),) if held_out else ()
     common = (
         f"every line: model discrepancy {100 * known.discrepancy:.3g} %, common to lines within a few orders; lines "
         f"three passages beside: {100 * known.path:.3g} % for the path of each harmonic to each sensor, nearer ones in "
@@ -86,18 +85,16 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         f"{100 * known.response:.3g} %, common to a harmonic (from the rig file or its defaults); a free gain for "
         "every harmonic of each sensor"
     )
-    return OpenedData(tuple(fitted), tuple(held_out), (*statements, common), True, 100 * known.discrepancy)
+    return OpenedData((together,), unseen, (*statements, common), True, 100 * known.discrepancy)
 
 
-def _on_paths(parts: Sequence[OrderLinesObservation]) -> list[OrderLinesObservation]:
-    """The same with the number of each row's path: a sensor's is that of another recording at nearly its speed."""
-    found: list[OrderLinesObservation] = []
-    for number, part in enumerate(parts):
-        speed = part.point["sun_speed"][0]
-        near = [o for o in found if abs(np.log(speed / o.point["sun_speed"][0])) < ONE_SPEED]
-        path = near[0].path if near else number * part.path.size + np.arange(part.path.size)
-        found.append(replace(part, path=path))
-    return found
+def _on_its_path(
+    whole: OrderLinesObservation, others: Sequence[OrderLinesObservation]
+) -> OrderLinesObservation:
+    """The same with numbers of its rows' paths: a sensor's is that of another recording at nearly its speed."""
+    speed = whole.point["sun_speed"][0]
+    near = (o.path for o in others if abs(np.log(speed / o.point["sun_speed"][0])) < ONE_SPEED)
+    return replace(whole, path=next(near, len(others) * whole.path.size + whole.path))
 
 
 def observe(

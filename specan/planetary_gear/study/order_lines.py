@@ -16,6 +16,7 @@ N^(1/2) V^(-1/2) (measured - predicted). `plain` is the prediction itself.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -34,6 +35,7 @@ Complex = NDArray[np.complex128]
 
 REACH = 4.0  # orders within which the model's error is common to lines
 MOST = 2.0  # times a prediction: largest line that its relative errors are taken of
+ROUNDING = 1e-9  # of the strongest line of its gain: a smaller one is none
 FAR = 3  # passages of the planets from which on a path is as little known as it gets
 START = 0.3  # relative error that all lines are given for the first gains
 
@@ -90,6 +92,8 @@ class OrderLinesObservation(KeptLines):
         The same as printed, with words.
     noise_dof : float
         Degrees of freedom of the noise estimate.
+    learned : OrderLinesObservation, optional
+        Where these lines are held out: those that were fitted.
     """
 
     name: str
@@ -109,6 +113,7 @@ class OrderLinesObservation(KeptLines):
     point: Mapping[str, Array]
     levels: Mapping[str, tuple[Array, Variable]] = field(default_factory=dict)
     noise_dof: float = np.inf
+    learned: OrderLinesObservation | None = field(default=None, repr=False)
     observable: str = "lines"
     kind: ClassVar[str] = "orders"
     level_of: ClassVar[str] = "levels of lines"
@@ -204,13 +209,34 @@ class OrderLinesObservation(KeptLines):
         """The model's lines in place of `measured`, with the gain of each sensor and harmonic that leaves least error.
 
         Nothing else is learned from the lines: what the model is declared not to know stays in the error. The gains are
-        not those of the fit: where errors are correlated and the model is far off, these lie beside all lines.
+        not those of the fit: where errors are correlated and the model is far off, these lie beside all lines. Lines
+        that are held out have the gains of those that were fitted and heard through the same path.
         """
         lines = self._model_lines(assembly, values)
+        gains = self._shown_gains(lines)
+        if self.learned is not None:
+            elsewhere = self.learned._by_path(assembly, values)
+            gains = [elsewhere.get(key, own) for key, own in zip(self._paths, gains, strict=True)]
         predicted = np.zeros(self.kept.shape, dtype=complex)
-        for group, gain in zip(self.of_one_gain, self._shown_gains(lines), strict=True):
+        for group, gain in zip(self.of_one_gain, gains, strict=True):
             predicted[group] = gain * lines[group]
         return self.stack(predicted)
+
+    @property
+    def _paths(self) -> list[tuple[int, int]]:
+        """Path and harmonic of each group of `of_one_gain`."""
+        first = (np.argwhere(group)[0] for group in self.of_one_gain)
+        return [(int(self.path[row]), int(self.harmonic[line])) for row, line in first]
+
+    def _by_path(self, assembly: Assembly, values: Mapping[str, Any]) -> dict[tuple[int, int], Any]:
+        """Gain of each path and harmonic, by least squares over all recordings that it is heard in."""
+        lines = self._model_lines(assembly, values)
+        size: defaultdict[tuple[int, int], float] = defaultdict(float)
+        cross: defaultdict[tuple[int, int], complex] = defaultdict(complex)
+        for key, group in zip(self._paths, self.of_one_gain, strict=True):
+            size[key] += np.vdot(lines[group], lines[group]).real
+            cross[key] += np.vdot(lines[group], self.amplitude[group])
+        return {key: cross[key] / size[key] for key in size if size[key] > 0}
 
     def path_gains(self, assembly: Assembly, values: Mapping[str, Any]) -> list[dict[str, Any]]:
         """Of each recording: the gains that `plain` learns from its lines, and the RMS error without them."""
@@ -281,6 +307,7 @@ class OrderLinesObservation(KeptLines):
         np.maximum.at(strongest, groups, np.abs(lines))
         there = strongest > 0
         lines = lines / np.where(there, strongest, 1.0)[groups]
+        lines = np.where(np.abs(lines) > ROUNDING, lines, 0.0)
         # The gain is wanted to a part of the relative errors: one step from equal errors of all lines is enough.
         weight = 1.0 / (self.noise[self.kept] ** 2 + (START * np.abs(measured)) ** 2)
         size = np.where(there, np.bincount(groups, weight * np.abs(lines) ** 2), 1.0)
