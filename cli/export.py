@@ -61,8 +61,8 @@ def command(
 ) -> int:
     """Write the samples of a recording, in SI units, for other programs.
 
-    Sensitivities of a calibration are applied; phase and delay corrections apply to transfer functions only, which
-    specan frf writes, as universal files too.
+    Sensitivities of a calibration are applied. Phase and delay corrections apply to transfer functions only; the verb
+    frf writes those.
 
     \b
     specan export sample_data/recordings/knock.tdms --channel "Mic 1" --decimal , -o knock.csv

@@ -32,7 +32,7 @@ def _variables(colours: dict[str, str], accent: str) -> str:
 
 # The document's own style; custom properties pass into the shadow roots of the widgets.
 TEMPLATE = (
-    """{% block preamble %}<style>
+    """{% block preamble %}<meta name="viewport" content="width=device-width, initial-scale=1"><style>
 :root {"""
     + _variables(_LIGHT, _ACCENT["light"])
     + """ color-scheme: light; }
@@ -47,6 +47,12 @@ font: 13px/1.45 system-ui, "Segoe UI", sans-serif; }
   const model = (name) => window.Bokeh?.documents[0]?.get_model_by_name(name);
   const seek = (views, id) => { for (const v of views) { if (v.model.id == id) return v.el;
     const f = seek(v.child_views ?? [], id); if (f) return f; } };
+  const unnamed = (root) => { for (const e of root.querySelectorAll('*')) { if (e.shadowRoot) unnamed(e.shadowRoot);
+    const own = e.getRootNode().host?.ariaLabel; if (e.tagName == 'BUTTON' && own) e.ariaLabel = own;
+    if (['INPUT', 'SELECT'].includes(e.tagName) && !e.ariaLabel
+      && ![...(e.labels ?? [])].some((l) => l.textContent.trim()))
+      e.ariaLabel = e.placeholder || e.getRootNode().host?.shadowRoot.textContent.trim() || 'value'; } };
+  setInterval(() => unnamed(document), 1000);
   const press = (name) => { const m = model(name); if (!m) return;
     const all = Bokeh.index; const views = Object.values(all).length ? Object.values(all) : [...all];
     seek(views, m.id)?.shadowRoot.querySelector('button')?.click(); };
@@ -68,7 +74,8 @@ _WIDGETS = """
 .bk-input-group > label, .bk-label { color: var(--soft); font-size: 12px; margin-bottom: 1px; }
 .bk-input { background: var(--paper); color: var(--ink); border: 1px solid var(--line); border-radius: 5px;
 font-size: 13px; padding: 2px 6px; min-height: 26px; height: 26px; }
-select.bk-input { padding-right: 20px; } select[multiple].bk-input { height: auto; padding: 2px; }
+select:not([multiple]).bk-input { appearance: auto; background-image: none; }
+select[multiple].bk-input { height: auto; padding: 2px; }
 .bk-input:focus { border-color: var(--accent); box-shadow: none; outline: 1px solid var(--accent); }
 .bk-btn { background: var(--panel); color: var(--ink); border: 1px solid var(--line); border-radius: 5px;
 font-size: 13px; padding: 3px 9px; overflow: hidden; text-overflow: ellipsis; }
@@ -76,13 +83,13 @@ font-size: 13px; padding: 3px 9px; overflow: hidden; text-overflow: ellipsis; }
 .bk-btn.bk-active { background: var(--accent); border-color: var(--accent); color: var(--paper); box-shadow: none; }
 .bk-btn-primary { background: var(--accent); border-color: var(--accent); color: var(--paper); }
 .bk-btn-primary:hover { color: var(--paper); filter: brightness(1.1); }
-.bk-btn[disabled] { opacity: 0.45; }
+.bk-btn[disabled], .bk-btn[disabled]:hover { background: var(--panel); color: var(--soft); border-color: var(--line); }
 .bk-btn-light { background: transparent; border-color: transparent; text-align: left; padding-left: 2px; }
 table { border-collapse: collapse; font-size: 12px; font-variant-numeric: tabular-nums; }
 th { color: var(--soft); font-weight: 600; text-align: left; padding: 1px 12px 1px 0; position: sticky; top: 0;
 background: var(--paper); }
 td { padding: 1px 12px 1px 0; border-top: 1px solid var(--line); white-space: nowrap; }
-td.long { white-space: normal; }
+td.long, td:last-child { white-space: normal; }
 details > summary { cursor: pointer; color: var(--soft); font-weight: 600; padding: 2px 0; }
 p { margin: 4px 0; } h3 { margin: 4px 0; font-size: 14px; } h4 { margin: 6px 0 2px; }
 """
@@ -92,6 +99,23 @@ PANEL = {
     "border-radius": "6px",
     "padding": "6px",
 }
+
+
+STACKED = "flex: none !important; flex-direction: column !important; height: auto !important; width: 100% !important;"
+FIGURES = (
+    ".bk-Column, .bk-Figure { flex: none !important; width: 100% !important; height: 400px !important; }"
+)
+
+
+def whole_width(height: str) -> InlineStyleSheet:
+    """A part that has a line of its own where the window is narrow."""
+    size = f"height: {height} !important; width: 100% !important"
+    return on_phone(f"flex: none !important; box-sizing: border-box; {size};")
+
+
+def on_phone(css: str, inside: str = "") -> InlineStyleSheet:
+    """A style of a part of the page where the window is narrow, and rules for what is inside."""
+    return InlineStyleSheet(css=f"@media (max-width: 720px) {{ :host {{ {css} }} {inside} }}")
 
 
 def _theme(colours: dict[str, str]) -> Theme:
@@ -183,6 +207,7 @@ def header(document: Document, title: str, kind: str, presses: Iterable[tuple[st
     name = Div(text=text, styles={"white-space": "nowrap", "overflow": "hidden", "text-overflow": "ellipsis"})
     return row(
         name, Spacer(sizing_mode="stretch_width"), *buttons, dark_toggle(document), sizing_mode="stretch_width",
+        stylesheets=[on_phone("flex-wrap: wrap;")],
         styles={"align-items": "center", "border-bottom": "2px solid var(--accent)", "margin-bottom": "5px"},
     )  # fmt: skip
 

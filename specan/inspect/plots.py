@@ -84,6 +84,7 @@ class HarmonicCursor:
             Span(dimension=dimension, line_color=colour, line_dash="dashed", line_width=1, visible=False)
             for _ in range(_HARMONICS)
         ]
+        self._spans[0].update(name="cursor-line", editable=True)
         for span in self._spans:
             sheet.add_layout(span)
 
@@ -91,7 +92,8 @@ class HarmonicCursor:
         """Move the lines, or hide them."""
         for number, span in enumerate(self._spans, 1):
             span.visible = frequency is not None and (number == 1 or harmonics)
-            span.location = (frequency or 1.0) * number
+            span.tags = [(frequency or 1.0) * number]  # what is not dragged there
+            span.location = span.tags[0]
             span.line_alpha = 0.9 if number == 1 else 0.45
 
 
@@ -121,7 +123,7 @@ class PanelPlot:
     ) -> None:
         grows = {} if height else {"flex": f"{share + 1} 1 0", "min-height": "0"}
         self.sheet: Any = figure(
-            height=height, min_height=56, sizing_mode="stretch_width" if height else "stretch_both",
+            height=height, min_height=76, sizing_mode="stretch_width" if height else "stretch_both",
             styles={"background": "var(--paper)", **grows}, x_axis_type="log" if hertz else "linear",
             x_range=like.sheet.x_range if like else Range1d(20, 20000) if hertz else Range1d(0, 1),
             y_range=Range1d(0, 1), tools=[], output_backend="canvas",

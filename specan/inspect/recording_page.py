@@ -8,11 +8,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Checkbox, Div, MultiSelect, NumericInput, RadioButtonGroup, ScrollBox
+from bokeh.models import (
+    Checkbox,
+    CustomJS,
+    Div,
+    MultiSelect,
+    NumericInput,
+    RadioButtonGroup,
+    ScrollBox,
+    TextInput,
+)
 
 from specan.data.calibration import stated
 from specan.errors import RequestError, SpecanError
-from specan.inspect.look import KEYS, PANEL, BrowserLink, Busy, Dress, asked_for, header, notice, sheet
+from specan.inspect.look import (
+    KEYS,
+    PANEL,
+    STACKED,
+    BrowserLink,
+    Busy,
+    Dress,
+    asked_for,
+    header,
+    notice,
+    on_phone,
+    sheet,
+    whole_width,
+)
 from specan.inspect.opened import Opened
 from specan.inspect.plots import plain
 from specan.inspect.tabs.info import InfoTab
@@ -33,6 +55,8 @@ if TYPE_CHECKING:
 FIRST_CHANNELS = 4  # on screen when nothing else is said
 _LEFT, _RIGHT = 214, 270  # px
 _GROWS = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
+_FILTER = """const text = cb_obj.value_input.toLowerCase();
+list.options = all.filter(([key, label]) => label.toLowerCase().includes(text));"""
 _CENTRED = {"display": "flex", "align-items": "center", "justify-content": "center"}
 _PICTURE_EVERY = 8  # pieces that are read
 _SETTLE_MS = 60  # a pan sends many ranges; one drawing answers them
@@ -101,6 +125,7 @@ class RecordingPage:
             labels=[tab.title for tab in self.tabs.values()],
             active=list(self.tabs).index(view.tab),
             name="tabs",
+            stylesheets=[on_phone("overflow-x: auto;", ".bk-btn-group { width: max-content; }")],
         )
         self._front.on_change("active", lambda a, old, new: self.change(tab=list(self.tabs)[new]))
         self._waiting = Div(text="", sizing_mode="stretch_both", styles=_CENTRED)
@@ -112,16 +137,21 @@ class RecordingPage:
         title = " with ".join(r.label for r in self.opened.recordings)
         middle = column(
             self.waveform.sheet, self._front, self._controls, self.status.div, self._body,
-            sizing_mode="stretch_both", styles=_GROWS,
+            sizing_mode="stretch_both", styles=_GROWS, stylesheets=[whole_width("820px")],
         )  # fmt: skip
-        self._right = ScrollBox(child=self._side, width=_RIGHT, sizing_mode="stretch_height", styles=PANEL)
+        self._right = ScrollBox(
+            child=self._side, width=_RIGHT, sizing_mode="stretch_height", styles=PANEL,
+            stylesheets=[whole_width("220px")],
+        )  # fmt: skip
         main = row(
-            self._left(), middle, self._right, sizing_mode="stretch_both", styles={**_GROWS, "gap": "8px"}
-        )
+            self._left(), middle, self._right, sizing_mode="stretch_both", styles={**_GROWS, "gap": "8px"},
+            stylesheets=[on_phone(STACKED)],
+        )  # fmt: skip
         self.document.add_root(
             column(
                 self._header(title), main, *self.link.widgets, sizing_mode="stretch_width",
                 styles={"height": "100vh", "padding": "0 8px 6px", "box-sizing": "border-box"},
+                stylesheets=[on_phone("height: auto !important;")],
             )
         )  # fmt: skip
         self.document.title = f"{title} - specan"
@@ -136,6 +166,10 @@ class RecordingPage:
             size=min(max(len(texts), 4), 28), width=_LEFT - 14, name="channels", sizing_mode="stretch_height",
             stylesheets=["select[multiple].bk-input { height: 100% !important; }"],
         )  # fmt: skip
+        search = TextInput(placeholder="Filter channels", width=_LEFT - 14, name="filter")
+        search.js_on_change(
+            "value_input", CustomJS(args={"list": self._channels, "all": texts}, code=_FILTER)
+        )
         self._channels.on_change("value", lambda a, old, new: self.change(channel=tuple(new)))
         self._start = NumericInput(
             title="Section from / s", value=view.start, mode="float", width=92, name="start"
@@ -150,10 +184,9 @@ class RecordingPage:
         harmonics = Checkbox(label="harmonics", active=view.harmonics, name="harmonics", margin=(26, 0, 0, 4))
         harmonics.on_change("active", lambda a, old, new: self.change(harmonics=new))
         return column(
-            self._channels, row(self._start, self._stop), row(self._cursor, harmonics),
+            search, self._channels, row(self._start, self._stop), row(self._cursor, harmonics),
             Div(text=notice(f"Calibration: {self.opened.calibration}"), width=_LEFT - 14, name="calibration"),
-            width=_LEFT,
-            sizing_mode="stretch_height", styles=PANEL,
+            width=_LEFT, sizing_mode="stretch_height", styles=PANEL, stylesheets=[whole_width("340px")],
         )  # fmt: skip
 
     def _header(self, title: str) -> Any:

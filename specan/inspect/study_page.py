@@ -13,7 +13,9 @@ from bokeh.models import Button, Div, ScrollBox, TextInput
 
 from specan.errors import RequestError
 from specan.inspect.look import (
+    FIGURES,
     PANEL,
+    STACKED,
     STUDY_KEYS,
     BrowserLink,
     Busy,
@@ -22,7 +24,9 @@ from specan.inspect.look import (
     folded,
     header,
     notice,
+    on_phone,
     sheet,
+    whole_width,
 )
 from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
 from specan.inspect.study_views.errors import FailingMap, Staircase
@@ -130,23 +134,32 @@ class StudyPage:
                 child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=_share(2)
             ),
             self.reason, row(self.accept, self.again), width=_SIDE + 12, sizing_mode="stretch_height", styles=PANEL,
+            stylesheets=[whole_width("560px")],
         )  # fmt: skip
         self._top = row(
             self.staircase.body, sizing_mode="stretch_both",
-            styles=_share(4),
+            styles=_share(4), stylesheets=[on_phone(STACKED, FIGURES)],
         )  # fmt: skip
         bottom = row(
             *(part.body for part in self.agreement),
             sizing_mode="stretch_both",
             styles=_share(5),
+            stylesheets=[on_phone(STACKED, FIGURES)],
         )
         self._bottom = bottom
-        self._middle = column(story, self._top, sizing_mode="stretch_both", styles={**grows, "gap": "4px"})
+        self._middle = column(
+            story,
+            self._top,
+            sizing_mode="stretch_both",
+            styles={**grows, "gap": "4px"},
+            stylesheets=[whole_width("auto")],
+        )
         main = row(
             left,
             self._middle,
             sizing_mode="stretch_width",
             styles={"height": "calc(100vh - 52px)", "gap": "8px"},
+            stylesheets=[on_phone(STACKED)],
         )
         below = column(self.trial, self.history, sizing_mode="stretch_width")
         self.document.add_root(

@@ -16,6 +16,7 @@ from specan.result import counted
 from specan.units import level_reference
 
 _DYNAMICS_DB = 100.0  # that a figure shows at most
+_PICTURE_DB = 60.0  # that colours show: more would hide what differs by a few
 _ORDERS_DB = 90.0
 _PHASE_DB = 40.0  # below its highest line a spectrum's phase is not drawn
 _KNOWN = 0.5  # relative uncertainty of a magnitude up to which it sets the limits of the axis
@@ -118,7 +119,7 @@ def figure_spectrogram(found: Spectrogram) -> Drawing:
     )
     return Drawing(
         found.label or "Spectrogram", (about,), "Time / s", pictures=tuple(pictures), hertz=True,
-        dynamics_dB=_DYNAMICS_DB,
+        dynamics_dB=_PICTURE_DB,
     )  # fmt: skip
 
 

@@ -355,3 +355,15 @@ def test_no_browser_is_told_and_the_page_is_served(tmp_path: Path):
     finally:
         process.terminate()
         process.communicate(timeout=20)
+
+
+def test_a_line_that_is_dragged_moves_the_cursor():
+    moved: list[float] = []
+    tab = OctaveTab(Opened([recording()]), View(), lambda **changes: moved.append(changes["cursor"]))
+    figure = tab.figures[0]
+    (line,) = figure.sheet.select({"name": "cursor-line"})
+    assert line.editable
+    figure.cursor(500.0, False)
+    assert (line.location, moved) == (500.0, [])  # what the page shows is no drag
+    line.location = 812.345678
+    assert moved == [812.346]

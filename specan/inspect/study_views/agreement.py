@@ -82,7 +82,8 @@ class TableAgreement:
         self.sheet.legend.label_text_font_size = "11px"
         self.sheet.legend.spacing = 8
         self.body: Any = column(
-            row(self.ordinate, self.abscissa, self.hue), self.sheet, sizing_mode="stretch_both",
+            row(self.ordinate, self.abscissa, self.hue, styles={"flex-wrap": "wrap"}), self.sheet,
+            sizing_mode="stretch_both",
             styles={"flex": "1 1 0", "min-height": "0"},
         )  # fmt: skip
 

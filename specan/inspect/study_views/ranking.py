@@ -44,7 +44,9 @@ class Ranking:
         self._others: dict[str, Uses] = {}
         self._choice = Select(value="", width=200, name="others")
         self._choice.on_change("value", lambda a, old, new: self.explain(self._others[new]) if new else None)
-        button = Button(label="Try", width=50, name="try-other")
+        button = Button(
+            label="Try", width=50, name="try-other", html_attributes={"aria-label": "Try another"}
+        )
         button.on_click(
             lambda: self._pressed(self._others[self._choice.value]) if self._choice.value else None
         )
@@ -147,7 +149,9 @@ class Ranking:
 
     def _new_line(self, uses: Uses) -> Any:
         name = " with ".join(uses)
-        button = Button(label="Try", width=44, name=f"try-{name}")
+        button = Button(
+            label="Try", width=44, name=f"try-{name}", html_attributes={"aria-label": f"Try {name}"}
+        )
         button.on_click(partial(self._pressed, uses))
         about = Button(
             label=name, button_type="light", width=140, name=f"about-{name}", stylesheets=[_WRAPPED]

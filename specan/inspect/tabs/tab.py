@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -88,11 +89,17 @@ class Tab:
         return []
 
     def add_figure(self, figure: Spectral) -> None:
-        """A figure over frequency: it shows the cursor, and a click on it moves the cursor."""
+        """A figure over frequency: it shows the cursor, and a click on it or a drag moves the cursor."""
         self.figures.append(figure)
+        for span in figure.sheet.select({"name": "cursor-line"}):
+            span.on_change("location", partial(self._dragged, figure, span))
         figure.sheet.on_event(
             "tap", lambda event: self.change(cursor=float(f"{figure.frequency_at(event):.6g}"))
         )
+
+    def _dragged(self, figure: Spectral, span: Any, attribute: str, old: float, new: float) -> None:
+        if [new] != span.tags and new > 0:
+            self.change(cursor=float(f"{figure.frequency_at(SimpleNamespace(x=new, y=new)):.6g}"))
 
     # --- for the tabs -----------------------------------------------------------------------------
 
