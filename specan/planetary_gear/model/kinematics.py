@@ -168,8 +168,8 @@ def line_statement(rig: Rig, harmonics: int) -> OrderLines:
     return OrderLines(
         order=orders,
         harmonic=number,
-        passages=np.array([_passages(gear, float(o)) for o in offset]),
-        family=tuple(_family(gear.z_ring, abs(float(o))) for o in offset),
+        passages=np.array([_origin(gear, float(o))[1] for o in offset]),
+        family=tuple(_family(gear, *line) for line in zip(orders.tolist(), offset.tolist(), strict=True)),
         sun_turns=1.0 / carrier_speed_ratio(gear),
         torque=rig.operation.carrier_torque_Nm,
         period=repeat_turns(gear),
@@ -179,17 +179,21 @@ def line_statement(rig: Rig, harmonics: int) -> OrderLines:
     )
 
 
-def _passages(gear: Gear, offset: float) -> int:
-    """Whole orders between a line and the nearest that uneven wheels give each planet's meshes."""
+def _origin(gear: Gear, offset: float) -> tuple[str, int]:
+    """What makes a line so far from the mesh, and how many passages of the planets lie between."""
     sun, planet = float(sun_order(gear)), float(planet_order(gear))
-    own = np.array(
-        [0.0, *(sign * source for source in (planet, *(m * sun for m in MULTIPLES)) for sign in (-1, 1))]
-    )
-    away = offset - own
-    whole = away[np.abs(away - np.rint(away)) < 1e-6]
-    return int(np.rint(min(whole, key=abs, default=0.0)))
+    away = {"": offset}
+    for sign in (-1, 1):
+        away |= {f"planet {sign}": offset - sign * planet}
+        away |= {f"sun {sign * m}": offset - sign * m * sun for m in MULTIPLES}
+    whole = {name: round(rest) for name, rest in away.items() if abs(rest - round(rest)) < 1e-6}
+    if abs(offset) == gear.z_ring / 2 or not whole:
+        return "half mesh", 0
+    nearest = min(whole, key=lambda name: abs(whole[name]))
+    return nearest.partition(" ")[0], whole[nearest]
 
 
-def _family(mesh: int, offset: float) -> str:
-    """``66h`` or ``66h+-3.75``."""
-    return f"{mesh}h+-{offset:.5g}" if offset else f"{mesh}h"
+def _family(gear: Gear, order: float, offset: float) -> str:
+    """``66h``, ``66h+-3``, ``66h+-1 (planets unlike)`` or ``66h+-3.75 (sun)``."""
+    part = _origin(gear, offset)[0] or ("" if _any_path_shows(gear, order) else "planets unlike")
+    return f"{gear.z_ring}h" + (f"+-{abs(offset):.5g}" if offset else "") + (f" ({part})" if part else "")

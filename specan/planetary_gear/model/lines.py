@@ -24,7 +24,7 @@ class OrderLines:
     passages : array of int (lines,)
         How many passages of a planet a turn it lies beside what a single planet's meshes would have there.
     family : tuple of str
-        What each line is called together with those of the other harmonics: ``66h+-1``.
+        What each line is called together with those of the other harmonics: ``66h+-3.75 (sun)``.
     sun_turns : float
         Turns of the sun per turn of the carrier.
     torque : float

@@ -1,4 +1,4 @@
-"""Figures of a study of order lines: measured and model lines over order, and what is between their levels."""
+"""Figures of a study of order lines: measured and model lines over order, and what is left."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from specan.planetary_gear.study.order_lines import OrderLinesObservation
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.report.study_words import state_of
 from specan.study.observation import Array
-from specan.study.observation.kept_lines import ABOVE_NOISE
 from specan.units import axis_label
 
 if TYPE_CHECKING:
@@ -24,10 +23,10 @@ if TYPE_CHECKING:
 
 @styled
 def figure_compare_orders(study: Study, channel: str | None = None) -> Figure:
-    """Lines of one sensor, measured and model, and the difference of their levels.
+    """Lines of one sensor, measured and model, and what is left between them.
 
-    The sensor is by default that with the largest error. One column a harmonic, one colour a family of lines; grey
-    where neither stands out of the noise. Levels are taken with the noise, below which nothing is known.
+    The sensor and recording are by default those with the largest error. One column a harmonic, one colour for what
+    makes a line. Grey is the noise, and what is left below it is nothing.
 
     Raises
     ------
@@ -37,67 +36,74 @@ def figure_compare_orders(study: Study, channel: str | None = None) -> Figure:
     observation = study.problem.observations[0]
     assert isinstance(observation, OrderLinesObservation)
     model = observation.lines_of(study.problem.plain(study.shown.theta)[0])
-    sensor = _sensor(observation, model, channel)
-    kept = observation.kept[sensor]
-    noise = np.sqrt(2) * observation.noise[sensor]
-    measured, predicted = (np.hypot(np.abs(lines[sensor]), noise) for lines in (observation.amplitude, model))
-    out = kept & (np.maximum(measured, predicted) ** 2 > (1 + ABOVE_NOISE) * noise**2)
-    groups = {name: kept & (observation.family == name) for name in dict.fromkeys(observation.family[out])}
-    groups["no line above the noise"] = kept & ~np.isin(observation.family, list(groups))
+    row = _row(observation, model, channel)
+    kept, noise = observation.kept[row], np.sqrt(2) * observation.noise[row]
+    measured, predicted = np.abs(observation.amplitude[row]), np.abs(model[row])
+    left = np.abs(observation.amplitude[row] - model[row])
+    parts = np.array([_part(family) for family in observation.family])
+    kept = kept & ((parts != "half mesh") | (measured > 2 * noise))  # far from the others
     harmonics = np.unique(observation.harmonic[kept])
     figure = new_figure(5.6, max(1.4 + 2.4 * len(harmonics), 5.6))
-    grid = figure.subplots(2, len(harmonics), sharex="col", sharey="row", squeeze=False, height_ratios=[2, 1])
+    grid = figure.subplots(2, len(harmonics), sharex="col", sharey="all", squeeze=False, height_ratios=[3, 2])
+    floor = 0.5 * float(noise[kept].min())
     for harmonic, (top, bottom) in zip(harmonics, grid.T, strict=True):
-        bottom.axhline(0, color="0.5", lw=0.8)
-        for number, (name, lines) in enumerate(groups.items()):
-            mine = lines & (observation.harmonic == harmonic)
-            last = number == len(groups) - 1
-            colour, marker = (
-                ("0.7", "o")
-                if last
-                else (COLOURS[number % len(COLOURS)], "os^Dv"[number // len(COLOURS) % 5])
-            )
-            order, error_dB = observation.order[mine], 20 * np.log10(predicted[mine] / measured[mine])
-            top.plot(order, measured[mine], marker, ms=4, color=colour, label=name)
-            top.plot(order, predicted[mine], "_", ms=11, mew=1.4, color=colour)
-            bottom.vlines(order, 0, error_dB, color=colour, lw=0.8)
-            bottom.plot(order, error_dB, marker, ms=3, color=colour)
+        near = kept & (observation.harmonic == harmonic)
+        for axes in (top, bottom):
+            axes.fill_between(observation.order[near], floor, noise[near], color="0.88", lw=0, step="mid")
+        for part, colour in zip(dict.fromkeys(parts.tolist()), COLOURS, strict=False):
+            mine = near & (parts == part)
+            order = observation.order[mine]
+            top.vlines(order, floor, measured[mine], color=colour, lw=2.0, label=part)
+            shown = predicted[mine] > floor
+            top.plot(order[shown], predicted[mine][shown], "_", ms=12, mew=1.8, color="0.1")
+            bottom.vlines(order, floor, left[mine], color=colour, lw=2.0)
         top.set_title(f"h = {harmonic}")
         bottom.set_xlabel("Order")
-    grid[0, 0].set_yscale("log")
+    grid[0, 0].set(yscale="log", ylim=(floor, None))
     unit = study.model.observables[observation.observable].unit
     grid[0, 0].set_ylabel(axis_label("Amplitude", unit))
-    grid[1, 0].set_ylabel("Model -\nmeasured / dB")
-    figure.legend(
-        *grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=min(len(groups), 6)
-    )
+    grid[1, 0].set_ylabel(axis_label("|Difference|", unit))
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
     figure.align_ylabels(grid[:, 0])
     heading(
         figure, f"{study.directory.resolve().name}: measured and model", *state_of(study),
-        f"{observation.of_row[sensor]}, {observation.channels[sensor]}. Marks: measured. Dashes: model with "
-        "one gain a harmonic.",
+        f"{observation.of_row[row]}, {observation.channels[row]}. Lines: measured. Dashes: model with one gain a "
+        "harmonic. Grey: below it nothing is known.",
     )  # fmt: skip
     return figure
+
+
+def _part(family: str) -> str:
+    """What makes a line, from the name of its family."""
+    name, _, part = family.partition(" (")
+    return part.rstrip(")") or ("passing planets" if "+-" in name else "mesh")
 
 
 def draw_residuals(axes: Axes, observation: OrderLinesObservation, predicted: Array) -> float:
     """Draw what each line is off by, over its order; returns the largest."""
     gap = np.abs(observation.lines_of(predicted) - observation.amplitude)
-    for channel, mine, lines, colour in zip(
-        observation.channels, observation.kept, gap, cycle(COLOURS), strict=False
-    ):
-        axes.plot(observation.order[mine], lines[mine], "o", ms=3, color=colour, label=channel)
+    sensors = np.array(observation.channels)
+    for channel, colour in zip(dict.fromkeys(observation.channels), cycle(COLOURS), strict=False):
+        row, line = np.nonzero(observation.kept & (sensors == channel)[:, None])
+        axes.plot(observation.order[line], gap[row, line], "o", ms=3, color=colour, label=channel)
     axes.set(xlabel="Order", ylabel=f"|Model - measured| of {observation.name}")
     axes.legend(loc="upper left")
     return float(gap[observation.kept].max())
 
 
-def _sensor(observation: OrderLinesObservation, model: np.ndarray, channel: str | None) -> int:
-    """Number of a sensor in use; of that with the largest error if none is named."""
-    used = [name for name, lines in zip(observation.channels, observation.kept, strict=True) if lines.any()]
-    if channel is None:
-        gap = np.where(observation.kept, np.abs(model - observation.amplitude), 0.0)
-        return int(np.argmax(np.sum(gap**2, axis=1)))
-    if channel not in used:
-        raise RequestError(f"{channel!r} is not a channel that is fitted", remedy=nearest(channel, used))
-    return observation.channels.index(channel)
+def _row(observation: OrderLinesObservation, model: np.ndarray, channel: str | None) -> int:
+    """Number of a row of lines in use, of a sensor if one is named: that with the largest error over its lines."""
+    used = observation.kept.any(axis=1)
+    names = np.array(observation.channels)
+    if channel is not None:
+        if channel not in names[used]:
+            raise RequestError(
+                f"{channel!r} is not a channel that is fitted",
+                remedy=nearest(channel, sorted(set(names[used]))),
+            )
+        used &= names == channel
+    gap, size = (
+        np.sum(np.where(observation.kept, np.abs(lines) ** 2, 0.0), axis=1)
+        for lines in (model - observation.amplitude, observation.amplitude)
+    )
+    return int(np.argmax(np.where(used, gap / np.where(used, size, 1.0), -1.0)))
