@@ -15,7 +15,6 @@ from specan.result import Result, counted
 from specan.study.estimation.fit import intervals_95, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.selection.acceptance import left_out_errors
-from specan.study.selection.doubtful_data import CARRIES
 from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.pulls import Pull, pulls, shown
 from specan.study.selection.refits import Refit
@@ -426,7 +425,6 @@ MOST_IN_HEADLINE = 3  # sets of effects; the others stand in the table
 WITHIN_WHAT_IS_KNOWN = "Nothing is missing if the values are as known; the data alone would take others."
 
 # Unknown where the model meets all data but one condition or reading.
-OR_WRONG_DATA = "One condition is wrong, or something is missing there that is not on the list of effects."
 
 
 def headline(found: Diagnosis) -> str:
@@ -448,8 +446,6 @@ def headline_of(content: Mapping[str, Any]) -> str:
         return f"Nothing is missing with {content['other_form']}{sure.of('nothing')}."
     if kind == "nothing-missing" and content.get("unknown_possible") and not sure.stated:
         return WITHIN_WHAT_IS_KNOWN
-    if kind == "unknown-effect" and any(CARRIES in text for text in content.get("remarks", ())):
-        return OR_WRONG_DATA
     # The simplest first; the table below has them by likelihood.
     sets = [
         " with ".join(members) + sure.of_effects(members, len(content["alternatives"]) > 1)

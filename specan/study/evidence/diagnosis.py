@@ -22,7 +22,7 @@ from specan.study.evidence.judgement import (
     without_larger,
 )
 from specan.study.localisation.localise import localise
-from specan.study.selection.doubtful_data import odd_repeat, rows_of_two_kinds, suspect_rows
+from specan.study.selection.doubtful_data import odd_repeat, rows_of_two_kinds
 from specan.study.selection.pulls import pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
 from specan.study.selection.residual_law import residual_law
@@ -117,7 +117,7 @@ class _Telling:
         fails_at = self.try_to("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
         error = self.try_to("the error", lambda: error_fall(base, best if sets else base), None)
         law = None
-        if kind == "unknown-effect" and not suspect_rows(base):
+        if kind == "unknown-effect":
             law = self.try_to("a law of what is left", lambda: residual_law(base), None)
         proposals = self.try_to("what to measure next", lambda: self._next(kind, fails_at), ())
         rows = self.try_to("the table of what was tried", self._ranking, ())
@@ -262,10 +262,6 @@ class _Telling:
     def _next(self, kind: str, fails_at: Sequence[Any]) -> Sequence[Proposal]:
         if kind == "faulty-data":
             return ()
-        if kind == "unknown-effect" and suspect_rows(self.base):
-            return (
-                Proposal("what carries the misfit once more, before anything else", {}, {}, "", None, None),
-            )
         if kind == "unknown-effect":
             return explore(self.base, fails_at)
         told = [one for one in self.judged.stated if one.kind in ("effects", "nothing") and one.best.fitted]
@@ -286,7 +282,6 @@ class _Telling:
     def _remarks(self) -> list[str]:
         base, best = self.base, self._best.best
         remarks = [
-            ("suspect rows", lambda: suspect_rows(base)),
             ("rows without load", lambda: rows_of_two_kinds(base)),
             ("odd repeats", lambda: odd_repeat(base)),
             ("the scatter beside its uncertainty", lambda: too_good(base)),

@@ -38,6 +38,7 @@ OF_A_SETTING = (
     30.0,
 )  # the same of a scale without a zero, in its usual uncertainties of setting
 PLACES = 200  # rows from which on something may differ, or values above which, that are tried
+MOST_LINES = 6  # that a sentence names
 LEAST_ROWS = 3  # on either side of such a row
 WARM_UP = (0.05, 0.15)  # of the whole measurement, over which first rows settle
 
@@ -187,7 +188,7 @@ def faults(tangent: Tangent, predicted: Array) -> Iterator[Fault]:
 
 
 def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Iterator[Fault]:
-    """A zero or a gain of one observable that is not the same in all rows."""
+    """A zero or a gain of one observable that is not the same in all rows, or readings that are off."""
     relative, level = sizes_of(problem, predicted)
     for observable, rows in observable_rows(problem).items():
         unit = printed_unit(problem.assembly.model.observables[observable].unit)
@@ -197,6 +198,8 @@ def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Ite
                 columns = (size * rows)[:, None] * shape
                 if np.any(columns):
                     yield Fault(name.format(kind), text.format(kind), columns)
+        for name, text, shape in _off(o, rows):
+            yield Fault(name, text, (level * shape)[:, None])
 
 
 def _courses(o: TableObservation) -> Iterator[tuple[str, str, Array]]:
@@ -226,6 +229,21 @@ def _ranges(name: str, unit: str, rows: Rows, size: Array) -> Iterator[tuple[str
         shape = np.zeros((rows.size, 1))
         shape[np.flatnonzero(rows)[above]] = 1.0
         yield "{} of a range", f"{text}, as after a switch of range", shape
+
+
+def _off(o: TableObservation, rows: Rows) -> Iterator[tuple[str, str, Array]]:
+    """Single readings, and all repeats of a condition."""
+    for k in np.flatnonzero(rows):
+        yield "one reading", f"the reading of {_line_of(o, int(k))} is off", np.eye(1, o.n, k)[0]
+    if o.replicate_group is None:
+        return
+    for group in np.unique(o.replicate_group[rows]):
+        alike = np.flatnonzero(rows & (o.replicate_group == group))
+        if 1 < alike.size < rows.sum():
+            lines = ", ".join(_line_of(o, int(k)) for k in alike[:MOST_LINES])
+            more = f" and {alike.size - MOST_LINES} more" if alike.size > MOST_LINES else ""
+            shape = np.isin(np.arange(o.n), alike).astype(float)
+            yield "one condition", f"the readings of one condition are off ({lines}{more})", shape
 
 
 # --- conditions ---------------------------------------------------------------------------------

@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from specan.study.data.operating_table import IDLE
 from specan.study.estimation.fit import fit
 from specan.study.observation.table import TableObservation
-from specan.study.selection.refits import Refit, kept_with_refit
-from specan.study.selection.significance import lack_of_fit_probability
+from specan.study.selection.refits import Refit
 
 # Family-wise probability below which rows stand out, as of a lack of fit; and that above which the rest is whole.
 STANDS_OUT, WHOLE = 1e-3, 0.05
-CARRIES = "carries the misfit"  # in a remark on which the headline rests
 MOST_LINES = 6  # of a table that a sentence names
 LEAST_ROWS = 3  # of each kind, below which kinds are not compared
 LEAST_REPEATED = 20  # rows whose repeats tell what is usual
@@ -36,36 +34,6 @@ def _table(refit: Refit) -> _Table | None:
     if others or not isinstance(first, TableObservation):
         return None
     return None if first.lines is None or first.replicate_group is None else cast("_Table", first)
-
-
-@kept_with_refit  # a conclusion asks, and what is printed beside it
-def suspect_rows(refit: Refit) -> str:
-    """A sentence on the one condition, or the one reading, without which the model meets the data.
-
-    The chi-square that rows b take with them is S_b = r_b' (I - H_bb)^-1 r_b, the fall of the minimum when they are
-    left out, by linear algebra. Empty where the model meets the data, where nothing stands out, and where rows are few.
-    """
-    problem, observation = refit.problem, _table(refit)
-    if observation is None or problem.strategy.frugal or refit.lack_of_fit >= STANDS_OUT:
-        return ""
-    readings = [np.array([k]) for k in range(observation.n)]
-    conditions = [
-        np.flatnonzero(observation.replicate_group == cell) for cell in np.unique(observation.replicate_group)
-    ]
-    for kind, blocks in (("reading", readings), ("condition", conditions)):
-        falls = np.array([_fall(refit, block) for block in blocks])
-        worst = int(np.argmax(falls))
-        block = blocks[worst]
-        chance = len(blocks) * lack_of_fit_probability(falls[worst], block.size, problem.noise_dof)
-        if chance >= STANDS_OUT:
-            continue
-        # Refitted: a large error bends the fit out of the reach of linear algebra. What repeats of the other rows
-        # hold is no longer known by number, and counts as fit.
-        rest = problem.over([observation.take(~np.isin(np.arange(observation.n), block))])
-        if Refit(frozenset(), rest, fit(rest, start=refit.fit.theta, starts=2)).lack_of_fit > WHOLE:
-            where = _where(observation, block)
-            return f"one {kind} {CARRIES} ({where}): without it the model fits; check it before anything else"
-    return ""
 
 
 def odd_repeat(refit: Refit) -> str:
@@ -96,7 +64,6 @@ def odd_repeat(refit: Refit) -> str:
     return f"{_where(observation, lines)}: {what} by {times}; check it, the stated scatter is larger for it"
 
 
-@kept_with_refit
 def rows_of_two_kinds(refit: Refit) -> str:
     """A sentence on idle rows that contradict the loaded ones: the model fails on all, and meets the loaded ones.
 
@@ -143,12 +110,6 @@ def _asks_for(refit: Refit, idle: TableObservation, kinds: str) -> bool:
     )
     theta = refit.fit.theta
     return not np.array_equal(one.predictions(theta)[0], other.predictions(theta)[0])
-
-
-def _fall(refit: Refit, rows: NDArray[np.intp]) -> float:
-    basis, residual = refit.linear.basis[rows], refit.linear.residual[rows]
-    left = np.eye(rows.size) - basis @ basis.T
-    return float(residual @ np.linalg.lstsq(left, residual, rcond=1e-9)[0])
 
 
 def _where(observation: _Table, rows: NDArray[np.intp]) -> str:

@@ -93,11 +93,9 @@ def test_a_condition_that_is_wrong_in_all_repeats_is_named(tables, tmp_path):
     columns = tables.bench(5, repeats=2, points=tables.grid(**GRID))
     columns["input_torque_Nm"][[20, 70]] *= 1.06
     found = verdict(tables, tmp_path, columns)
-    (said,) = [r for r in found.remarks if "carries the misfit" in r]
-    assert "lines 22, 72" in said
-    assert headline(found).startswith("One condition is wrong, or something is missing there")
-    (proposed,) = found.next_measurement
-    assert "what carries the misfit once more" in proposed["text"]
+    assert "one condition are off (line 22 of table.csv, line 72 of table.csv)" in found.reason
+    assert headline(found).startswith("The data have a fault: one condition")
+    assert not found.next_measurement
     assert found.residual_law is None
 
 
