@@ -27,6 +27,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "orders": ("orders", "Order spectra, lines and averages against a tacho or a known speed."),
     "impulse": ("impulse", "Impulse responses from noise, sweeps, sequences and impulses."),
     "decay": ("decay", "Reverberation times, clarity, definition (ISO 3382)."),
+    "srs": ("srs", "Shock response spectra (ISO 18431-4)."),
     "rms": ("rms", "RMS, level, peak, crest factor, equivalent and percentile levels."),
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
     "batch": ("batch", "All analyses of a directory of recordings, as text tables."),

@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # for type checkers and editors: the same names as in `_PLACE
     from specan.api.recordings import read as read
     from specan.api.recordings import rms as rms
     from specan.api.recordings import spectrogram as spectrogram
+    from specan.api.recordings import srs as srs
     from specan.api.recordings import tones as tones
     from specan.api.studies import Study as Study
     from specan.api.studies import diagnose as diagnose
@@ -41,7 +42,7 @@ __version__ = "0.2.0"
 
 _PLACES = {
     "specan.api.recordings": (
-        "read", "octave", "fft", "spectrogram", "frf", "impulse", "decay", "rms", "tones", "orders", "calibrate",
+        "read", "octave", "fft", "spectrogram", "frf", "impulse", "decay", "rms", "tones", "orders", "srs", "calibrate",
         "batch",
     ),
     "specan.api.drawing": ("plot",),

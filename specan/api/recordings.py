@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from specan.data.frequency_response import FrequencyResponse
     from specan.data.levels import SignalLevels
     from specan.data.orders import OrderSpectrum
+    from specan.data.shock_response import ShockResponse
     from specan.data.spectrum import Spectrogram, Spectrum
     from specan.data.tone import ToneTable
     from specan.schema import Settings
@@ -41,6 +42,7 @@ SETTINGS = {
     "impulse": "decay:ImpulseResponse",
     "decay": "decay:Decay",
     "calibrate": "calibrator_tone:CalibrationSettings",
+    "srs": "shock_response:ShockSettings",
     "batch": "batch.settings:BatchSettings",
 }
 
@@ -290,6 +292,25 @@ def decay(recording: Source, reference: str | None = None, **settings: Any) -> D
     kept = {"calibration": responses.settings["calibration"]}
     remark = f"of impulse responses to {responses.reference} ({responses.method})"
     return replace(found, notes=(*found.notes, remark), settings={**asked.model_dump(mode="json"), **kept})
+
+
+def srs(recording: Source, **settings: Any) -> ShockResponse:
+    """Shock response spectra of accelerations (ISO 18431-4).
+
+    Parameters
+    ----------
+    recording : Recording or path
+        Opened already, or a file to read.
+    **settings
+        ``quality``, ``response``, ``fmin``, ``fmax``, ``per_octave``, ``detrend``, ``channels``, ``start_s``,
+        ``stop_s``: see `specan.analysis.shock_response.ShockSettings`.
+
+    Returns
+    -------
+    ShockResponse
+        Largest responses (channels, natural frequencies): ``maximax``, ``positive``, ``negative``.
+    """
+    return _analysed("srs", recording, **settings)
 
 
 def calibrate(

@@ -64,7 +64,8 @@ class Study:
     ) -> None:
         if measurement is not None:
             self._place = TemporaryDirectory(prefix="specan-study-")
-            made = Study.new(self._place.name, directory, measurement, effects=effects or None, **begun)
+            initial = [str(name) for name in effects] or None
+            made = Study.new(self._place.name, directory, measurement, effects=initial, **begun)
             self._now(made.opened)
             return
         if not isinstance(directory, (str, Path)) or begun:

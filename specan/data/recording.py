@@ -424,8 +424,10 @@ class Recording(Result):
         RequestError
             The channels have different rates, or the range is not inside the recording.
         """
-        named = [channels] if isinstance(channels, (Channel, str)) else channels
-        channels = [self.channel(c) if isinstance(c, str) else c for c in named]
+        wanted = [channels] if isinstance(channels, (Channel, str)) else channels
+        return self._read([self.channel(c) if isinstance(c, str) else c for c in wanted], start, stop)
+
+    def _read(self, channels: Sequence[Channel], start: int, stop: int | None) -> NDArray[np.float64]:
         length = min((c.n_samples for c in channels), default=0)
         stop = length if stop is None else stop
         if not 0 <= start <= stop <= length:

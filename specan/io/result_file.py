@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
+from specan.data.frequency_response import FrequencyResponse
+from specan.data.spectrum import Spectrum
 from specan.io.output_file import text_file
 from specan.io.results_text import table_lines, words, write_table
 from specan.result import RecordingResult, finite
@@ -54,7 +56,7 @@ def write_result(
             json.dump(content, file, indent=2, ensure_ascii=False)
             file.write("\n")
         return
-    if ending in (".uff", ".unv"):
+    if ending in (".uff", ".unv") and isinstance(found, (FrequencyResponse, Spectrum)):
         from specan.io.export_file import write_uff_functions
 
         write_uff_functions(found, path)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.orders import OrderSpectrum
+from specan.data.shock_response import ShockResponse
 from specan.data.spectrum import Spectrogram, Spectrum
 from specan.report.figure_style import band_about, level_label, micro, with_gaps
 from specan.report.panels import Curve, Drawing, Panel, Picture, grouped, level_panels
@@ -121,6 +122,18 @@ def figure_spectrogram(found: Spectrogram) -> Drawing:
         found.label or "Spectrogram", (about,), "Time / s", pictures=tuple(pictures), hertz=True,
         dynamics_dB=_PICTURE_DB,
     )  # fmt: skip
+
+
+def figure_shock_response(found: ShockResponse) -> Drawing:
+    """Maximax levels over the natural frequency, one pair of axes a unit."""
+    with np.errstate(divide="ignore"):
+        level = 20 * np.log10(found.maximax)
+    labels = [f"Maximax / dB re 1 {micro(unit)}" for unit in found.units]
+    panels = level_panels(labels, found.channels, found.frequency_hz, level, _DYNAMICS_DB)
+    facts = (f"shock response, {found.response}, Q {found.quality:g}",)
+    return Drawing(
+        found.label or "Shock response", facts, "Natural frequency / Hz", tuple(panels), hertz=True
+    )
 
 
 def figure_orders(found: OrderSpectrum) -> Drawing:

@@ -5,6 +5,7 @@
 
 import inspect
 from pathlib import Path
+from typing import Any
 
 import specan
 from specan.data.band_levels import BandLevels
@@ -26,10 +27,20 @@ def first_line(thing: object) -> str:
     return (inspect.getdoc(thing) or "").split("\n")[0].replace("|", "\\|")
 
 
+def as_written(thing: Any) -> inspect.Signature:
+    """Of an analysis the settings are generated; its docstring names them."""
+    generated = vars(thing).pop("__signature__", None) if inspect.isfunction(thing) else None
+    try:
+        return inspect.signature(thing)
+    finally:
+        if generated is not None:
+            thing.__signature__ = generated
+
+
 def signature(thing: object) -> str:
-    """Names of the parameters; types and defaults are in ``help``."""
+    """Names of the parameters; types and defaults are in ``help``, and so are the settings of an analysis."""
     found = []
-    for p in inspect.signature(thing).parameters.values():  # type: ignore[arg-type]
+    for p in as_written(thing).parameters.values():
         if p.name not in ("self", "cls"):
             found.append("**settings" if p.kind is p.VAR_KEYWORD else p.name)
     return f"({', '.join(found)})"
