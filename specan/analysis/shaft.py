@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,13 +100,7 @@ def tracked_shaft(
         The tacho is unusable.
     """
     channel = tacho_of(recording, name)
-    count = pulses_per_turn if pulses_per_turn is not None else _stated(channel.properties)
-    if count is None:
-        raise RequestError(
-            f"{recording.label}: the pulses per revolution of {channel.label} are unknown",
-            expected="the property PulsesPerRevolution",
-            remedy="give the pulses per revolution",
-        )
+    count = pulses_per_turn if pulses_per_turn is not None else _pulses_of(recording, channel)
     samples = recording.read([channel])[0]
     delay = -channel.delay_s
     first, last = section_s[0] - delay, math.inf if section_s[1] is None else section_s[1] - delay
@@ -152,9 +146,14 @@ def tacho_of(recording: Recording, name: str | None) -> Channel:
     )
 
 
-def _stated(properties: Mapping[str, Any]) -> float | None:
-    try:
-        value = float(str(properties["PulsesPerRevolution"]).replace(",", "."))
-    except (KeyError, ValueError):
-        return None
-    return value if value > 0 and math.isfinite(value) else None
+def _pulses_of(recording: Recording, channel: Channel) -> float:
+    """What the channel's property says."""
+    with suppress(KeyError, ValueError):
+        value = float(str(channel.properties["PulsesPerRevolution"]).replace(",", "."))
+        if value > 0 and math.isfinite(value):
+            return value
+    raise RequestError(
+        f"{recording.label}: the pulses per revolution of {channel.label} are unknown",
+        expected="the property PulsesPerRevolution",
+        remedy="give the pulses per revolution",
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,14 +79,9 @@ class SpectrogramSettings(BlockSettings):
             rate, block, self.window, n_channels=len(channels), detrend=self.detrend,
             derivatives=[c.derivatives for c in channels],
         )  # fmt: skip
-        column = 0
-        for samples in recording.blocks(channels, READ_BLOCK, start, stop):
-            for part in grid.feed(samples):
-                average.add_block(part)
-                if average.n_blocks == per_column and column < count:
-                    density[:, column] = (average.result().auto * gain)[:, kept]
-                    average.clear()
-                    column += 1
+        pieces = recording.blocks(channels, READ_BLOCK, start, stop)
+        for column, auto in zip(range(count), _means(pieces, grid, average, per_column), strict=False):
+            density[:, column] = (auto * gain)[:, kept]
         time: NDArray[np.float64] = np.arange(count, dtype=np.float64) * (per_column * hop / rate)
         width = ((per_column - 1) * hop + block) / rate
         return Spectrogram(
@@ -101,3 +97,15 @@ class SpectrogramSettings(BlockSettings):
             notes=(*notes, *integrated(channels, self.window, block)),
             settings=self.model_dump(),
         )
+
+
+def _means(
+    pieces: Iterable[NDArray[np.float64]], grid: OverlappedBlocks, average: CrossSpectra, count: int
+) -> Iterator[NDArray[np.float64]]:
+    """Power spectra, each a mean of `count` blocks."""
+    for samples in pieces:
+        for part in grid.feed(samples):
+            average.add_block(part)
+            if average.n_blocks == count:
+                yield average.result().auto
+                average.clear()

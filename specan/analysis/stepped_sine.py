@@ -55,6 +55,20 @@ def not_steps(tables: Sequence[ToneTable]) -> dict[str, str]:
     return found
 
 
+def _over_one_reference(tables: Sequence[ToneTable], label: str) -> list[ToneTable]:
+    """Tables with phases; all over the same reference."""
+    usable = [t for t in tables if t.reference is not None and np.isfinite(t.phase_deg).any()]
+    if not usable:
+        raise InputError(f"{label or 'the sine recordings'}: none has phases over a reference")
+    references = sorted({str(t.reference) for t in usable})
+    if len(references) > 1:
+        raise InputError(
+            f"{label or 'the sine recordings'} are over different references: {', '.join(references)}",
+            expected="one reference",
+        )
+    return usable
+
+
 def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> FrequencyResponse:
     """Join the tone tables of several recordings to one frequency response.
 
@@ -74,15 +88,7 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
     InputError
         No table has a reference, or the references or units differ.
     """
-    usable = [t for t in tables if t.reference is not None and np.isfinite(t.phase_deg).any()]
-    if not usable:
-        raise InputError(f"{label or 'the sine recordings'}: none has phases over a reference")
-    references = sorted({str(t.reference) for t in usable})
-    if len(references) > 1:
-        raise InputError(
-            f"{label or 'the sine recordings'} are over different references: {', '.join(references)}",
-            expected="one reference",
-        )
+    usable = _over_one_reference(tables, label)
     units = _units(usable)
     steps = _steps(usable)
     shape = (len(units), len(steps))
@@ -109,7 +115,7 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
         frequency_hz=np.array([np.mean([t.frequency_hz for t in step]) for step in steps]),
         channels=tuple(units),
         units=tuple(units.values()),
-        reference=references[0],
+        reference=str(usable[0].reference),
         response=response,
         coherence=np.full(shape, np.nan),
         u_magnitude_percent=random,
@@ -124,7 +130,7 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
         line_correlation=0.0,
         delay_s=np.zeros(len(units)),
         reference_rms=float(np.sqrt(np.mean([t.reference_rms**2 for t in usable]))),
-        reference_unit=usable[0].units[usable[0].channels.index(references[0])],
+        reference_unit=usable[0].units[usable[0].channels.index(str(usable[0].reference))],
         flags=tuple(tuple(sorted(flags[name])) for name in units),
         notes=tuple(f"{name} is left out: it has no phases over a reference" for name in left_out),
         settings=usable[0].settings,

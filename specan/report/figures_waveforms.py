@@ -14,6 +14,7 @@ from specan.dsp.statistics import low_and_high
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from specan.data.decay import ImpulseResponses
@@ -21,6 +22,17 @@ if TYPE_CHECKING:
 MOST_CHANNELS = 32
 _COLUMNS = 1500  # of the picture
 _BLOCK = 1 << 16
+
+
+def _scale(axes: Axes, channel: Channel, reach: float | None) -> None:
+    """Its own scale; on a page full of strips channels of a unit share one, which is stated in the margin."""
+    label, size = f"{channel.label} / {channel.unit}", 8
+    if reach is not None:
+        axes.set_ylim(-reach, reach)
+        axes.set_yticks([])
+        axes.spines["left"].set_visible(False)
+        label, size = channel.label, 7
+    axes.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=size)
 
 
 @styled
@@ -48,18 +60,7 @@ def figure_waveforms(
         axes.fill_between(times, low, high, color=COLOURS[0], linewidth=0.6)
         axes.margins(x=0)
         axes.grid(rows <= 6)
-        if (
-            channel.unit in reach
-        ):  # a page full of strips: channels of a unit share one scale, stated in the margin
-            end = reach[channel.unit]
-            axes.set_ylim(-end, end)
-            axes.set_yticks([])
-            axes.spines["left"].set_visible(False)
-            axes.set_ylabel(channel.label, rotation=0, ha="right", va="center", fontsize=7)
-        else:
-            axes.set_ylabel(
-                f"{channel.label} / {channel.unit}", rotation=0, ha="right", va="center", fontsize=8
-            )
+        _scale(axes, channel, reach.get(channel.unit))
         if axes is not sheet[-1]:
             axes.spines["bottom"].set_visible(False)
             axes.tick_params(axis="x", length=0)

@@ -6,6 +6,7 @@ import hashlib
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from pathlib import Path
 
 from specan.analysis.batch.inputs import Input
@@ -31,6 +32,15 @@ class Assigned:
     header: list[str]
 
 
+def _is_calibrator(entry: Input, open_headers: Callable[[Input], Recording]) -> bool:
+    """Whether a file says so; one that cannot be opened will be opened again for its own sake, and then says why."""
+    try:
+        stated = stated_excitation(open_headers(entry)) if _may_be_calibrator(entry.path) else None
+    except Exception:
+        return False
+    return stated is not None and stated.kind == "calibrator"
+
+
 def assign_calibrations(
     inputs: Sequence[Input],
     given: Path | None,
@@ -52,15 +62,9 @@ def assign_calibrations(
     RequestError
         The calibration that was given is missing or not valid; one in a directory fails its recordings.
     """
-    calibrators: list[Input] = []
-    others: list[Input] = []
-    for entry in inputs:
-        try:
-            closed = known(entry) or not _may_be_calibrator(entry.path)
-            stated = None if closed else stated_excitation(open_headers(entry))
-        except Exception:
-            stated = None  # it will be opened again for its own sake, and then this is its reason
-        (calibrators if stated is not None and stated.kind == "calibrator" else others).append(entry)
+    calibrating = [not known(entry) and _is_calibrator(entry, open_headers) for entry in inputs]
+    calibrators = list(compress(inputs, calibrating))
+    others = list(compress(inputs, (not one for one in calibrating)))
     if given is not None:
         read_calibration(given)
         aside = [FileResult(entry.label, "aside", _UNUSED) for entry in calibrators]
@@ -81,6 +85,13 @@ def assign_calibrations(
                 f"calibration: {target.name} ({fingerprint(target)}), from {len(mine)} calibrator recordings"
             ] = None
             header |= dict.fromkeys(f"calibration: {note}" for note in notes)
+    return _nearest_of_all(others, made, results, header)
+
+
+def _nearest_of_all(
+    others: Sequence[Input], made: dict[str, Path], results: list[FileResult], header: dict[str, None]
+) -> Assigned:
+    """The calibration beside each file, or that made of its root's calibrator recordings."""
     assigned: list[Input] = []
     faults: dict[Path, str | None] = {}
     nearest: dict[tuple[str, str], Path | None] = {}  # looked for once in a directory: files may be very many

@@ -114,6 +114,32 @@ def _connected(address: str) -> Iterator[Client]:
         client.close(timeout=ANSWER)
 
 
+def _ready(client: Client, running: Mapping[Future, int]) -> list[Future]:
+    """Tasks that have ended; none where that takes long."""
+    from distributed import wait
+
+    try:
+        with client.as_current():
+            return list(wait(list(running), timeout=WORKER, return_when="FIRST_COMPLETED").done)
+    except TimeoutError:
+        if not client.nthreads():
+            _wait_for_workers(client)
+        return []
+
+
+def _by_all(found: Refusal) -> RequestError:
+    """The error of a task that no worker can do."""
+    if found.everywhere:
+        return RequestError(
+            found.reason, remedy="install the same versions everywhere and restart the workers"
+        )
+    return RequestError(
+        found.reason,
+        expected="recordings on a path that every worker sees, the same as here",
+        remedy="mount it there; what is done is kept",
+    )
+
+
 def _outcomes(
     client: Client,
     entries: Sequence[Input],
@@ -123,8 +149,6 @@ def _outcomes(
     warn: Callable[[str], None],
 ) -> Iterator[tuple[int, Outcome]]:
     """Keep every worker busy until all is done; few tasks are under way, so that memory stays bounded."""
-    from distributed import wait
-
     running: dict[Future, int] = {}
     refused: dict[int, dict[str, str]] = defaultdict(dict)  # position to worker to reason
     told: set[str] = set()
@@ -139,14 +163,7 @@ def _outcomes(
             others = [worker for worker in client.nthreads() if worker not in refused[position]]
             allowed = others if refused[position] else None
             running[client.submit(run_task, task, pure=False, workers=allowed)] = position
-        try:
-            with client.as_current():
-                ready = list(wait(list(running), timeout=WORKER, return_when="FIRST_COMPLETED").done)
-        except TimeoutError:
-            if not client.nthreads():
-                _wait_for_workers(client)
-            continue
-        for future in ready:
+        for future in _ready(client, running):
             position = running.pop(future)
             found = _result(future, entries[position])
             if isinstance(found, Outcome):
@@ -154,14 +171,7 @@ def _outcomes(
                 continue
             refused[position][found.worker] = found.reason
             if found.everywhere or not set(client.nthreads()) - set(refused[position]):
-                expected = (
-                    ""
-                    if found.everywhere
-                    else "recordings on a path that every worker sees, the same as here"
-                )
-                same = "install the same versions everywhere and restart the workers"
-                remedy = same if found.everywhere else "mount it there; what is done is kept"
-                raise RequestError(found.reason, expected=expected, remedy=remedy)
+                raise _by_all(found)
             if found.worker not in told:
                 told.add(found.worker)
                 warn(f"{found.reason}; its files go to other workers.")

@@ -70,14 +70,29 @@ def in_recording(
     return InRecording(number * count + np.arange(count), conditions, drift, text)
 
 
+def _errors(rig: Rig) -> ReceiverErrors:
+    """What the rig file says of the microphones."""
+    given, box = rig.uncertainty, rig.room.dims_m is not None
+    place = given.position_m
+    return ReceiverErrors(
+        position_m=np.tile(place, 1 + len(rig.moved))[:, None] if isinstance(place, tuple) else place,
+        calibration_dB=given.calibration_dB,
+        calibration_phase_deg=given.calibration_phase_deg,
+        discrepancy=given.model_discrepancy_percent / 100,
+        detuning=(given.smooth_percent if box else given.natural_frequency_percent) / 100,
+        frame_m=given.frame_m,
+        frame_tilt_deg=given.frame_tilt_deg,
+        common_dB=given.calibrator_dB,
+    )
+
+
 def room_receivers(
     rig: Rig, names: tuple[str, ...], of_recording: Callable[[str, Any, float], InRecording]
 ) -> Receivers:
     """The microphones of a room, compared with the vibrometer."""
-    given, dims = rig.uncertainty, rig.room.dims_m
+    dims = rig.room.dims_m
     nominal_K = rig.air.nominal_temperature_C + 273.15
     positions = np.concatenate([np.array(places) for places in (rig.mics.position_m, *rig.moved.values())])
-    sets = 1 + len(rig.moved)
     return Receivers(
         axis="place",
         noun="microphone",
@@ -89,18 +104,7 @@ def room_receivers(
         positions_m=positions,
         moved_by="microphone-position",
         along=("dx", "dy", "dz"),
-        errors=ReceiverErrors(
-            position_m=np.tile(given.position_m, sets)[:, None]
-            if isinstance(given.position_m, tuple)
-            else given.position_m,
-            calibration_dB=given.calibration_dB,
-            calibration_phase_deg=given.calibration_phase_deg,
-            discrepancy=given.model_discrepancy_percent / 100,
-            detuning=(given.natural_frequency_percent if dims is None else given.smooth_percent) / 100,
-            frame_m=given.frame_m,
-            frame_tilt_deg=given.frame_tilt_deg,
-            common_dB=given.calibrator_dB,
-        ),
+        errors=_errors(rig),
         block_s=rig.band.block_s,
         left_out_hz=left_out(rig.band),
         background=rig.background.recording,

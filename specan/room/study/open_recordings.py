@@ -12,6 +12,7 @@ from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.models import Model, Receivers
+from specan.models.measurement_kinds import ReceiverErrors
 from specan.room.study.estimate_frf import observe_recording, settling_s
 from specan.study.data.recordings import doubts, put_aside, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
@@ -51,13 +52,23 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         statements += said
     declared = fitted[0].declared
     given = (declared.receivers if declared else receivers).errors
+    return OpenedData(
+        fitted=tuple(fitted),
+        held_out=tuple(held_out),
+        statements=(*statements, _of_receivers(receivers.noun, given, wanted.calibration)),
+        discrepancy_percent=100 * given.discrepancy,
+    )
+
+
+def _of_receivers(noun: str, given: ReceiverErrors, calibration: Path | None) -> str:
+    """How uncertain each receiver is, and all together."""
     place, level, phase = (
         _range(np.asarray(v))
         for v in (1000 * np.asarray(given.position_m), given.calibration_dB, given.calibration_phase_deg)
     )
-    source = f"of {wanted.calibration.name}, others " if wanted.calibration else ""
+    source = f"of {calibration.name}, others " if calibration else ""
     common = (
-        f"every {receivers.noun}: place {place} mm, calibration {level} dB and {phase} degrees, model discrepancy "
+        f"every {noun}: place {place} mm, calibration {level} dB and {phase} degrees, model discrepancy "
         f"{100 * given.discrepancy:.3g} % ({source}from the rig file or its defaults)"
     )
     shared = [
@@ -66,14 +77,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         else "",
         f"{given.common_dB:.3g} dB of the calibrator" if given.common_dB else "",
     ]
-    if any(shared):
-        common += f"; in common: {', '.join(filter(None, shared))}"
-    return OpenedData(
-        fitted=tuple(fitted),
-        held_out=tuple(held_out),
-        statements=(*statements, common),
-        discrepancy_percent=100 * given.discrepancy,
-    )
+    return common + (f"; in common: {', '.join(filter(None, shared))}" if any(shared) else "")
 
 
 def _observe(

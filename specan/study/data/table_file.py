@@ -58,6 +58,15 @@ class Table:
             raise InputError(f"{self.path}, {self.rows(np.asarray(mask))}: {found}", **more)
 
 
+def _bytes(path: Path) -> bytes:
+    try:
+        return regular(path).read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"the table {path} does not exist", remedy="check the path") from None
+    except OSError as fault:
+        raise InputError(f"the table {path} cannot be read ({fault})") from None
+
+
 def read_table(
     path: Path,
     choose: Callable[[Iterable[str]], dict[str, str]] | None = None,
@@ -84,12 +93,7 @@ def read_table(
     InputError
         No such file, no text, no rows, a row of another length, a cell that is not a number.
     """
-    try:
-        raw = regular(path).read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"the table {path} does not exist", remedy="check the path") from None
-    except OSError as fault:
-        raise InputError(f"the table {path} cannot be read ({fault})") from None
+    raw = _bytes(path)
     cells, comma = (
         _frame_cells(path, raw, sheet) if raw[:4] in (b"PK\x03\x04", b"PAR1") else _text_cells(path, raw)
     )

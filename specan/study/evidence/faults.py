@@ -234,7 +234,7 @@ def _ranges(name: str, unit: str, rows: Rows, size: Array) -> Iterator[tuple[str
 def _off(o: TableObservation, rows: Rows) -> Iterator[tuple[str, str, Array]]:
     """Single readings, and all repeats of a condition."""
     for k in np.flatnonzero(rows):
-        yield "one reading", f"the reading of {_line_of(o, int(k))} is off", np.eye(1, o.n, k)[0]
+        yield "one reading", f"the reading of {_line_of(o, int(k))} is off", np.eye(1, o.n, int(k))[0]
     if o.replicate_group is None:
         return
     for group in np.unique(o.replicate_group[rows]):
