@@ -199,15 +199,16 @@ def _force(mesh: str, planets: slice) -> Callable[[Figure, Motion], None]:
 
 
 def _force_spectrum(mesh: str) -> Callable[[Figure, Motion], None]:
-    """The whole spectrum above, below it what lies about each harmonic of the mesh."""
+    """The spectrum up to its strongest lines above, below it what lies about harmonics of the mesh."""
 
     def draw(sheet: Figure, motion: Motion) -> None:
         frequency, size = _spectrum(_vertical(motion, mesh)[0], motion)
         harmonic, carrier = _mesh_hz(motion.rig), _carrier_hz(motion.rig)
-        numbers = range(1, HARMONICS["set"] + 1)
+        strongest = _strongest(frequency, size, harmonic)
+        numbers = [*range(1, HARMONICS["set"] + 1), strongest]
         panels = sheet.subplot_mosaic([["all"] * len(numbers), [f"{n}" for n in numbers]])
         whole = panels["all"]
-        _draw_spectrum(whole, frequency, size, (HARMONICS["set"] + 0.5) * harmonic)
+        _draw_spectrum(whole, frequency, size, (strongest + 1.5) * harmonic)
         whole.set_ylim(top=5 * size.max())
         whole.annotate(
             f"carrier, {carrier:.3g} Hz", (carrier, size[np.argmin(np.abs(frequency - carrier))]),
@@ -219,15 +220,21 @@ def _force_spectrum(mesh: str) -> Callable[[Figure, Motion], None]:
             beside.vlines(
                 frequency[near], LEAST_N, np.maximum(size[near], LEAST_N), color=COLOURS[0], linewidth=1.6
             )
-            beside.set(yscale="log", ylim=(LEAST_N, 10.0), xlabel="Frequency / Hz")
+            beside.set(yscale="log", ylim=(LEAST_N, 100.0), xlabel="Frequency / Hz")
             beside.set_xlim(at - SIDE_TURNS * carrier, at + SIDE_TURNS * carrier)
             beside.set_xticks([at - carrier, at + carrier])
             for axes in (whole, beside):
                 axes.axvline(at, color=COLOURS[1], linestyle=":", linewidth=1.0)
-            beside.set_title(f"mesh harmonic {n}: {at:.0f} Hz", fontsize="small", color=COLOURS[1])
+            beside.set_title(f"harmonic {n}: {at:.0f} Hz", fontsize="small", color=COLOURS[1])
         panels["1"].set_ylabel("Amplitude / N")
 
     return draw
+
+
+def _strongest(frequency: Real, size: Real, harmonic: float) -> int:
+    """Number of the harmonic of the mesh beside which the highest line lies."""
+    meshing = frequency > 0.5 * harmonic
+    return round(float(frequency[meshing][np.argmax(size[meshing])] / harmonic))
 
 
 # --- numbers --------------------------------------------------------------------------------------------
@@ -289,7 +296,9 @@ def _of_force_spectrum(mesh: str) -> Callable[[Motion], list[Compared]]:
     def compare(motion: Motion) -> list[Compared]:
         frequency, size = _spectrum(_vertical(motion, mesh)[0], motion)
         carrier, found = _carrier_hz(motion.rig), []
-        for n, said in enumerate(("528 Hz", "1056 Hz", "1584 Hz"), 1):
+        printed = dict(enumerate(("528 Hz, reduced", "1056 Hz, reduced", "1584 Hz, reduced"), 1))
+        printed[_strongest(frequency, size, _mesh_hz(motion.rig))] = "the strongest, beyond its figure"
+        for n, said in printed.items():
             at = n * _mesh_hz(motion.rig)
             near = np.flatnonzero(np.abs(frequency - at) < 10 * carrier)
             two = np.sort(near[np.argsort(size[near])[-2:]])
@@ -298,7 +307,7 @@ def _of_force_spectrum(mesh: str) -> Callable[[Motion], list[Compared]]:
             found.append(
                 Compared(
                     f"mesh harmonic {n}",
-                    f"{said}, reduced; modulated by 8 Hz",
+                    f"{said}; modulated by 8 Hz",
                     f"{lines} Hz, {size[two].mean():.2g} N; at {at:.0f} Hz below {max(itself, LEAST_N):.1g} N",
                 )
             )

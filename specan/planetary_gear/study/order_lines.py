@@ -17,7 +17,7 @@ N^(1/2) V^(-1/2) (measured - predicted). `plain` is the prediction itself.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -206,42 +206,34 @@ class OrderLinesObservation(KeptLines):
     # --- prediction ---------------------------------------------------------------------------
 
     def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """The model's lines in place of `measured`, with the gain of each sensor and harmonic that leaves least error.
+        """The model's lines in place of `measured`, with gains that lines of the ideal machine tell.
 
-        Nothing else is learned from the lines: what the model is declared not to know stays in the error. The gains are
-        not those of the fit: where errors are correlated and the model is far off, these lie beside all lines. Lines
-        that are held out have the gains of those that were fitted and heard through the same path.
+        Nothing else is learned from the lines: what the model is declared not to know stays in the error, and lines
+        that are evidence of an effect tell no gain. Lines that are held out have the gains of those that were fitted
+        and heard through the same path.
         """
         lines = self._model_lines(assembly, values)
-        gains = self._shown_gains(lines)
+        gains = self._shown_gains(lines, range(len(self.of_one_gain)))
         if self.learned is not None:
-            elsewhere = self.learned._by_path(assembly, values)
-            gains = [elsewhere.get(key, own) for key, own in zip(self._paths, gains, strict=True)]
+            seen = self.learned
+            gains = seen._shown_gains(seen._model_lines(assembly, values), seen._paths) | {
+                k: gain for k, gain in gains.items() if self._paths[k] not in seen._paths
+            }
         predicted = np.zeros(self.kept.shape, dtype=complex)
-        for group, gain in zip(self.of_one_gain, gains, strict=True):
-            predicted[group] = gain * lines[group]
+        for k, (path, group) in enumerate(zip(self._paths, self.of_one_gain, strict=True)):
+            predicted[group] = gains.get(path, gains.get(k, 0.0)) * lines[group]
         return self.stack(predicted)
 
-    @property
+    @cached_property
     def _paths(self) -> list[tuple[int, int]]:
         """Path and harmonic of each group of `of_one_gain`."""
         first = (np.argwhere(group)[0] for group in self.of_one_gain)
         return [(int(self.path[row]), int(self.harmonic[line])) for row, line in first]
 
-    def _by_path(self, assembly: Assembly, values: Mapping[str, Any]) -> dict[tuple[int, int], Any]:
-        """Gain of each path and harmonic, by least squares over all recordings that it is heard in."""
-        lines = self._model_lines(assembly, values)
-        size: defaultdict[tuple[int, int], float] = defaultdict(float)
-        cross: defaultdict[tuple[int, int], complex] = defaultdict(complex)
-        for key, group in zip(self._paths, self.of_one_gain, strict=True):
-            size[key] += np.vdot(lines[group], lines[group]).real
-            cross[key] += np.vdot(lines[group], self.amplitude[group])
-        return {key: cross[key] / size[key] for key in size if size[key] > 0}
-
     def path_gains(self, assembly: Assembly, values: Mapping[str, Any]) -> list[dict[str, Any]]:
         """Of each recording: the gains that `plain` learns from its lines, and the RMS error without them."""
         lines = self._model_lines(assembly, values)
-        gains = np.array(self._shown_gains(lines))
+        gains = np.array(list(self._shown_gains(lines, range(len(self.of_one_gain))).values()))
         where = np.array([np.argwhere(group)[0] for group in self.of_one_gain])
         with np.errstate(divide="ignore"):
             level = 20 * np.log10(np.abs(gains))
@@ -269,11 +261,15 @@ class OrderLinesObservation(KeptLines):
         parts = np.split(lines, len(self.recordings), axis=1)
         return np.concatenate(parts)
 
-    def _shown_gains(self, lines: Complex) -> list[Any]:
-        """Of each group of `of_one_gain`, by least squares; none where the model has no lines."""
-        sizes = [np.vdot(lines[group], lines[group]).real for group in self.of_one_gain]
-        crossed = [np.vdot(lines[group], self.amplitude[group]) for group in self.of_one_gain]
-        return [cross / size if size > 0 else 0j for cross, size in zip(crossed, sizes, strict=True)]
+    def _shown_gains(self, lines: Complex, keys: Iterable[Any]) -> dict[Any, complex]:
+        """Of all groups of `of_one_gain` that have one key, by least squares over lines of the ideal machine."""
+        size: defaultdict[Any, float] = defaultdict(float)
+        cross: defaultdict[Any, complex] = defaultdict(complex)
+        for key, group in zip(keys, self.of_one_gain, strict=True):
+            told = group & ~self.beyond
+            size[key] += float(np.vdot(lines[told], lines[told]).real)
+            cross[key] += complex(np.vdot(lines[told], self.amplitude[told]))
+        return {key: cross[key] / size[key] if size[key] > 0 else 0j for key in size}
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values."""
