@@ -22,7 +22,7 @@ from specan.study.evidence.judgement import (
     without_larger,
 )
 from specan.study.localisation.localise import localise
-from specan.study.selection.doubtful_data import odd_repeat, rows_of_two_kinds
+from specan.study.selection.doubtful_data import rows_of_two_kinds
 from specan.study.selection.pulls import pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
 from specan.study.selection.residual_law import residual_law
@@ -283,7 +283,6 @@ class _Telling:
         base, best = self.base, self._best.best
         remarks = [
             ("rows without load", lambda: rows_of_two_kinds(base)),
-            ("odd repeats", lambda: odd_repeat(base)),
             ("the scatter beside its uncertainty", lambda: too_good(base)),
             ("faults of the data", self._fault),
             ("the fit of the base", lambda: not_settled(base)),

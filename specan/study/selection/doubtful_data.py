@@ -1,9 +1,8 @@
-"""What looks wrong with a table, in sentences: a mistake in it, or a drift over its rows, looks like physics."""
+"""Rows without load that contradict the others: run in another way, and nothing says so."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,51 +16,6 @@ from specan.study.selection.refits import Refit
 STANDS_OUT, WHOLE = 1e-3, 0.05
 MOST_LINES = 6  # of a table that a sentence names
 LEAST_ROWS = 3  # of each kind, below which kinds are not compared
-LEAST_REPEATED = 20  # rows whose repeats tell what is usual
-ODD = 6.0  # usual deviations beyond which a repeat is shown
-
-
-class _Table(TableObservation):
-    """Rows that know their line and their replicate group, as those of a file do."""
-
-    lines: NDArray[np.int_]
-    replicate_group: NDArray[np.intp]
-
-
-def _table(refit: Refit) -> _Table | None:
-    """The rows of a problem over one table of files; None where it is over something else."""
-    first, *others = refit.problem.observations
-    if others or not isinstance(first, TableObservation):
-        return None
-    return None if first.lines is None or first.replicate_group is None else cast("_Table", first)
-
-
-def odd_repeat(refit: Refit) -> str:
-    """A sentence on a reading that lies far from the repeats of its condition; the scatter takes it in otherwise.
-
-    Deviations from the mean of a replicate group, in units of 1.4826 times the median of their sizes (a scale that
-    a few outliers do not move); what the model predicts for the conditions that were read is taken off before.
-    """
-    problem, observation = refit.problem, _table(refit)
-    if observation is None:
-        return ""
-    _, index, counts = np.unique(observation.replicate_group, return_inverse=True, return_counts=True)
-    repeated = counts[index] > 1
-    if repeated.sum() < LEAST_REPEATED:
-        return ""
-    left = (observation.measured - problem.predictions(refit.fit.theta)[0]) / observation.sigma
-    off = np.abs(left - (np.bincount(index, left) / counts)[index]) / np.sqrt(
-        1 - 1 / np.maximum(counts[index], 2)
-    )
-    usual = 1.4826 * float(np.median(off[repeated]))
-    worst = int(np.argmax(np.where(repeated, off, 0.0)))
-    if not off[worst] > ODD * usual:
-        return ""
-    group = np.flatnonzero(index == index[worst])
-    lines = group if group.size == 2 else np.array([worst])
-    what = "two repeats differ" if group.size == 2 else "a repeat lies off"
-    times = f"{off[worst] / usual:.0f} times the usual scatter"
-    return f"{_where(observation, lines)}: {what} by {times}; check it, the stated scatter is larger for it"
 
 
 def rows_of_two_kinds(refit: Refit) -> str:
@@ -70,8 +24,8 @@ def rows_of_two_kinds(refit: Refit) -> str:
     The model is refitted without the rows near zero of a condition that `idles`. Empty where the model meets the data,
     where one kind is missing, and where the table tells the kinds apart already (a column that varies).
     """
-    problem, observation = refit.problem, _table(refit)
-    if observation is None or problem.strategy.frugal or refit.lack_of_fit >= STANDS_OUT:
+    problem, (observation, *others) = refit.problem, refit.problem.observations
+    if others or not isinstance(observation, TableObservation) or refit.lack_of_fit >= STANDS_OUT:
         return ""
     conditions = problem.assembly.model.conditions
     for name, condition in conditions.items():
@@ -112,14 +66,15 @@ def _asks_for(refit: Refit, idle: TableObservation, kinds: str) -> bool:
     return not np.array_equal(one.predictions(theta)[0], other.predictions(theta)[0])
 
 
-def _where(observation: _Table, rows: NDArray[np.intp]) -> str:
+def _where(observation: TableObservation, rows: NDArray[np.intp]) -> str:
     """Conditions and lines."""
     place = ", ".join(
         f"{name} {values[rows[0]]:g}"
         for name, values in observation.labels.items()
         if np.issubdtype(np.asarray(values).dtype, np.number) and rows.size <= MOST_LINES
     )
-    lines = [str(line) for line in observation.lines[rows]]
+    numbers = np.arange(1, observation.n + 1) if observation.lines is None else observation.lines
+    lines = [str(line) for line in numbers[rows]]
     more = " and more" if len(lines) > MOST_LINES else ""
     named = f"line{'s' if len(lines) > 1 else ''} {', '.join(lines[:MOST_LINES])}{more}"
     return f"{place}; {named}" if place else named

@@ -55,11 +55,13 @@ def test_readings_that_share_a_set_up_are_no_drift(tmp_path):
     assert told == 0
 
 
-def test_a_repeat_that_lies_off_is_named_by_its_lines(tables, tmp_path):
+def test_a_repeat_that_lies_off_is_named_by_its_line_and_size(tables, tmp_path):
     columns = tables.bench(4, repeats=2, points=tables.grid(**GRID))
     columns["input_torque_Nm"][20] += 25 * tables.NOISE
-    (said,) = [r for r in verdict(tables, tmp_path, columns).remarks if "usual scatter" in r]
-    assert "lines 22, 72" in said
+    found = verdict(tables, tmp_path, columns)
+    assert found.verdict == "faulty-data"
+    said = found.reason.partition("the reading of line 22 of table.csv is off, input_torque by up to ")[2]
+    assert float(said.split()[0]) == pytest.approx(25 * tables.NOISE, rel=0.15)
 
 
 def copies_told(tables, tmp_path, columns):
