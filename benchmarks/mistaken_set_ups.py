@@ -31,10 +31,10 @@ from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles
+from specan.study.progress import unheard
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.initial_fit import initial_fit
 from specan.study.selection.refits import Refit
-from specan.study.selection.search import unheard
 from truth.room import RoomCase, simulate, write
 from truth.room.box import WALLS
 

@@ -20,7 +20,7 @@ from specan_cli.options import json_option, opt, together
 from specan_cli.output import is_quiet, say
 
 if TYPE_CHECKING:
-    from specan.study.selection.search import Progress
+    from specan.study.progress import Progress
     from specan.study.study import Study
 
 STEPS = {

@@ -136,7 +136,6 @@ def _print_fit(study: Study, best: Fit) -> None:
 def _verdict(study: Study, found: Comparison, where: Localisation) -> str:
     """Whether the model fits, in a sentence."""
     from specan.study.diagnose import untestable
-    from specan.study.selection.pulls import data_alone
     from specan.study.selection.refits import Refit
 
     start = Refit(frozenset(), study.problem, found.fit)
@@ -145,8 +144,6 @@ def _verdict(study: Study, found: Comparison, where: Localisation) -> str:
     if found.fit.p_value <= FITS:
         return "The model does not fit."
     outside = [name for name, p in found.parameters.items() if not p["plausible"]]
-    if not outside and (alone := data_alone(start)).contradicts:
-        outside = [pull.text for pull in alone.values]
     if outside:
         return f"The model fits, but only with values outside what is known: {', and '.join(outside)}."
     if where.fails_at or any(t.significant for t in where.trends):

@@ -11,20 +11,20 @@ from typing import Any
 
 from hidden_effects.cases import Case
 from specan.models import Model, Use
+from specan.models.effect import ParameterName
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.explanations import forms_of
+from specan.study.evidence.explanations import Form, forms_of
+from specan.study.evidence.promises import Promise
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import EffectSet, Refit, Refits
-from specan.study.selection.score_test import Scored, score_pairs
-from specan.study.selection.search import Search
 from specan.units import convert
 from specan.worm_gear.model.build import build
 from truth.worm_gear import TruthCase
 
-STARTS = 3  # signatures of a candidate from which it is refitted to noise-free data
+STARTS = 3  # of the fit of the base
 RIVALS = 6  # wrong candidates that are refitted over each form of the base
 SHOWS = 10.0  # lambda from which D is measured: below, the right effect cannot be told from nothing either
 
@@ -51,10 +51,7 @@ def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str,
         ``planted``: amplitude that each true candidate takes, in the unit of its parameter.
     """
     problem = _noise_free(_problem(directory), truth)
-    forms = [
-        _Form(Refit(frozenset(), form.problem, form.fit))
-        for form in forms_of(problem, fit(problem, starts=STARTS))
-    ]
+    forms = [_Form(form) for form in forms_of(problem, fit(problem, starts=STARTS))]
     least = min(form.base.chi2 for form in forms)
     found = {"lambda": least, "left": None, "d": None, "rival": None, "conditional_lambda": None}
     found["planted"] = {}
@@ -63,9 +60,7 @@ def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str,
         return found
     found["planted"] = {use.name: _amplitude(_lowest(form.single(use) for form in forms)) for use in names}
     pairs = len(names) > 1
-    right = _lowest(
-        _pair(form.refits, form.step.scored, names) if pairs else form.of(names) for form in forms
-    )
+    right = _lowest(form.pair(names) if pairs else form.of(names) for form in forms)
     if names and right is None:  # the base is collinear with it whole
         return found
     found["left"] = right.chi2 if right is not None else 0.0  # the truth itself leaves nothing
@@ -82,22 +77,40 @@ def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str,
 class _Form:
     """A published form of the base, and refits of effects over it."""
 
-    def __init__(self, base: Refit) -> None:
-        self.base = base
-        self.refits = Refits(base)
-        self.step = Search(self.refits).step(base)
+    def __init__(self, form: Form) -> None:
+        self.base = Refit(frozenset(), form.problem, form.fit)
+        self.refits = Refits(self.base)
+        self.promises = {one.use: one for one in form.catalogue.promises(form.marginal)}
 
     def single(self, use: Use) -> Refit | None:
         """One effect over it; None where the base is collinear with it."""
-        return self.refits.fit(self.base, _starts(self.step.by_use[use])) if use in self.step.by_use else None
+        if use not in self.promises:
+            return None
+        return self.refits.fit(self.base, frozenset({use}), self.promises[use].starts)
+
+    def pair(self, names: EffectSet) -> Refit | None:
+        """Both effects, from the fit of either."""
+        found = None
+        for first in sorted(names):
+            one = self.single(first)
+            if one is not None and {*names} <= {*self.promises}:
+                start = {
+                    **one.fit.values,
+                    **self._own(self.promises[next(iter(names - {first}))], names - {first}),
+                }
+                found = self.refits.fit(one, names, [start], again=found is not None)
+        return found
+
+    def _own(self, promise: Promise, uses: EffectSet) -> dict[str, Any]:
+        return {n: v for n, v in promise.starts[0].items() if ParameterName(n).owned_by(uses)}
 
     def of(self, names: EffectSet) -> Refit | None:
         return self.single(next(iter(names))) if names else None
 
     def promising(self, names: EffectSet) -> list[Use]:
-        """Wrong candidates by the chi-square that they take, linearised."""
-        wrong = [use for use in self.step.by_use if use not in names]
-        return sorted(wrong, key=lambda use: -self.step.by_use[use][0].chi2_reduction)[:RIVALS]
+        """Wrong candidates by what they promise."""
+        wrong = [use for use in self.promises if use not in names]
+        return sorted(wrong, key=lambda use: -self.promises[use].ln_gain)[:RIVALS]
 
 
 def _lowest(refits: Iterable[Refit | None]) -> Refit | None:
@@ -131,20 +144,6 @@ def _noise_free(problem: Problem, truth: TruthCase) -> Problem:
         if condition.column in ideal and name in conditions:
             conditions[name] = convert(ideal[condition.column], condition.column_unit, condition.unit)
     return problem.over([replace(observation, measured=measured, conditions=conditions)])
-
-
-def _starts(items: Sequence[Scored]) -> list[list[Scored]]:
-    """The best signature and the best of those that have other shapes."""
-    kept: list[Scored] = []
-    for item in items:
-        if all(item.signature.shapes != other.signature.shapes for other in kept):
-            kept.append(item)
-    return [[item] for item in kept[:STARTS]]
-
-
-def _pair(refits: Refits, scored: Sequence[Scored], names: EffectSet) -> Refit | None:
-    pair = next((p for p in score_pairs(refits.base.linear, scored) if p.uses == names), None)
-    return None if pair is None else refits.fit(refits.base, [[pair.first, pair.second]])
 
 
 def _amplitude(refit: Refit | None) -> float | None:

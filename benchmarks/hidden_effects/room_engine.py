@@ -20,11 +20,12 @@ from specan.study.edit import add_effect
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import HeldOut
 from specan.study.estimation.problem import Problem
+from specan.study.evidence.explanations import Form
+from specan.study.evidence.promises import Promise
 from specan.study.observation.frf import FrfObservation
+from specan.study.progress import unheard
 from specan.study.selection.initial_fit import initial_fit
 from specan.study.selection.refits import Refit, Refits
-from specan.study.selection.score_test import score_pairs
-from specan.study.selection.search import Search, Step, unheard
 from specan.study.study import Study
 from truth.room import EFFECTS, RoomCase
 
@@ -117,12 +118,14 @@ def _knowable(case: Case, problem: Problem, healthy: Problem | None = None) -> d
     misfit = fit(healthy).chi2
     found = {"lambda": max(refits.base.chi2 - misfit, 0.0), "misfit": misfit, "left": None}
     found |= {"d": None, "rival": None, "conditional_lambda": None}
-    step = Search(refits).step(refits.base)
+    form = Form({}, problem, refits.base.fit, 0.0)
+    promises = {one.use: one for one in form.catalogue.promises(form.marginal)}
+    order = sorted(promises, key=lambda use: -promises[use].ln_gain)
     names = frozenset(case.truth)
     if len(names) > 1:
-        return found | _of_a_pair(refits, step, names) | {"planted": {}}
-    right = _refits(refits, step, [u for u in step.by_use if u.name in names][:RIVALS])
-    wrong = _refits(refits, step, [u for u in step.by_use if u.name not in names][:RIVALS])
+        return found | _of_a_pair(refits, promises, names) | {"planted": {}}
+    right = _refits(refits, promises, [u for u in order if u.name in names][:RIVALS])
+    wrong = _refits(refits, promises, [u for u in order if u.name not in names][:RIVALS])
     best = min(right, key=lambda r: r.chi2, default=None)
     found["planted"] = dict.fromkeys(names, 0.0 if best is None else _amplitude(best))
     if names and best is None:  # the base is collinear with it whole
@@ -137,21 +140,25 @@ def _knowable(case: Case, problem: Problem, healthy: Problem | None = None) -> d
     return found
 
 
-def _refits(refits: Refits, step: Step, uses: Sequence[Use]) -> list[Refit]:
-    made = [refits.fit(step.seen, [[s] for s in step.by_use[use][:STARTS]]) for use in uses]
+def _refits(refits: Refits, promises: Mapping[Use, Promise], uses: Sequence[Use]) -> list[Refit]:
+    made = [refits.fit(refits.base, frozenset({use}), promises[use].starts) for use in uses]
     return [refit for refit in made if refit is not None]
 
 
-def _of_a_pair(refits: Refits, step: Step, names: frozenset[str]) -> dict[str, Any]:
+def _of_a_pair(refits: Refits, promises: Mapping[Use, Promise], names: frozenset[str]) -> dict[str, Any]:
     """What the better half of a pair alone leaves beyond both."""
-    pairs = score_pairs(step.seen.linear, step.scored)
-    pair = next((p for p in pairs if {u.name for u in p.uses} == names), None)
-    both = None if pair is None else refits.fit(step.seen, [[pair.first, pair.second]])
-    if both is None:
+    order = sorted(promises, key=lambda use: -promises[use].ln_gain)
+    uses = [next((use for use in order if use.name == name), None) for name in sorted(names)]
+    if None in uses:
         return {}
-    alone = _refits(refits, step, sorted(both.uses))
+    alone = _refits(refits, promises, uses)
+    both = frozenset(uses)
+    start = {name: value for use in uses for name, value in promises[use].starts[0].items()}
+    whole = refits.fit(refits.base, both, [start])
+    if whole is None:
+        return {}
     least = min((r.chi2 for r in alone), default=refits.base.chi2)
-    return {"conditional_lambda": least - both.chi2}
+    return {"conditional_lambda": least - whole.chi2}
 
 
 def _amplitude(refit: Refit) -> float | None:

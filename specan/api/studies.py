@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from specan.study.comparison import Comparison
     from specan.study.edit import Change
     from specan.study.history import History
+    from specan.study.progress import Progress
     from specan.study.propose import ProposedLaws
-    from specan.study.selection.search import Progress
     from specan.study.verdict import Diagnosis, NextMeasurements
 
 Measured: TypeAlias = Union[str, Path, "pd.DataFrame", Sequence[Union[str, Path, "pd.DataFrame"]]]

@@ -17,9 +17,9 @@ from specan.models.catalogue import effects_from_file
 from specan.result import Result, counted
 from specan.study.design.operating_points import propose as propose_measurements
 from specan.study.estimation.fit import fit
+from specan.study.estimation.left_out import left_out_errors
 from specan.study.estimation.prediction_error import observable_errors
 from specan.study.estimation.problem import Problem
-from specan.study.selection.acceptance import left_out_errors
 from specan.study.selection.law_search import LEVEL, Law, search_laws
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
@@ -151,7 +151,7 @@ def propose_laws(study: Study) -> ProposedLaws:
     study.require_uncertainty("propose")
     start = Refit(frozenset(), study.problem, study.best)
     found = search_laws(start)
-    before, left_out = _error(start), next(iter(left_out_errors(start)), None)
+    before, left_out = _error(start), next(iter(left_out_errors(start.problem, start.fit)), None)
     sources = {name: source_of(law, name) for name, law in _named(found.laws).items()}
     files = {name: Path(LAWS) / f"{name}.py" for name in sources}
     # One catalogue for all, so that the refits can be compared.
@@ -218,8 +218,8 @@ def _fitted(
     except ComputationError:
         return None
     count = sum(n.owner == name for n in problem.names)
-    refit = Refit(frozenset({use}), problem, best, count, 1)
-    left_out = next(iter(left_out_errors(refit)), None)
+    refit = Refit(frozenset({use}), problem, best, count)
+    left_out = next(iter(left_out_errors(refit.problem, refit.fit)), None)
     proposed = ProposedLaw(
         name=name,
         file=file,

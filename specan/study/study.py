@@ -66,7 +66,7 @@ from specan.study.verdict import Diagnosis
 
 if TYPE_CHECKING:
     from specan.study.localisation.frf_errors import FrfErrors
-    from specan.study.selection.search import Progress, Search
+    from specan.study.progress import Progress
 
 STOPPED = "stopped_diagnosis.json"  # in a study: what a diagnosis had found when it was interrupted
 FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
@@ -356,7 +356,7 @@ class Study:
         if found is None:
             from specan.study.diagnose import Stopped, diagnose
 
-            begun: list[Search] = []
+            begun: list[Any] = []
             try:
                 with working(jobs) if jobs > 1 else contextlib.nullcontext():
                     found = diagnose(

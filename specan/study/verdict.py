@@ -13,13 +13,11 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.result import Result, counted
 from specan.study.estimation.fit import intervals_95, profile_interval
+from specan.study.estimation.left_out import left_out_errors
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
-from specan.study.selection.acceptance import left_out_errors
-from specan.study.selection.initial_fit import about_itself
-from specan.study.selection.pulls import Pull, pulls, shown
+from specan.study.selection.pulls import Pull
 from specan.study.selection.refits import Refit
 from specan.study.selection.residual_law import ResidualLaw
-from specan.study.selection.search import Search
 
 
 def placed(effects: Sequence[str], at: Mapping[str, Sequence[str]]) -> list[str]:
@@ -327,35 +325,6 @@ class Diagnosis(Result):
         }
 
 
-def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
-    """Every set that was refitted: those that the data cannot distinguish, then the others, most likely first."""
-    base, dispersion = search.base, search.best.dispersion
-    others = [r for r in search.refits.done.values() if r.uses and r not in sets]
-    others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
-    rows = []
-    for refit in [*sets, *others]:
-        decision, (error, *more) = search.decision(refit), errors(refit)
-        linearised = refit.problem.strategy.linearised_covariance
-        told = about_itself(refit) if refit in sets and linearised else refit
-        rows.append(
-            Ranked(
-                effects=tuple(sorted(u.name for u in refit.uses)),
-                at=places_of(refit.uses),
-                delta_bic=base.bic(dispersion) - refit.bic(dispersion),
-                p_value=decision.p_value,
-                held_out_gain=decision.held_out_gain,
-                error_after=error.rms,
-                level_after_dB=error.level_dB,
-                others_after={e.observable: e.rms for e in more},
-                parameters=parameters_of(told, refit in sets),
-                plausible=search.believable(refit),
-                at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
-                pulls=shown(pulls(refit)),
-            )
-        )
-    return tuple(rows)
-
-
 def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, Any]]:
     """Own parameters of the effects, with 95 % intervals, in their declared units.
 
@@ -387,7 +356,9 @@ def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, A
 def error_fall(base: Refit, best: Refit) -> ErrorFall:
     """Errors of a model as it is and with what was found; on left-out conditions where refits are cheap."""
     refits = not base.problem.strategy.frugal
-    one, two = ({e.observable: e for e in left_out_errors(r)} if refits else {} for r in (base, best))
+    one, two = (
+        {e.observable: e for e in left_out_errors(r.problem, r.fit)} if refits else {} for r in (base, best)
+    )
     first, *others = (
         ErrorFall(before, after, one.get(before.observable), two.get(before.observable))
         for before, after in zip(errors(base), errors(best), strict=True)
@@ -421,10 +392,6 @@ VERDICTS = {
 }
 LEAST_TOLD = 0.02  # probability of something else, from which a headline with names says it
 MOST_IN_HEADLINE = 3  # sets of effects; the others stand in the table
-# Nothing-missing where the data alone would rather take values that contradict what is known.
-WITHIN_WHAT_IS_KNOWN = "Nothing is missing if the values are as known; the data alone would take others."
-
-# Unknown where the model meets all data but one condition or reading.
 
 
 def headline(found: Diagnosis) -> str:
@@ -444,8 +411,6 @@ def headline_of(content: Mapping[str, Any]) -> str:
     kind = content["verdict"]
     if kind == "nothing-missing" and content.get("other_form"):
         return f"Nothing is missing with {content['other_form']}{sure.of('nothing')}."
-    if kind == "nothing-missing" and content.get("unknown_possible") and not sure.stated:
-        return WITHIN_WHAT_IS_KNOWN
     # The simplest first; the table below has them by likelihood.
     sets = [
         " with ".join(members) + sure.of_effects(members, len(content["alternatives"]) > 1)

@@ -40,20 +40,3 @@ def quantile(chance: float, dof: float, noise_dof: float = math.inf) -> float:
     # scipy's inverse of F takes the probability below, which is one where that above is small.
     share = float(special.betaincinv(noise_dof / 2, dof / 2, chance))
     return noise_dof * (1 - share) / (dof * share) if share > 0 else math.inf
-
-
-def noncentral(value: float, dof: float, noise_dof: float, noncentrality: float) -> float:
-    """Probability of no more than a value, as in `tail`, of the noncentral law.
-
-    Examples
-    --------
-    >>> round(noncentral(3.841, 1, math.inf, 7.849), 3)  # seen in four cases of five
-    0.2
-    """
-    if not math.isinf(noise_dof):
-        return float(special.ncfdtr(dof, noise_dof, noncentrality, value))
-    # 1e8: noncentrality from which chi-square is normal to 1e-4; its series grows with the root
-    if noncentrality > 1e8:
-        away = dof * (value - 1) - noncentrality
-        return float(special.ndtr(away / math.sqrt(2 * dof + 4 * noncentrality)))
-    return float(special.chndtr(dof * value, dof, noncentrality))

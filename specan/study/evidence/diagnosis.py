@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -10,11 +10,10 @@ import numpy as np
 
 from specan.errors import SpecanError, unforeseen
 from specan.study.design.operating_points import Proposal, explore, propose
-from specan.study.estimation.fit import Fit, describe
-from specan.study.estimation.problem import Problem
-from specan.study.evidence.explanations import FORMS, NOTHING, OF_SIZE, Explanation, Explanations
+from specan.study.estimation.fit import describe
+from specan.study.evidence.explanations import Explanation, Explanations
+from specan.study.evidence.form_errors import FORMS
 from specan.study.evidence.judgement import (
-    NOTHING_ABOVE,
     OF_THE_BEST,
     Judgement,
     Stated,
@@ -22,11 +21,11 @@ from specan.study.evidence.judgement import (
     without_larger,
 )
 from specan.study.localisation.localise import localise
+from specan.study.localisation.mistaken_set_up import undeclared_shifts
 from specan.study.selection.doubtful_data import rows_of_two_kinds
 from specan.study.selection.pulls import pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
 from specan.study.selection.residual_law import residual_law
-from specan.study.selection.search import Progress
 from specan.study.verdict import (
     LEAST_TOLD,
     Diagnosis,
@@ -45,6 +44,7 @@ MOST_STATED = 20  # explanations that are listed with their probability
 MOST_PLACES = 12  # where the model fails, that are told
 LISTED = 1e-4  # probability below which an explanation is not listed
 TOO_FAR = 3.0  # standard deviations outside of what is known, from which a fit is said to need that value
+LACK_OF_FIT = 1e-3  # probability below which a model does not fit
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
 OPEN = 0.95  # probability of the best explanation above which nothing is left to decide
@@ -52,33 +52,19 @@ OFF_FORM = 0.9  # probability that the errors of form are the largest, above whi
 DOUBT = 0.2  # probability of something else from which it is said: twice what it is before any data
 
 
-def diagnosis(problem: Problem, base: Fit, progress: Progress, begun: list[Any]) -> Diagnosis:
-    """Diagnose a table.
-
-    Parameters
-    ----------
-    problem : Problem
-        The model as it is.
-    base : Fit
-        A fit of it.
-    progress : callable
-        Told what is being done.
-    begun : list
-        The explanations are put into it before the first is fitted.
-    """
-    progress("explanations of the data", 0.0)
-    explanations = Explanations(problem, base, progress=progress, begun=begun)
+def told(explanations: Explanations) -> Diagnosis:
+    """What is said of all explanations of some data."""
     judged = judge(explanations)
-    progress("where the model fails, and what to measure next", 0.9)
-    return _Telling(problem, base, explanations, judged).diagnosis()
+    explanations.progress("where the model fails, and what to measure next", 0.9)
+    return _Telling(explanations, judged).diagnosis()
 
 
 class _Telling:
     """What is told of a judgement; a part that fails is told in a sentence, and costs nothing else."""
 
-    def __init__(self, problem: Problem, base: Fit, explanations: Explanations, judged: Judgement) -> None:
-        self.problem, self.explanations, self.judged = problem, explanations, judged
-        self.base = Refit(frozenset(), problem, base)
+    def __init__(self, explanations: Explanations, judged: Judgement) -> None:
+        self.problem, self.explanations, self.judged = explanations.problem, explanations, judged
+        self.base = Refit(frozenset(), explanations.problem, explanations.base)
         self.failures: list[str] = []
         self._refits: dict[int, Refit] = {}
 
@@ -97,8 +83,9 @@ class _Telling:
             problem = replace(one.tangent.problem, unheld=self.problem.unheld)
             names = {str(use) for use in one.uses}
             count = sum(name.owner in names for name in problem.names)
-            fitted = describe(problem, one.tangent.theta)
-            self._refits[id(one)] = Refit(one.uses, problem, fitted, count=count, amplitudes=count)
+            known = () if one.tangent.noises else one.tangent.with_pseudo_rows(problem)
+            fitted = describe(problem, one.tangent.theta, *known)
+            self._refits[id(one)] = Refit(one.uses, problem, fitted, count)
         return self._refits[id(one)]
 
     def diagnosis(self) -> Diagnosis:
@@ -121,7 +108,9 @@ class _Telling:
             law = self.try_to("a law of what is left", lambda: residual_law(base), None)
         proposals = self.try_to("what to measure next", lambda: self._next(kind, fails_at), ())
         rows = self.try_to("the table of what was tried", self._ranking, ())
-        visible = self.try_to("the smallest visible sizes", self._visible, {})
+        visible = self.try_to(
+            "the smallest visible sizes", lambda: self.explanations.visible(self._best.best), {}
+        )
         remarks = self._remarks()
         return Diagnosis(
             verdict=kind,
@@ -271,14 +260,6 @@ class _Telling:
         plain = [self.refit(one.best) for one in near if not one.best.form.parts][:4]
         return propose(plain, other_kinds=kind == "group")
 
-    def _visible(self) -> Mapping[str, Any]:
-        """Sizes at which the probability of what lacks the effect falls below its level in four cases of five."""
-        one, form = self._best.best, self._best.best.form
-        beside, _ = self.explanations.weighed(form, one.tangent)
-        count = len({c.use.name for c in form.catalogue.candidates})
-        needed = float(np.log(NOTHING / (OF_SIZE[0] / max(count, 1))) - np.log(NOTHING_ABOVE))
-        return form.catalogue.visible(beside, form.marginal, needed)
-
     def _remarks(self) -> list[str]:
         base, best = self.base, self._best.best
         remarks = [
@@ -286,10 +267,15 @@ class _Telling:
             ("the scatter beside its uncertainty", lambda: too_good(base)),
             ("faults of the data", self._fault),
             ("the fit of the base", lambda: not_settled(base)),
+            ("shifts of modes", self._undeclared_shifts),
         ]
         if best.follows_itself:
             remarks.append(("noise", lambda: "the noise follows itself in time: rows are not independent"))
         return [text for what, find in remarks if (text := self.try_to(what, find, ""))]
+
+    def _undeclared_shifts(self) -> str:
+        """Shifts of single modes that explain what no effect does, though the rig file does not say so."""
+        return undeclared_shifts(self.problem, LACK_OF_FIT) if self.judged.kind == "unknown-effect" else ""
 
     def _fault(self) -> str:
         """The likeliest fault where it is not the verdict."""

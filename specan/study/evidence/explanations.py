@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, count, product
+from itertools import count, product
 from math import comb, prod
 from typing import Any
 
@@ -28,33 +28,28 @@ from specan.models import Use
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.levenberg_marquardt import NotSettledError, descend, descend_steps
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.faults import SIZES, Fault, Faults, levels, observable_rows, sizes_of
-from specan.study.evidence.marginal import Marginal, Tangent
+from specan.study.evidence.faults import Fault, Faults
+from specan.study.evidence.form_errors import FORMS, FormErrors, OverConditions
+from specan.study.evidence.marginal import Columns, Marginal, Tangent
 from specan.study.evidence.noise import Autoregression, autoregressions, chains_of
 from specan.study.evidence.promises import Catalogue, Promise
-from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Array
+from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import without
 from specan.study.selection.refits import Refit
-from specan.study.selection.search import Progress, unheard
 
 EffectSet = frozenset[Use]
 
 # Beforehand: half that nothing is missing, the rest by how often each is met; sets of one and of two effects.
 NOTHING, OF_SIZE, UNKNOWN, FAULT = 0.5, (0.3, 0.1), 0.05, 0.05
+NOTHING_ABOVE = 0.05  # probability of "nothing is missing" below which something is
 FOLLOWS_ITSELF = 0.05  # of each autoregressive form of the noise
 BEYOND = 0.01  # that a value lies beyond what is known of it: what a range is declared for
 PULLED = 1.0  # standard deviations outside of what is known, from which a value is also fitted without that
 SETS = 0.7  # share of a diagnosis that is over when sets are fitted
-# Shares of what an effect changes, to which its equation may be wrong: as likely each.
-FORMS = (0.01, 0.03, 0.1, 0.3)
-FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of form changes
-UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
-SMOOTH = 0.8  # of unknown functions; the others act at one level of a variable, or from one on
 WITHIN = 3.0  # ln of the best probability over a promised one that is still fitted
 SLACK = 1.5  # ln by which a linear promise may fall short of a fit
 AS_GOOD = 1.0  # ln of the best probability over that of something else, from where every effect is fitted
-FITTED = 5  # single effects that are fitted whatever they promise
 LISTED = 9.0  # ln of the best probability over that of what counts at all
 NEAR = 2  # Jacobians that lead near enough to a minimum: the evidence takes one more linear step
 POLISHED = 4.0  # ln of the best probability over one that is led to its minimum
@@ -157,6 +152,8 @@ class Explanations:
     found : list of Explanation
     """
 
+    fitted_anyway = 5  # single effects that are fitted whatever they promise
+
     def __init__(
         self,
         problem: Problem,
@@ -167,21 +164,25 @@ class Explanations:
         self.problem, self.base, self.progress = problem, base, progress
         if begun is not None:
             begun.append(self)
-        self.points = operating_points(problem)
-        self.roots = [
-            kernel_root(self.points[:, variables], FORM_LENGTH)
-            for variables in _choices(self.points.shape[1])
-        ]
         self.found: list[Explanation] = []
-        self._largest: dict[bytes, float] = {}  # by the parameters of a fit
+        # By the parameters of a fit: the likeliest errors of its form, and the probability that they are the largest.
+        self.likeliest: dict[bytes, int] = {}
+        self._largest: dict[bytes, float] = {}
         self._weighed: dict[tuple[Tangent, Autoregression | None], tuple[Marginal, float]] = {}
-        self.forms = list(forms_of(problem, base))
+        self._waiting: list[tuple[float, int, Form, EffectSet, Promise]] = []
+        self._order = count()
+        self.set_up()
         self._search()
         progress("what no effect describes, values beyond what is known, noise, faults of the data", SETS)
         self._beyond()
         self._beside_unknown()
         self._noise()
         self._faults()
+
+    def set_up(self) -> None:
+        """The errors of form, and the forms of the base."""
+        self.errors: FormErrors = OverConditions(self.problem)
+        self.forms = list(forms_of(self.problem, self.base))
 
     @property
     def fitted(self) -> tuple[list[Refit], bool]:
@@ -201,39 +202,55 @@ class Explanations:
                 Explanation("nothing", form, frozenset(), form.tangent, ln_prior, form.marginal.ln_evidence)
             )
         self._unknown()
-        order = count()
-        self._waiting: list[tuple[float, int, Form, EffectSet, Promise]] = []
-
-        def expect(form: Form, uses: EffectSet, beside: Marginal) -> None:
-            for promise in form.catalogue.promises(beside):
-                more = uses | {promise.use}
-                promised = beside.ln_evidence + promise.ln_gain + self._ln_prior(form, more)
-                heapq.heappush(self._waiting, (-promised, next(order), form, more, promise))
-
-        for form in self._forms_in_reach():
-            expect(form, frozenset(), form.marginal)
+        in_reach = self._forms_in_reach()
+        for one in [e for e in self.found if e.kind == "nothing" and e.form in in_reach]:
+            self._expect(one)
         fitted: set[tuple[int, EffectSet]] = set()
         left: dict[tuple[int, EffectSet], tuple[float, Form, Promise]] = {}
-        while self._waiting:
+        while self._waiting or self._grow():
             promised, _, form, uses, promise = heapq.heappop(self._waiting)
             key = id(form), uses
             if key in fitted:
                 continue
-            single = len(uses) == 1
-            first = single and not form.parts and len(fitted) < FITTED
-            if not (first or -promised + SLACK > self.best - WITHIN or (single and self._something_is_left)):
+            first = len(uses) == 1 and not form.parts and len(fitted) < self.fitted_anyway
+            if not (first or self._worth_a_fit(uses, -promised)):
                 left.setdefault(key, (-promised, form, promise))
                 continue
             fitted.add(key)
             self.progress(
                 f"fitting with {' and '.join(map(str, sorted(uses)))}", SETS * (1 - 0.9 ** len(fitted))
             )
-            one = self._add(form, uses, promise.starts)
-            if one is not None and len(uses) < len(OF_SIZE):
-                expect(form, uses, self.weighed(form, one.tangent)[0])
+            self._add(form, uses, promise)
         self._polish()
+        self._list({key: found for key, found in left.items() if key not in fitted})
+
+    def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
+        """Whether a promise comes near the best; where something is left a straight line tells little."""
+        return promised + SLACK > self.best - WITHIN or (len(uses) == 1 and self._something_is_left)
+
+    def _expect(self, one: Explanation) -> None:
+        """Put what every further effect promises beside a set with what waits to be fitted."""
+        for evidence, promise in self._promises(one):
+            more = one.uses | {promise.use}
+            self._wait(evidence + self._ln_prior(one.form, more), one.form, more, promise)
+
+    def _wait(self, promised: float, form: Form, uses: EffectSet, promise: Promise) -> None:
+        heapq.heappush(self._waiting, (-promised, next(self._order), form, uses, promise))
+
+    def _promises(self, one: Explanation) -> Iterator[tuple[float, Promise]]:
+        """Every further effect beside a set, and ln of the evidence that it promises."""
+        beside, _ = self.weighed(one.form, one.tangent)
+        for promise in one.form.catalogue.promises(beside):
+            yield beside.ln_evidence + promise.ln_gain, promise
+
+    def _grow(self) -> bool:
+        """Whether there is more to expect beside the sets that were fitted."""
+        return False
+
+    def _list(self, left: Mapping[tuple[int, EffectSet], tuple[float, Form, Promise]]) -> None:
+        """Keep what promises too little for a fit, where it counts at all."""
         for (_, uses), (promised, form, _) in left.items():
-            if (id(form), uses) not in fitted and promised > self.best - LISTED:
+            if promised > self.best - LISTED:
                 ln_prior = self._ln_prior(form, uses)
                 self.found.append(
                     Explanation(
@@ -254,17 +271,16 @@ class Explanations:
         order = sorted(self.forms, key=lambda form: -form.marginal.ln_evidence)
         found = []
         for form in order:
-            most = Marginal(
-                form.tangent, self.problem.whiten(FORMS[-1] * form.predicted[:, None] * self.roots[-1])
-            )
+            *_, (_, columns, shares) = self.errors.of_change(self.problem, form.predicted)
+            most = Marginal(form.tangent, columns, shares[-1])
             if float(form.tangent.ln_likelihood(most.chi2)) > self.best - WITHIN or not form.parts:
                 found.append(form)
         return found
 
-    def _add(self, form: Form, uses: EffectSet, starts: Sequence[Mapping[str, Any]]) -> Explanation | None:
-        """Fit a set from the lowest of some starts, and keep it; None where none is finite."""
+    def _add(self, form: Form, uses: EffectSet, promise: Promise) -> None:
+        """Fit a set from the lowest of some starts and keep it, and what is to be expected beside it."""
         problem = replace(form.problem.with_uses(sorted(uses)), one_sided=True)
-        lowest = self._lowest([problem.start(values) for values in starts], problem)
+        lowest = self._lowest([problem.start(values) for values in promise.starts], problem)
         own = [] if lowest is None else [lowest]
         if len(uses) == 1:  # an effect whose slope is nothing where it vanishes promises nothing there
             own.append(problem.start(form.fit.values))
@@ -273,7 +289,9 @@ class Explanations:
             with suppress(ComputationError):
                 reached.append(descend_steps(problem, start, NEAR))
         theta = self._lowest(reached, problem)
-        return None if theta is None else self._keep(form, uses, problem, theta, exact=len(uses) == 1)
+        one = None if theta is None else self._keep(form, uses, problem, theta, exact=len(uses) == 1)
+        if one is not None and len(uses) < len(OF_SIZE):
+            self._expect(one)
 
     def _lowest(self, places: Sequence[Array], problem: Problem) -> Array | None:
         """The place with the least sum of squares."""
@@ -371,12 +389,20 @@ class Explanations:
             one = Marginal(tangent)
             return one, one.ln_evidence
         change = np.concatenate(there.problem.predictions(there.theta)) - form.predicted
-        white = [self.problem.whiten(change[:, None] * root) for root in self.roots]
-        found = [Marginal(tangent, share * columns) for columns in white for share in FORMS]
-        each = [one.ln_evidence for one in found]
-        largest = [value for k, value in enumerate(each) if FORMS[k % len(FORMS)] == FORMS[-1]]
+        each: list[float] = []
+        largest: list[float] = []
+        best: Marginal | None = None
+        for rough, white, shares in self.errors.of_change(there.problem, change):
+            columns = Columns(tangent.with_noise(rough), white)
+            for share in shares:
+                one = Marginal(columns.tangent, columns, share)
+                if best is None or one.ln_evidence > best.ln_evidence:
+                    best, self.likeliest[there.theta.tobytes()] = one, len(each)
+                each.append(one.ln_evidence)
+                largest += [one.ln_evidence] if share == FORMS[-1] else []
+        assert best is not None
         self._largest[there.theta.tobytes()] = float(np.exp(logsumexp(largest) - logsumexp(each)))
-        return found[int(np.argmax(each))], float(logsumexp(each) - np.log(len(each)))
+        return best, float(logsumexp(each) - np.log(len(each)))
 
     # --- values beyond what is known -----------------------------------------------------------------
 
@@ -435,38 +461,8 @@ class Explanations:
             )
 
     def _gain_of_unknown(self, form: Form, beside: Marginal) -> float:
-        """ln of the evidence with such a function over that without, summed over kinds, sizes and lengths."""
-        kinds = []
-        for share, functions in (
-            (SMOOTH, self.smooth_functions(form)),
-            (1 - SMOOTH, self.functions_at_levels(form)),
-        ):
-            gains = [beside.beside(white, np.array(SIZES))[0] for white in functions]
-            if gains:
-                kinds.append(float(logsumexp(gains) + np.log(share / np.size(gains))))
-        return float(logsumexp(kinds))
-
-    def smooth_functions(self, form: Form) -> Iterator[Array]:
-        """Columns of smooth functions of the size of the prediction, whitened: of every choice of variables and length.
-
-        Several observables may fail alike, or each in a way of its own.
-        """
-        relative, level = sizes_of(form.problem, form.predicted)
-        own = list(observable_rows(self.problem).values())
-        for variables in _choices(self.points.shape[1]):
-            for length in UNKNOWN_LENGTHS:
-                root = kernel_root(self.points[:, variables], length)
-                roots = [root] if len(own) == 1 else [root, np.hstack([root * rows[:, None] for rows in own])]
-                for one in roots:
-                    for size in (relative, level):
-                        yield self.problem.whiten(size[:, None] * one)
-
-    def functions_at_levels(self, form: Form) -> Iterator[Array]:
-        """The same of the rows at one level of an operating variable, as at a resonance, or from one on."""
-        root = kernel_root(self.points, max(UNKNOWN_LENGTHS))
-        for rows in levels(self.problem):
-            for size in sizes_of(form.problem, form.predicted):
-                yield self.problem.whiten((size * rows)[:, None] * root)
+        """ln of the evidence with something else over that without, summed over its forms and sizes."""
+        return self.errors.gain_of_unknown(form.problem, form.predicted, beside)
 
     # --- noise and data -----------------------------------------------------------------------------
 
@@ -507,6 +503,24 @@ class Explanations:
                     )
                 )
 
+    def visible(self, one: Explanation) -> dict[str, dict[str, Any] | None]:
+        """Sizes at which the probability of what lacks an effect falls below its level in four cases of five.
+
+        Beside an explanation; of what that has, beside the base.
+        """
+        form = one.form
+        count = len({c.use.name for c in form.catalogue.candidates})
+        needed = float(np.log(NOTHING / (OF_SIZE[0] / max(count, 1))) - np.log(NOTHING_ABOVE))
+        return form.catalogue.visible(self.looked_at(one), self.looked_at(self._bare(form)), needed)
+
+    def looked_at(self, one: Explanation) -> Marginal:
+        """An explanation on the rows on which promises are made."""
+        return self.weighed(one.form, one.tangent)[0]
+
+    def _bare(self, form: Form) -> Explanation:
+        """A form of the base without anything."""
+        return next(e for e in self.found if e.kind == "nothing" and e.form is form)
+
     def _top(self, most: int) -> list[Explanation]:
         found = [e for e in self.found if e.kind in ("nothing", "effects") and e.fitted]
         found.sort(key=lambda e: -e.ln_joint)
@@ -544,10 +558,3 @@ def forms_of(problem: Problem, base: Fit) -> Iterator[Form]:
             yield Form(parts, with_forms, fit(with_forms, starts=STARTS) if parts else base, ln_prior)
         except ComputationError:
             continue
-
-
-def _choices(count: int) -> list[list[int]]:
-    """Which operating variables an unknown effect may depend on: any one, any two, all."""
-    alone = [[k] for k in range(count)]
-    pairs = [list(pair) for pair in combinations(range(count), 2)] if count > 2 else []
-    return [*alone, *pairs, *([list(range(count))] if count > 1 else [])] or [[]]

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from specan.study.evidence.explanations import EffectSet, Explanation, Explanations
+from specan.study.evidence.explanations import NOTHING_ABOVE, EffectSet, Explanation, Explanations
 
-NOTHING_ABOVE = 0.05  # probability of "nothing is missing" below which something is
 FAULT_ABOVE = (
     0.95  # probability of a fault of the data above which a verdict says so: its owner has to look for it
 )

@@ -22,7 +22,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from specan.study.estimation.linear import held_inside
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.noise import Autoregression
+from specan.study.evidence.noise import Noise
 from specan.study.observation import Array
 
 PULL_STEPS = 3  # linear steps in which the pulls of known ranges settle
@@ -38,20 +38,32 @@ class Tangent:
     theta : array, shape (p,)
     residual, jacobian : array, shape (n,), (n, p)
         Of the measured rows, whitened.
-    noise : Autoregression, optional
-        A form of the noise other than the declared one.
+    noises : tuple of Noise
+        Forms of the noise beside the declared one, each upon the rows that those before it leave.
+    ln_volume : float
+        -1/2 ln det of the covariance, where explanations differ in it.
     """
 
     problem: Problem
     theta: Array
     residual: Array
     jacobian: Array
-    noise: Autoregression | None = None
+    noises: tuple[Noise, ...] = ()
+    ln_volume: float = 0.0
 
     @classmethod
     def at(cls, problem: Problem, theta: Array, residual: Array, jacobian: Array) -> Tangent:
         """From the residual and its derivative with pseudo-measurements, as fits give them."""
-        return cls(problem, theta, residual[: problem.n_data], jacobian[: problem.n_data])
+        n = problem.n_data
+        return cls(problem, theta, residual[:n], jacobian[:n], ln_volume=problem.ln_volume(theta))
+
+    def with_pseudo_rows(self, problem: Problem) -> tuple[Array, Array]:
+        """Residual and Jacobian with the pseudo-measurements of a problem, as fits have them."""
+        pseudo = problem.pseudo
+        return (
+            np.concatenate([self.residual, pseudo.residual(self.theta)]),
+            np.concatenate([self.jacobian, pseudo.jacobian(self.theta)]),
+        )
 
     @property
     def chi2(self) -> float:
@@ -59,12 +71,24 @@ class Tangent:
         pulls = self.problem.pseudo.residual(self.theta)
         return float(self.residual @ self.residual + pulls @ pulls)
 
-    def with_noise(self, noise: Autoregression | None) -> Tangent:
-        """The same under another form of the noise."""
+    def with_noise(self, noise: Noise | None) -> Tangent:
+        """The same under a further form of the noise."""
         if noise is None:
             return self
         rows = noise.innovations(np.column_stack([self.residual, self.jacobian]))
-        return replace(self, residual=rows[:, 0], jacobian=rows[:, 1:], noise=noise)
+        return replace(
+            self,
+            residual=rows[:, 0],
+            jacobian=rows[:, 1:],
+            noises=(*self.noises, noise),
+            ln_volume=self.ln_volume + noise.ln_volume,
+        )
+
+    def seen(self, columns: Array) -> Array:
+        """Whitened columns under its forms of the noise."""
+        for noise in self.noises:
+            columns = noise.innovations(columns)
+        return columns
 
     @cached_property
     def widths(self) -> Array:
@@ -94,14 +118,35 @@ class Tangent:
         return -0.5 * (nu + n) * np.log1p(np.maximum(beyond, 0.0) / nu) - 0.5 * (pure + n) * np.log1p(within)
 
 
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """A tangent's rows beside columns, and what a least-squares fit needs of both; see `Marginal`."""
+
+    tangent: Tangent
+    columns: Array
+
+    def whole(self) -> Array:
+        """X: columns as the noise lets them be seen, then the derivative by each parameter in its size."""
+        jacobian = self.tangent.jacobian * self.tangent.problem.scale
+        return np.hstack([self.tangent.seen(self.columns), jacobian])
+
+    @cached_property
+    def sums(self) -> tuple[Array, Array]:
+        """X'X and X'r."""
+        whole = self.whole()
+        return whole.T @ whole, whole.T @ self.tangent.residual
+
+
 class Marginal:
     """What is left of a tangent's residual once parameters and coefficients of columns have taken one linear step.
 
     Parameters
     ----------
     tangent : Tangent
-    columns : array, shape (n, k)
-        Over the measured rows, whitened; their coefficients have unit deviation.
+    columns : array, shape (n, k), or Columns
+        Over the measured rows, whitened.
+    share : float
+        Deviation of their coefficients.
 
     Attributes
     ----------
@@ -110,13 +155,16 @@ class Marginal:
     ln_evidence : float
     """
 
-    def __init__(self, tangent: Tangent, columns: Array | None = None) -> None:
-        self.tangent = tangent
+    def __init__(self, tangent: Tangent, columns: Array | Columns | None = None, share: float = 1.0) -> None:
+        if not isinstance(columns, Columns):
+            none = np.zeros((tangent.residual.size, 0))
+            columns = Columns(tangent, none if columns is None else columns)
+        self.tangent, self.share, self._columns = tangent, share, columns
         problem, size = tangent.problem, tangent.problem.scale
-        columns = np.zeros((tangent.residual.size, 0)) if columns is None else self._seen(columns)
-        k = columns.shape[1]
-        self._size, self._whole = size, np.hstack([columns, tangent.jacobian * size])
-        normal, along = self._whole.T @ self._whole, self._whole.T @ tangent.residual
+        k = columns.columns.shape[1]
+        self._size, self._scale = size, np.concatenate([np.full(k, share), np.ones(size.size)])
+        normal = columns.sums[0] * np.outer(self._scale, self._scale)
+        along = columns.sums[1] * self._scale
         ends = problem.bounds()[0] - tangent.theta, problem.bounds()[1] - tangent.theta
         low, high = np.minimum(ends[0] / size, 0.0), np.maximum(ends[1] / size, 0.0)
         step = np.zeros(k + size.size)
@@ -131,21 +179,41 @@ class Marginal:
             if np.allclose(step, before, rtol=1e-3, atol=1e-6):
                 break
         pulls = problem.pseudo.residual(tangent.theta + step[k:] * size)
-        self.step, self.coefficients = step[k:] * size, step[:k]
-        self._left = tangent.residual + self._whole @ step
-        self.chi2 = float(self._left @ self._left + pulls @ pulls + step[:k] @ step[:k])
+        self.step, self._step = step[k:] * size, step
+        left = tangent.residual @ tangent.residual + step @ (2 * along + normal @ step)
+        self.chi2 = float(left + pulls @ pulls + step[:k] @ step[:k])
         known = np.concatenate([np.ones(k), size / tangent.widths])
         volume = float(np.linalg.slogdet((normal + np.diag(known**2)) / np.outer(known, known))[1])
         # What rests on an end of its domain does not move when something is added.
         rest = np.concatenate([np.zeros(k, bool), (step[k:] <= low) | (step[k:] >= high)])
-        stiff = np.where(rest, 1e12 * np.maximum(np.diag(matrix), 1.0), known**2)
-        self._factor = cho_factor(matrix + np.diag(stiff))
-        of_noise = 0.0 if tangent.noise is None else tangent.noise.ln_volume + tangent.noise.ln_price
-        self.ln_evidence = float(tangent.ln_likelihood(self.chi2)) - 0.5 * volume + of_noise
+        self._matrix = matrix + np.diag(np.where(rest, 1e12 * np.maximum(np.diag(matrix), 1.0), known**2))
+        self.ln_evidence = float(tangent.ln_likelihood(self.chi2)) - 0.5 * volume + tangent.ln_volume
 
-    def _seen(self, columns: Array) -> Array:
-        noise = self.tangent.noise
-        return columns if noise is None else noise.innovations(columns)
+    @property
+    def columns(self) -> Array:
+        """Over the measured rows, whitened; their coefficients have unit deviation."""
+        return self.share * self._columns.columns
+
+    @cached_property
+    def _whole(self) -> Array:
+        return self._columns.whole() * self._scale
+
+    @cached_property
+    def _left(self) -> Array:
+        return np.asarray(self.tangent.residual + self._whole @ self._step)
+
+    @cached_property
+    def _factor(self) -> tuple[Array, bool]:
+        factor: tuple[Array, bool] = cho_factor(self._matrix)
+        return factor
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the parameters, errors of form included."""
+        k = self._scale.size - self._size.size
+        return np.asarray(
+            cho_solve(self._factor, np.eye(self._scale.size))[k:, k:] * np.outer(self._size, self._size)
+        )
 
     def beside(self, columns: Array, sizes: Array) -> tuple[Array, Array]:
         """ln of the evidence with more columns over that without.
@@ -162,7 +230,7 @@ class Marginal:
         coefficients : array, shape (m, q)
             The likeliest.
         """
-        seen = self._seen(columns)
+        seen = self.tangent.seen(columns)
         along = self._whole.T @ seen
         curvature, turned = np.linalg.eigh(seen.T @ seen - along.T @ cho_solve(self._factor, along))
         curvature = np.maximum(curvature, 0.0)
@@ -185,13 +253,13 @@ class Marginal:
 
     def curvature(self, column: Array) -> float:
         """Half the second derivative of chi-square by a coefficient of a column, all else free."""
-        seen = self._seen(column)
+        seen = self.tangent.seen(column)
         along = self._whole.T @ seen
         return float(seen @ seen - along @ cho_solve(self._factor, along))
 
     def shifted(self, columns: Array, coefficients: Array) -> Array:
         """Theta after a linear step beside columns with these coefficients."""
-        along = self._whole.T @ (self._seen(columns) @ coefficients)
+        along = self._whole.T @ (self.tangent.seen(columns) @ coefficients)
         more = -cho_solve(self._factor, along)[along.size - self._size.size :] * self._size
         low, high = self.tangent.problem.bounds()
         return np.asarray(np.clip(self.tangent.theta + self.step + more, low, high))

@@ -1,4 +1,4 @@
-"""Noise that follows itself in time: autoregressive forms of what the covariance says, in the order of the rows.
+"""Forms of the noise beside the declared one: noise that follows itself in time, and errors of each row by itself.
 
 The whitened residuals of one recording and observable, in the order in which they were read, follow
 r_t = a_1 r_(t-1) + ... + a_p r_(t-p) + e_t with unit variance of r: the size of the noise stays as declared, so that no
@@ -8,6 +8,7 @@ missing effect hides in it. The coefficients are those of Burg's recursion (1975
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,44 @@ from specan.study.observation.autoregression import burg, innovations
 
 ORDER = 2  # most coefficients: an oscillation of what is not measured has two
 LEAST_ROWS = 30  # of a chain, from which it is looked at
+
+
+class Noise(Protocol):
+    """A form of the noise: whitened rows as rows of unit variance under it, and what that costs."""
+
+    def innovations(self, columns: Array) -> Array:
+        """Rows of whitened columns (n, k) as independent rows of unit variance."""
+
+    @property
+    def ln_volume(self) -> float:
+        """-1/2 ln det of the covariance of the whitened rows, and of what was estimated for it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rough:
+    """Errors that no row shares with another, beside the declared noise.
+
+    Attributes
+    ----------
+    sizes : array, shape (n,)
+        Standard deviation of each row's, in units of the noise that the row does not share.
+    """
+
+    sizes: Array
+
+    @property
+    def weights(self) -> Array:
+        """Of each row."""
+        return np.asarray(1 / np.sqrt(1 + self.sizes**2))
+
+    def innovations(self, columns: Array) -> Array:
+        """Rows that such errors widen count for less."""
+        return columns * self.weights[:, None]
+
+    @property
+    def ln_volume(self) -> float:
+        """-1/2 ln det of the covariance."""
+        return float(np.sum(np.log(self.weights)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,17 +81,12 @@ class Autoregression:
 
     @property
     def ln_volume(self) -> float:
-        """-1/2 ln det of the correlation."""
-        total = 0.0
+        """-1/2 ln det of the correlation, less half ln of the rows for each estimated coefficient (Schwarz 1978)."""
+        total = -0.5 * len(self.reflections) * np.log(sum(rows.size for rows in self.chains))
         for rows in self.chains:
             for k, reflection in enumerate(self.reflections):
                 total -= 0.5 * (rows.size - k - 1) * np.log1p(-(reflection**2))
         return float(total)
-
-    @property
-    def ln_price(self) -> float:
-        """Half the logarithm of the rows for each coefficient that was estimated (Schwarz 1978)."""
-        return -0.5 * len(self.reflections) * float(np.log(sum(rows.size for rows in self.chains)))
 
 
 def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:

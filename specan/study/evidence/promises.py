@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,14 @@ from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal
 from specan.study.observation import Array
 from specan.study.selection.candidates import Candidate, candidates
-from specan.study.selection.signatures import Known, Signature, not_finite, shape_grid, signatures
+from specan.study.selection.signatures import (
+    Known,
+    Signature,
+    carried,
+    not_finite,
+    shape_grid,
+    signatures,
+)
 
 ONE_SIDED_80 = 0.84  # standard deviations below which four of five values of a normal law lie
 
@@ -40,6 +47,18 @@ class Promise:
 class Catalogue:
     """What may be added to a base, and how each changes what it predicts.
 
+    Parameters
+    ----------
+    problem : Problem
+    base : Fit
+        Of a model to which effects may be added.
+    worth : float
+        Rows that each row stands for.
+    before : Catalogue, optional
+        Of a model with fewer effects: what each does to the residual depends little on those beside it.
+    anew : bool
+        All effects are looked at again, where the other model was far from the data; else only errors of instruments.
+
     Attributes
     ----------
     candidates : list of Candidate
@@ -47,14 +66,29 @@ class Catalogue:
         Effects that the data say nothing about, with the reason.
     """
 
-    def __init__(self, problem: Problem, base: Fit) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        base: Fit,
+        worth: float = 1.0,
+        before: Catalogue | None = None,
+        anew: bool = True,
+    ) -> None:
         self.problem = problem
         self.candidates, self.not_testable = candidates(problem)
-        known: Known = {}
-        points = shape_grid(problem, base, self.candidates, known)
-        self.not_testable |= not_finite(problem, base, [c for c in self.candidates if c.use not in points])
         self.signatures: dict[Use, list[Signature]] = {}
-        for one in signatures(problem, base, self.candidates, points, known):
+        found = self.candidates
+        if before is not None:
+            known = {c.use for c in found if not (anew or c.effect.instrument)}
+            own = [one for use in known for one in before.signatures.get(use, [])]
+            for one in carried(own, before.problem, problem, known):
+                self.signatures.setdefault(one.use, []).append(one)
+            found = [c for c in found if c.use not in known]
+        changed: Known = {}
+        points = shape_grid(problem, base, found, changed)
+        self.not_testable |= not_finite(problem, base, [c for c in found if c.use not in points])
+        for one in signatures(problem, base, found, points, changed):
+            one = replace(one, columns=np.sqrt(worth) * one.columns)
             self.signatures.setdefault(one.use, []).append(one)
 
     def promises(self, beside: Marginal) -> Iterator[Promise]:

@@ -212,6 +212,23 @@ class FrfObservation(KeptLines):
                 found.add(nominal_third(number))
         return frozenset(found)
 
+    @property
+    def along(self) -> Array:
+        """In units of two thirds of an octave: a smooth error changes over a third octave."""
+        return 1.5 * np.log2(np.maximum(self.conditions["frequency"], self.line_hz))
+
+    @property
+    def unshared(self) -> Array:
+        """The noise of every row."""
+        return self.rows(self.noise)
+
+    @property
+    def usual_sizes(self) -> tuple[Array, Array]:
+        """Each line's own size, and the RMS over the receivers."""
+        power = np.where(self.kept, np.abs(self.response) ** 2, 0.0).sum(axis=0)
+        mean = np.sqrt(power / np.maximum(self.kept.sum(axis=0), 1) / 2)
+        return self.sizes(self.measured), self.rows(mean)
+
     def powers(self) -> tuple[Array, Array]:
         """Lines 10 dB above noise and background, in third octaves that the band does not cut, where there are such."""
         noise = 2 * self.random[self.kept] ** 2
@@ -262,6 +279,11 @@ class FrfObservation(KeptLines):
         for (first, last), whitener in zip(self._spans, self._whiteners, strict=True):
             out[:, first:last] = whitener(both[:, first:last])
         return out.reshape(flat.shape)
+
+    def ln_volume(self, assembly: Assembly, values: Mapping[str, Any]) -> float:
+        """-1/2 ln det V over that of the noise: of what is declared of receivers and modes."""
+        shrinks = [self.of_all[1], *(whitener.shrink for whitener in self._whiteners)]
+        return float(sum(np.sum(np.log1p(-shrink)) for shrink in shrinks))
 
     @cached_property
     def of_all(self) -> tuple[Array, Array]:

@@ -61,6 +61,16 @@ class KeptLines(Observation):
         lines[self.kept] = real + 1j * imaginary
         return lines
 
+    def turned(self, rows: Array) -> Array:
+        """Rows of lines turned by a right angle."""
+        real, imaginary = np.split(rows, 2)
+        return np.concatenate([-imaginary, real])
+
+    def sizes(self, rows: Array) -> Array:
+        """RMS of the two parts of each line, for both of its rows."""
+        real, imaginary = np.split(rows, 2)
+        return np.tile(np.sqrt((real**2 + imaginary**2) / 2), 2)
+
     def rows(self, of_lines: Any) -> NDArray[Any]:
         """Rows of what both parts of a line have alike, broadcast to (channels, lines)."""
         return np.tile(np.broadcast_to(of_lines, self.kept.shape)[self.kept], 2)

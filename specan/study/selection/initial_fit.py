@@ -223,7 +223,7 @@ def _evident(
     few = {use: different(scored[use], SCREENING_STARTS) for use in _of_several_names(everywhere)[:AT_ONCE]}
     for use in _screened(best, few)[:1]:
         trying(use)
-        refit = Refits(refits.base, rough=True).fit(best, [[item] for item in few[use]])
+        refit = _fit(Refits(refits.base, rough=True), best, few[use])
         if refit is not None and _leaves_its_form(best, refit):
             refits.done[refit.uses] = refit
             return refit
@@ -256,7 +256,7 @@ def _best_of_few(
         looked_at.add(use)
         trying(use)
         items = closer.get(use) or scan_shapes(best, [use]).get(use) or scored[use][:1]
-        refit = refits.fit(best, [[item] for item in items])
+        refit = _fit(refits, best, items)
         if refit is not None and refit.bic(1.0) < better.bic(1.0):
             better = refit
             queue = [
@@ -265,6 +265,13 @@ def _best_of_few(
                 *queue,
             ]
     return better
+
+
+def _fit(refits: Refits, best: Refit, items: Sequence[Scored]) -> Refit | None:
+    """Fit a set with one effect more, from its signatures."""
+    uses = best.uses | {items[0].use}
+    problem = refits.with_uses(uses)
+    return refits.fit(best, uses, [start_from(best, [item], problem) for item in items])
 
 
 def _elsewhere(refits: Refits, start: Refit, better: Refit, scored: Iterable[Use]) -> list[Use]:

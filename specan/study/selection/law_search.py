@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Effect, Parameter, effect
+from specan.study.estimation.left_out import left_out_blocks, left_out_score
 from specan.study.estimation.linear import Projection
 from specan.study.observation.table import TableObservation
-from specan.study.selection.acceptance import left_out_blocks, left_out_score
 from specan.study.selection.law_grammar import Formula, Spread, formulas
 from specan.study.selection.refits import Refit
 

@@ -1,17 +1,14 @@
-"""Pulls: how far fitted values lie outside of what was known of them, and what the data alone would take."""
+"""Pulls: how far fitted values lie outside of what was known of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from specan.models.effect import ParameterName
-from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.problem import range_of
-from specan.study.selection.acceptance import LEVEL, held_out_gain, noise_dof
-from specan.study.selection.refits import FORM_TOLERANCE, Refit
-from specan.study.selection.significance import improvement_probability
+from specan.study.selection.refits import Refit
 
 # Standard deviations beyond which a fit holds only with a value that contradicts what is known: three, as for an
 # outlier of a normal law (p = 0.003).
@@ -19,13 +16,6 @@ TOO_FAR = 3.0
 COVERAGE = 2.0  # standard uncertainties of a prior that its range is shown as (coverage factor 2)
 MOST_NAMED = 2  # operating variables that are named, in the model's order
 SHOWN = 1.0  # pulls below this are no news
-
-STARTS = 3  # of the fit without known ranges
-# chi-square that a freed value has to gain to predict better (Akaike 1974, IEEE Trans. AC-19:716)
-PRICE = 2.0
-# Twice the logarithm of the ratio of cross-validated predictive densities (pseudo-Bayes factor, Geisser and Eddy 1979,
-# JASA 74:153) at which equal prior odds leave the known ranges a probability of `LEVEL`: 12.4.
-ODDS = -2 * float(np.log(LEVEL))
 
 
 @dataclass(frozen=True)
@@ -90,46 +80,6 @@ def pulls(refit: Refit) -> tuple[Pull, ...]:
     )
 
 
-def too_far(refit: Refit, base: Refit) -> tuple[Pull, ...]:
-    """Values that contradict what is known, worst first.
-
-    Of a base parameter beside added effects, what the form of their equations may have pushed is taken off. An
-    equation is trusted to the share `FORM_TOLERANCE` of its signature. What it leaves out has at most the length
-    FORM_TOLERANCE sqrt(explained chi-square), and moves no parameter of a least-squares fit by more standard errors
-    than that.
-    """
-    by_form = FORM_TOLERANCE * float(np.sqrt(max(base.chi2 - refit.chi2, 0.0)))
-    own = {str(use) for use in refit.uses}
-    found = []
-    for pull in pulls(refit):
-        if pull.parameter.owner in own:
-            found += [pull] if pull.too_far else []
-            continue
-        tail = _tail(refit, pull.parameter, pull.pull)
-        pushed = by_form * refit.fit.standard_error(pull.parameter) / tail
-        found += [pull] if abs(pull.pull) - pushed > TOO_FAR or (pull.at_bound and not refit.uses) else []
-    return tuple(found)
-
-
-def stretched(refit: Refit) -> tuple[Pull, ...]:
-    """Own values of added effects that lie outside of what is known: sizes by more than their 95 % interval, shapes.
-
-    A machine may have more of an effect than is known of others, and its size is doubted where the data refute what
-    is known. A shape says which effect it is: with its best estimate outside of its range, the odds are more than even
-    that it is another effect whose form is alike.
-    """
-    effects = {str(use): refit.problem.assembly.model.effects[use.name] for use in refit.uses}
-    found = []
-    for pull in pulls(refit):
-        owner, own = pull.parameter.owner, pull.parameter.own
-        if owner in effects:
-            away = abs(pull.pull) * _tail(refit, pull.parameter, pull.pull)
-            error = refit.fit.standard_error(pull.parameter) * float(np.sqrt(refit.dispersion))
-            needed = COVERAGE * error if own in effects[owner].neutral else 0.0
-            found += [pull] if away > needed else []
-    return tuple(found)
-
-
 def shown(found: tuple[Pull, ...]) -> tuple[Pull, ...]:
     """Those that a person is told of."""
     return tuple(p for p in found if abs(p.pull) >= SHOWN or p.at_bound)
@@ -173,75 +123,3 @@ def _place(refit: Refit, name: ParameterName) -> int:
     """Number of a parameter's range among the ranges."""
     problem = refit.problem
     return problem.pseudo_rows[range_of(name)] - problem.n_data - problem.n_priors
-
-
-def _tail(refit: Refit, name: ParameterName, pull: float) -> float:
-    """Standard deviation of the tail, or of the prior, that a value is in; SI."""
-    problem = refit.problem
-    plain = name.whole
-    if plain in problem.priors:
-        return problem.priors[plain][1]
-    k = _place(refit, name)
-    return float((problem.pseudo.ranges.below if pull < 0 else problem.pseudo.ranges.above)[k])
-
-
-@dataclass(frozen=True)
-class DataAlone:
-    """A second explanation of data that the model meets within what is known: the same model with other values.
-
-    Attributes
-    ----------
-    values : tuple of Pull
-        Values of the free fit that contradict what is known, worst first; empty where there are none.
-    gain : float
-        Chi-square of the fit held by known ranges, pulls included, less that of the free one.
-    held : int
-        Number of values that the ranges hold: those that rest on an end or are pulled out.
-    p_value : float
-        Probability of such a gain if the true values lie within what is known.
-    likelier : bool
-        The free fit predicts better by Akaike's criterion, which asks 2 for every value that is held.
-    predicts : float
-        Gain of the free fit in blocked cross-validation: twice the logarithm of the ratio of predictive densities.
-    """
-
-    values: tuple[Pull, ...] = ()
-    gain: float = 0.0
-    held: int = 0
-    p_value: float = 1.0
-    likelier: bool = False
-    predicts: float = 0.0
-
-    @property
-    def contradicts(self) -> bool:
-        """Whether the data refute the known ranges, at the family-wise level at which an effect is named.
-
-        Either by the fall in chi-square, or by predicting: conditions that are left out are predicted better by odds
-        that are the inverse of that level.
-        """
-        return bool(self.values) and (self.p_value <= LEVEL or (self.likelier and self.predicts > ODDS))
-
-
-def data_alone(base: Refit) -> DataAlone:
-    """Fit a model without its known ranges, and test them all at once.
-
-    The fall of chi-square has, if the true values lie within the ranges and k of them hold the fit, the law of
-    chi-square with k degrees of freedom: the likelihood-ratio test against an ordered alternative with data-dependent
-    degrees of freedom (Susko 2013, Biometrika 100:1019). It is one test for all values together. Soft tails make it
-    cautious. The noise is known from as many degrees of freedom as in the tests of effects. Not done where an
-    evaluation is expensive.
-    """
-    problem = base.problem
-    held = sum(1 for pull in pulls(base) if pull.pull != 0 and pull.parameter.whole not in problem.priors)
-    if problem.strategy.frugal or not held:
-        return DataAlone()
-    free = replace(problem, unheld=frozenset(problem.free))
-    alone = Refit(frozenset(), free, fit(free, start=base.fit.theta, starts=STARTS))
-    gain = base.chi2 - alone.chi2
-    there = Refit(frozenset(), problem, describe(problem, alone.fit.theta))
-    values = tuple(pull for pull in pulls(there) if pull.too_far)
-    if not values or gain <= 0:
-        return DataAlone()
-    chance = improvement_probability(gain, held, dispersion=alone.dispersion, noise_dof=noise_dof(alone))
-    likelier = gain / alone.dispersion > PRICE * held
-    return DataAlone(values, gain, held, chance, likelier, held_out_gain(base, alone) if likelier else 0.0)

@@ -58,28 +58,17 @@ class Refit:
         What was added to the base.
     count : int
         Parameters that were added, those whose prior is removed included.
-    amplitudes : int
-        How many of them are amplitudes; the others are shapes.
-    one_sided : frozenset of Use
-        Those of the uses whose only amplitude is neutral at the boundary of its domain.
-    row_worth : float
-        Rows that each data row stands for (a subsample stands for all rows).
     """
 
     uses: EffectSet
     problem: Problem
     fit: Fit
     count: int = 0
-    amplitudes: int = 0
-    one_sided: EffectSet = frozenset()
-    row_worth: float = 1.0
 
     @cached_property
     def weights(self) -> Array:
         """Weights of the rows (see `row_weights`)."""
-        weights = row_weights(self.problem)
-        weights[: self.problem.n_data] *= np.sqrt(self.row_worth)
-        return weights
+        return row_weights(self.problem)
 
     @cached_property
     def linear(self) -> Projection:
@@ -130,11 +119,7 @@ class Refit:
     @property
     def lack_of_fit(self) -> float:
         """Probability that a right model leaves this much."""
-        return self.lack_of_fit_p_beyond(0.0)
-
-    def lack_of_fit_p_beyond(self, tolerated: float) -> float:
-        """The same for a model that may be wrong by a chi-square of `tolerated`."""
-        return lack_of_fit_probability(self.lack_of_fit_chi2, self.dof, self.problem.noise_dof, tolerated)
+        return lack_of_fit_probability(self.lack_of_fit_chi2, self.dof, self.problem.noise_dof)
 
     def bic(self, dispersion: float) -> float:
         """Chi-square in units of `dispersion` plus the price of the added parameters."""
@@ -143,11 +128,6 @@ class Refit:
     def promised(self, item: Scored) -> float:
         """Change of BIC that a signature promises."""
         return -item.chi2_reduction / self.dispersion + item.count * float(np.log(self.problem.n_effective))
-
-    def residual_like(self, other: Refit) -> Array:
-        """Weighted residual with the rows of another set: pseudo-measurements that this one lacks count as met."""
-        own, there = self.problem, other.problem
-        return with_rows_of(self.fit.residual * self.weights, own, there)
 
 
 def kept_with_refit(find: Callable[[Refit], Found]) -> Callable[[Refit], Found]:
@@ -187,17 +167,24 @@ class Refits:
     def __post_init__(self) -> None:
         self.done[frozenset()] = self.base
 
-    def fit(self, start: Refit, signatures: Sequence[Sequence[Scored]], again: bool = False) -> Refit | None:
-        """Add the uses of the signatures to a fitted set and refit everything.
+    def with_uses(self, uses: Iterable[Use]) -> Problem:
+        """The base with effects."""
+        return self.base.problem.with_uses(sorted(uses))
+
+    def fit(
+        self, start: Refit, uses: EffectSet, starts: Sequence[Mapping[str, Any]], again: bool = False
+    ) -> Refit | None:
+        """Fit a set that contains a fitted one.
 
         A descent that ends above a fit with fewer effects has missed the minimum: it is begun anew from there.
 
         Parameters
         ----------
         start : Refit
-            Set to which the signatures were scored.
-        signatures : sequence of sequence of Scored
-            Alternative starts: each names one signature for every effect that is added.
+            A set that it contains, on the rows that were looked at.
+        uses : frozenset of Use
+        starts : sequence of mapping
+            SI values to start from.
         again : bool
             From these starts, though the set was fitted or its values are known: the better fit is kept.
 
@@ -206,12 +193,10 @@ class Refits:
         Refit or None
             None where no start converged; the reason is in `failed`.
         """
-        uses = start.uses | {s.use for s in signatures[0]}
         before = self.done.get(uses)
         if not again and (before is not None or uses in self.failed):
             return before
-        problem = self.base.problem.with_uses(sorted(uses))
-        starts = [start_from(start, members, problem) for members in signatures]
+        problem = self.with_uses(uses)
         if not again:
             known = [dict(self.known[uses])] if uses in self.known else []
             starts = known or self._continuation_start(start, problem, uses, starts) or starts
@@ -226,12 +211,6 @@ class Refits:
                 best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)], nested)
         return self._keep(uses, problem, best, reason)
 
-    def fit_from_default(self, use: Use) -> None:
-        """Add one effect to the base and refit from the effect's declared values; the better fit is kept."""
-        problem = self.base.problem.with_uses([use])
-        best, reason = self._lowest(problem, [self.base.fit.values], self.base)
-        self._keep(frozenset({use}), problem, best, reason)
-
     def _keep(self, uses: EffectSet, problem: Problem, best: Minimum | None, reason: str) -> Refit | None:
         """Keep a minimum if it is the lowest of a set so far; the reason where there is none."""
         before = self.done.get(uses)
@@ -240,14 +219,16 @@ class Refits:
                 self.failed[uses] = reason
             return before
         fitted = describe(problem, best.theta, best.residual, best.jacobian)
-        self.done[uses] = self._describe(uses, problem, fitted)
+        names = {str(use) for use in uses}
+        count = sum(name.owner in names for name in problem.names)
+        self.done[uses] = Refit(uses, problem, fitted, count)
         self.failed.pop(uses, None)
         return self.done[uses]
 
     @property
-    def poor_fit(self) -> bool:
-        """Whether the base is so far from the data that nothing may be concluded from its parameters."""
-        return self.base.poor_fit
+    def fitted(self) -> tuple[list[Refit], bool]:
+        """Sets of effects that were fitted so far, and whether only roughly."""
+        return [refit for uses, refit in self.done.items() if uses], self.rough
 
     def beyond_pruning_bound(self, chi2: float, best: float) -> bool:
         """Whether a chi-square is too far above the best for an exact minimum, and an exact equation, to help."""
@@ -258,8 +239,8 @@ class Refits:
         return self.done.get(start.uses, start)
 
     def _continuation_start(
-        self, start: Refit, problem: Problem, uses: EffectSet, starts: list[dict[str, float | Array]]
-    ) -> list[dict[str, float | Array]]:
+        self, start: Refit, problem: Problem, uses: EffectSet, starts: Sequence[Mapping[str, Any]]
+    ) -> list[dict[str, Any]]:
         """A start from a continuation fit, where what the set has wrong has dragged its parameters away."""
         if not self._whole(start).poor_fit:
             return []
@@ -270,8 +251,8 @@ class Refits:
             return []
 
     def _nearer(
-        self, problem: Problem, start: Refit, starts: list[dict[str, float | Array]]
-    ) -> list[dict[str, Any]]:
+        self, problem: Problem, start: Refit, starts: Sequence[Mapping[str, Any]]
+    ) -> Sequence[Mapping[str, Any]]:
         """Of many rows, the start that leads lowest on a subsample, led there.
 
         The subsample is the one that the signatures were scored on; about the last start where that set is far off.
@@ -344,24 +325,6 @@ class Refits:
     def _best_within(self, uses: EffectSet) -> Refit:
         """The best fit so far that a set contains: with the other effects at nothing the set is as good."""
         return min((r for part, r in self.done.items() if part < uses), key=lambda r: r.fit.chi2)
-
-    def _describe(self, uses: EffectSet, problem: Problem, best: Fit) -> Refit:
-        own = {u: [n for n in problem.names if n.owner == str(u)] for u in uses}
-        effects = problem.assembly.model.effects
-        amplitudes, one_sided = 0, set()
-        for use, names in own.items():
-            neutral = {ParameterName.of(use, p): v for p, v in effects[use.name].neutral_si.items()}
-            moving = [n for n in names if n.whole in neutral]
-            amplitudes += len(moving)
-            has_prior = any(n.whole in self.base.problem.priors for n in moving)
-            if len(moving) == 1 and not has_prior and neutral[moving[0]] in problem.domain(moving[0]):
-                one_sided.add(use)
-        count = sum(len(names) for names in own.values())
-        return Refit(uses, problem, best, count, amplitudes, frozenset(one_sided))
-
-    def of_size(self, size: int) -> list[Refit]:
-        """Sets with so many effects that were fitted."""
-        return [r for uses, r in self.done.items() if len(uses) == size]
 
 
 def _some_steps(problem: Problem, theta: Array) -> Minimum:

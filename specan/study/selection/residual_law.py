@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import LawSpace
+from specan.study.estimation.distributions import tail
 from specan.study.estimation.fit import NORMAL_95
 from specan.study.estimation.linear import least_inside
 from specan.study.observation.table import TableObservation
-from specan.study.selection.acceptance import noise_dof
 from specan.study.selection.law_search import Target, target_named, values_of
 from specan.study.selection.refits import Refit, kept_with_refit
-from specan.study.selection.significance import improvement_probability
 
 Array = NDArray[np.float64]
 
@@ -128,9 +127,8 @@ def residual_law(start: Refit) -> ResidualLaw | None:
     variances = dispersion * np.diag(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10))
     errors = NORMAL_95 * np.sqrt(np.maximum(variances[1:], 0.0))
     fall = float(np.sum(powers.rest**2)) - least
-    p_value = improvement_probability(
-        fall, 1 + x.size, dispersion=start.dispersion, noise_dof=noise_dof(start)
-    )
+    known = start.problem.noise_dof + start.dof
+    p_value = tail(fall / start.dispersion / (1 + x.size), 1 + x.size, known) if fall > 0 else 1.0
     exponents, low, high = (dict(zip(means, map(float, y))) for y in (x, x - errors, x + errors))
     as_large = abs(amplitude) > 0.999 * powers.most
     text = _text(space, exponents, low, high, f"{amplitude:.3g} {target.unit}", as_large)

@@ -1,4 +1,4 @@
-"""Instruments that what a fit leaves points to: receivers whose own rows stand out, or that stand elsewhere.
+"""Errors of single receivers that their own rows lead to.
 
 What an error of one receiver does is in its own rows alone, so that all receivers can be looked at together: they are
 moved at the same time, and each is led by its own rows. A receiver that stands some centimetres off is beyond what a
@@ -7,87 +7,22 @@ linearised score can promise.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Use
-from specan.models.effect import ParameterName
 from specan.study.selection.candidates import Candidate, candidates
-from specan.study.selection.initial_fit import about_itself
-from specan.study.selection.pulls import TOO_FAR, pulls
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import default_value, residuals
 
 Array = NDArray[np.float64]
 
-# Standard deviations of a chi-square, and times the middle receiver's mean square.
-STANDS_OUT, LOUDER = 5.0, 1.2
-MOST_OUTSTANDING = 3  # receivers
 STEP = 0.1  # of a usual size, for slopes
 ROUNDS = 5  # of Gauss-Newton steps
 EXPLAINS = 0.5  # of what a receiver's own rows leave beyond the noise, that its error has to explain
-
-
-def outstanding(refit: Refit, uses: Iterable[Use]) -> list[Use]:
-    """Instrument errors of the few receivers whose own rows stand out most.
-
-    One that stands far from its place is beyond what a linearised score can promise.
-    """
-    residual = refit.fit.residual * refit.weights
-    rows: dict[str, NDArray[np.float64]] = {}
-    first = 0
-    for observation in refit.problem.observations:
-        own = residual[first : first + observation.n]
-        first += observation.n
-        for label in observation.labels.values():
-            for element in {str(value) for value in label}:
-                part = own[np.asarray(label).astype(str) == element]
-                rows[element] = np.concatenate([rows.get(element, np.empty(0)), part])
-    effects = refit.problem.assembly.model.effects
-    uses = [use for use in uses if use.at in rows and effects[use.name].instrument]
-    size = {use.at: float(np.mean(rows[str(use.at)] ** 2)) for use in uses}
-    usual = float(np.median([*size.values()])) if size else 1.0
-    noise = min(usual, 1.0)  # less than one where it is stated too large
-    excess = {
-        at: (mean / noise - 1) * np.sqrt(rows[str(at)].size / 2)
-        for at, mean in size.items()
-        if mean > LOUDER * usual
-    }
-    order = sorted((at for at, off in excess.items() if off > STANDS_OUT), key=lambda at: -excess[at])
-    return [use for at in order[:MOST_OUTSTANDING] for use in uses if use.at == at]
-
-
-def off_certificate(refit: Refit, uses: Collection[Use]) -> list[Use]:
-    """Instruments that a set takes far from their certificates: what it lacks may be their error."""
-    far = {pull.parameter.owner for pull in pulls(refit) if pull.too_far}
-    held = {name.owner for name in map(ParameterName, refit.problem.priors)}
-    return [use for use in uses if str(use) in far & held]
-
-
-def stands_as_known(refit: Refit) -> bool:
-    """Whether a receiver that a set displaces beside another effect is where it is known to be.
-
-    About the base's field some centimetres may explain what the form of the other effect leaves. About the set's own
-    field a place is told within tenths of a millimetre, and one within three standard uncertainties of what is
-    declared is no error that the model lacks.
-    """
-    receivers = refit.problem.assembly.model.receivers
-    if receivers is None or not refit.problem.strategy.linearised_covariance:
-        return False
-    moved = [use for use in refit.uses if use.name == receivers.moved_by]
-    if not moved or len(moved) == len(refit.uses):
-        return False
-    places = list(refit.problem.assembly.model.axes[receivers.axis])
-    known = np.broadcast_to(np.ravel(receivers.errors.position_m), len(places))
-    values = about_itself(refit).fit.values
-    return any(
-        max(abs(values[f"{use}.{axis}"]) for axis in receivers.along)
-        < TOO_FAR * known[places.index(str(use.at))]
-        for use in moved
-    )
 
 
 @dataclass(frozen=True)

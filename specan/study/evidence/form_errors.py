@@ -1,0 +1,148 @@
+"""What the equations of an explanation may be wrong by, and what no equation describes, as covariances.
+
+No equation is exact. What a set of effects changes against the base may be wrong by a share of it, smoothly over the
+operating variables. What nothing describes is of the size of the prediction or of the data, as smooth.
+
+Complex lines of recordings are many, and pass resonances that an equation puts a little beside their place: there a
+further share is wrong of each line by itself, and what nothing describes differs from line to line. All channels share
+the smooth part, or each has its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Protocol
+
+import numpy as np
+from scipy.special import logsumexp
+
+from specan.study.estimation.problem import Problem
+from specan.study.evidence.faults import SIZES, levels, observable_rows, sizes_of
+from specan.study.evidence.marginal import Marginal
+from specan.study.evidence.noise import Noise, Rough
+from specan.study.evidence.smooth import kernel_root, operating_points
+from specan.study.observation import Array
+
+# Shares of what an effect changes, to which its equation may be wrong: as likely each.
+FORMS = (0.01, 0.03, 0.1, 0.3)
+FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of form changes
+UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
+SMOOTH = 0.8  # of unknown functions; the others act at one level of a variable, or from one on
+ALONG = (
+    0.5,
+    0.0625,
+)  # the same along lines: a third octave as any equation, and 1/24 octave, a room's resonance
+MOST_ALONG = 400  # columns: as many as there are resonances
+ROUGH = (0.0, 0.003, 0.03, 0.3)  # shares to which it may be wrong in each line by itself
+SEEN = 0.1  # standard deviations that a column changes all rows by, below which it says nothing
+
+Wrong = tuple[
+    Noise | None, Array, tuple[float, ...]
+]  # form of the noise, columns, and deviations of their coefficients
+
+
+class FormErrors(Protocol):
+    """Errors of the form of equations over some data."""
+
+    def of_change(self, problem: Problem, change: Array) -> Iterator[Wrong]:
+        """What the equations behind a change of the prediction may be wrong by, in each form; the largest last.
+
+        Parameters
+        ----------
+        problem : Problem
+            With the observations that the change is over.
+        change : array, shape (n,)
+        """
+
+    def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
+        """ln of the evidence with what no equation describes over that without, summed over its sizes and forms."""
+
+
+class OverConditions:
+    """Smooth functions of the operating variables of tables, of any choice of them."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.points = operating_points(problem)
+        self._roots = [
+            kernel_root(self.points[:, variables], FORM_LENGTH)
+            for variables in _choices(self.points.shape[1])
+        ]
+
+    def of_change(self, problem: Problem, change: Array) -> Iterator[Wrong]:
+        """See `FormErrors`."""
+        for root in self._roots:
+            yield None, problem.whiten(change[:, None] * root), FORMS
+
+    def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
+        """See `FormErrors`."""
+        kinds = []
+        for share, functions in (
+            (SMOOTH, self.smooth_functions(problem, predicted)),
+            (1 - SMOOTH, self.functions_at_levels(problem, predicted)),
+        ):
+            gains = [beside.beside(white, np.array(SIZES))[0] for white in functions]
+            if gains:
+                kinds.append(float(logsumexp(gains) + np.log(share / np.size(gains))))
+        return float(logsumexp(kinds))
+
+    def smooth_functions(self, problem: Problem, predicted: Array) -> Iterator[Array]:
+        """Columns of smooth functions of the size of the prediction, whitened: of every choice of variables and length.
+
+        Several observables may fail alike, or each in a way of its own.
+        """
+        relative, level = sizes_of(problem, predicted)
+        own = list(observable_rows(problem).values())
+        for variables in _choices(self.points.shape[1]):
+            for length in UNKNOWN_LENGTHS:
+                root = kernel_root(self.points[:, variables], length)
+                roots = [root] if len(own) == 1 else [root, np.hstack([root * rows[:, None] for rows in own])]
+                for one in roots:
+                    for size in (relative, level):
+                        yield problem.whiten(size[:, None] * one)
+
+    def functions_at_levels(self, problem: Problem, predicted: Array) -> Iterator[Array]:
+        """The same of the rows at one level of an operating variable, as at a resonance, or from one on."""
+        root = kernel_root(self.points, max(UNKNOWN_LENGTHS))
+        for rows in levels(problem):
+            for size in sizes_of(problem, predicted):
+                yield problem.whiten((size * rows)[:, None] * root)
+
+
+class AlongLines:
+    """Errors of complex lines: smooth along them and common to the channels, and of each line by itself."""
+
+    def of_change(self, problem: Problem, change: Array) -> Iterator[Wrong]:
+        """See `FormErrors`."""
+        lines, parts = problem.observations, problem.split(change)[:-1]
+        turned = np.concatenate([o.turned(part) for o, part in zip(lines, parts, strict=True)])
+        sizes = np.concatenate([o.sizes(part) / o.unshared for o, part in zip(lines, parts, strict=True)])
+        along, row = np.unique(np.concatenate([o.along for o in lines]), return_inverse=True)
+        channels = np.concatenate([np.asarray(o.labels["channel"]) for o in lines])
+        own = (channels[:, None] == np.unique(channels)).astype(float)
+        root = kernel_root(along[:, None], FORM_LENGTH)[row]
+        for of, roughs in ((np.ones((row.size, 1)), ROUGH), (own, ROUGH[::2])):
+            each = (root[:, :, None] * of[:, None, :]).reshape(row.size, -1)
+            white = problem.whiten(np.hstack([change[:, None] * each, turned[:, None] * each]))
+            white = white[:, np.sum(white**2, axis=0) * FORMS[-1] ** 2 > SEEN**2]
+            for rough in roughs:
+                yield Rough(rough * sizes) if rough else None, white, FORMS
+
+    def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
+        """See `FormErrors`."""
+        lines = problem.observations
+        counts = beside.tangent.seen(np.ones((problem.n_data, 1)))[:, 0]
+        found = []
+        for usual in zip(*(o.usual_sizes for o in lines), strict=True):
+            sizes = np.concatenate([size / o.unshared for o, size in zip(lines, usual, strict=True)])
+            for share in (*SIZES, 1.0):  # a whole line where nothing is predicted
+                noise = Rough(share * sizes * counts)
+                found.append(Marginal(beside.tangent.with_noise(noise), beside.columns).ln_evidence)
+        return float(logsumexp(found) - np.log(len(found))) - beside.ln_evidence
+
+
+def _choices(count: int) -> list[list[int]]:
+    """Which operating variables an unknown effect may depend on: any one, any two, all."""
+    alone = [[k] for k in range(count)]
+    pairs = [list(pair) for pair in combinations(range(count), 2)] if count > 2 else []
+    return [*alone, *pairs, *([list(range(count))] if count > 1 else [])] or [[]]

@@ -1,0 +1,225 @@
+"""Explanations of complex lines: transfer functions of a sound field, order lines of a gear.
+
+A fit is expensive there, resonances are narrow, and from a field that is far off a linear promise is worth little. So a
+first fit on few, uncertain lines says from where the sets are fitted; what may be added is looked at on part of the
+rows; and the likeliest sets are compared with what is declared of receivers and modes acting in their own fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from specan.study.evidence.explanations import (
+    BESIDE,
+    NOTHING,
+    UNKNOWN,
+    WITHIN,
+    EffectSet,
+    Explanation,
+    Explanations,
+    Form,
+)
+from specan.study.evidence.form_errors import AlongLines
+from specan.study.evidence.marginal import Marginal, Tangent
+from specan.study.evidence.noise import Autoregression
+from specan.study.evidence.promises import Catalogue, Promise
+from specan.study.progress import Progress, unheard
+from specan.study.selection.candidates import confounded_with
+from specan.study.selection.initial_fit import InitialFit, about_itself, with_covariances_about
+from specan.study.selection.refits import Refit, Refits
+from specan.study.selection.single_instruments import displaced
+
+SHORT = 2 / 3  # of what a promise leaves from afar, that a fit may take away in addition
+IN_REACH = 30.0  # ln of the best probability over that of a set that is looked at closer
+COMPARED = 4  # likeliest sets that are compared in their own fields
+
+
+class OfResponses(Explanations):
+    """Explanations of complex lines.
+
+    Parameters
+    ----------
+    near : InitialFit
+        The base, what is fitted first, and values near the minimum of some sets.
+    """
+
+    def __init__(
+        self, near: InitialFit, progress: Progress = unheard, begun: list[Any] | None = None
+    ) -> None:
+        self.fitted_anyway = 3 if near.base.poor_fit else 1
+        self.errors = AlongLines()
+        self._catalogues: dict[EffectSet, Catalogue] = {}
+        self._about(near)
+        super().__init__(near.base.problem, near.base.fit, progress, begun)
+
+    def set_up(self) -> None:
+        """No rig declares another form of the base for such data."""
+
+    def _about(self, near: InitialFit) -> None:
+        """Look from a base whose covariance is about some field."""
+        self.near, self.refits = near, Refits(near.base, near.known)
+        self.problem, self.base = near.base.problem, near.base.fit
+        self.forms = [Form({}, self.problem, self.base, 0.0)]
+        self.found = []
+        self._grown: set[EffectSet] = set()
+        self._promised: dict[EffectSet, Promise] = {}
+
+    def _search(self) -> None:
+        """Single effects first; where the base is far off, all once more about the field of the best of them."""
+        self._growing = not (self.near.base.poor_fit and self.problem.strategy.linearised_covariance)
+        super()._search()
+        if not self._growing:
+            self._growing = True
+            sets = sorted((e for e in self.found if e.kind == "effects"), key=lambda e: -e.ln_joint)
+            if sets and sets[0].ln_joint > self._bare(self.forms[0]).ln_joint:
+                self.progress("once more, with covariances about the field that was found")
+                done = {e.uses: e.tangent.problem.values_at(e.tangent.theta) for e in sets}
+                base = with_covariances_about(self.near.base, sets[0].uses, done[sets[0].uses])
+                likely = tuple(use for e in sets[:COMPARED] for use in e.uses)
+                self._about(InitialFit(base, likely, done, sets[0].uses))
+            super()._search()
+
+    @property
+    def fitted(self) -> tuple[list[Refit], bool]:
+        """Sets of effects that were fitted so far, and that this is not rough."""
+        return self.refits.fitted
+
+    def _forms_in_reach(self) -> list[Form]:
+        return self.forms
+
+    # --- what may be added -------------------------------------------------------------------------
+
+    def looked_at(self, one: Explanation) -> Marginal:
+        """An explanation on part of its rows, each weighted up, with its likeliest errors of form."""
+        problem, theta = one.tangent.problem, one.tangent.theta
+        part = problem.subsampled(theta)
+        if part is problem:
+            return self.weighed(one.form, one.tangent)[0]
+        root = np.sqrt(problem.n_data / part.n_data)
+        residual, jacobian = root * part.residual(theta), root * part.jacobian(theta)
+        tangent = Tangent.at(part, theta, residual, jacobian)
+        if not one.uses:
+            return Marginal(tangent)
+        base = one.form.problem.over(part.observations).predictions(one.form.fit.theta)
+        change = np.concatenate(part.predictions(theta)) - np.concatenate(base)
+        wrong = [
+            (rough, columns, share)
+            for rough, columns, shares in self.errors.of_change(part, change)
+            for share in shares
+        ]
+        rough, columns, share = wrong[self.likeliest[theta.tobytes()]]
+        return Marginal(tangent.with_noise(rough), root * columns, share)
+
+    def _promises(self, one: Explanation) -> Iterator[tuple[float, Promise]]:
+        """What every further effect promises beside a set, and where single receivers' own rows lead their errors."""
+        if not one.uses and self._catalogues:  # once more, about another field
+            one.form.catalogue = self._catalogues[one.uses]
+            for use in self.near.likely:
+                yield np.inf, Promise(use, 0.0, ())
+            return
+        refit, beside = self.refits.done[one.uses], self.looked_at(one)
+        part, tangent = beside.tangent.problem, beside.tangent
+        worth = self.problem.n_data / part.n_data
+        here = replace(
+            refit.fit, residual=part.residual(tangent.theta), jacobian=part.jacobian(tangent.theta)
+        )
+        before = self._catalogues.get(frozenset())
+        catalogue = Catalogue(part, here, worth, before, anew=self.near.base.poor_fit and refit.reduced > 1)
+        if not one.uses:
+            one.form.catalogue = catalogue
+        self._catalogues[one.uses] = catalogue
+        led = displaced(refit, [c.use for c in catalogue.candidates])
+        for promise in catalogue.promises(beside):
+            gain, own = promise.ln_gain, led.get(promise.use)
+            if own is not None:
+                values = {**refit.problem.values_at(refit.fit.theta), **own.values}
+                promise = replace(promise, starts=(values, *promise.starts))
+                gain = max(gain, own.gain / 2)
+            if refit.poor_fit:
+                gain += SHORT * max(beside.chi2 / 2 - gain, 0.0)
+            if not one.uses and promise.use in self.near.likely:
+                gain = np.inf
+            self._promised[one.uses | {promise.use}] = promise
+            yield one.ln_evidence + gain, promise
+
+    def _grow(self) -> bool:
+        """Expect more beside the likeliest sets, where they are likelier than nothing, and rivals of the best."""
+        sets = sorted((e for e in self.found if e.kind == "effects"), key=lambda e: -e.ln_joint)
+        nothing = self._bare(self.forms[0]).ln_joint
+        sets = [e for e in sets if e.ln_joint > max(nothing, sets[0].ln_joint - IN_REACH)]
+        if not sets:
+            return False
+        self._expect_rivals(sets[0])
+        for one in sets if self._growing else ():
+            if not self._waiting and one.uses not in self._grown and self._may_grow(one.uses):
+                self._grown.add(one.uses)
+                self._expect(one)
+        return bool(self._waiting)
+
+    def _expect_rivals(self, best: Explanation) -> None:
+        """Fit what the catalogue says is easily taken for the best effect."""
+        if len(best.uses) > 1:
+            return
+        (use,) = best.uses
+        for rival in confounded_with(self.problem.assembly.model, use):
+            promise = self._promised.pop(frozenset({rival}), None)
+            if promise is not None and frozenset({rival}) not in self.refits.done:
+                self._wait(np.inf, best.form, frozenset({rival}), promise)
+
+    def _may_grow(self, uses: EffectSet) -> bool:
+        """One effect so far; or the error of one instrument, which may be met at several receivers."""
+        effects = self.problem.assembly.model.effects
+        return len(uses) == 1 or (
+            len({use.name for use in uses}) == 1 and all(effects[use.name].instrument for use in uses)
+        )
+
+    def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
+        """Whether a single effect comes near the best set, or a set with more promises to be better."""
+        best = max(e.ln_joint for e in self.found if e.kind != "unknown")
+        return promised > best - (WITHIN if len(uses) == 1 else 0.0)
+
+    def _weigh(self, form: Form, tangent: Tangent, noise: Autoregression | None) -> tuple[Marginal, float]:
+        """See `Explanations.weighed`; of many rows the columns of errors of form are not kept."""
+        best, ln_evidence = super()._weigh(form, tangent, noise)
+        return (Marginal(best.tangent) if self.problem.strategy.frugal else best), ln_evidence
+
+    def _beside_unknown(self) -> None:
+        """The likeliest sets with something else that is missing too, which takes in what their forms are wrong by."""
+        for one in [e for e in self._top(BESIDE) if e.uses]:
+            bare = Marginal(one.tangent)
+            gain = self._gain_of_unknown(one.form, bare)
+            ln_prior = one.ln_prior + np.log(UNKNOWN / NOTHING)
+            self.found.append(
+                replace(one, kind="unknown", ln_prior=ln_prior, ln_evidence=bare.ln_evidence + gain)
+            )
+
+    # --- fits -----------------------------------------------------------------------------------
+
+    def _add(self, form: Form, uses: EffectSet, promise: Promise) -> None:
+        """Fit a set, and keep it."""
+        start = self.refits.done[uses - {promise.use}]
+        refit = self.refits.fit(start, uses, promise.starts)
+        if refit is not None:
+            self.found.append(self._explanation(form, refit))
+
+    def _explanation(self, form: Form, refit: Refit) -> Explanation:
+        fit = refit.fit
+        tangent = Tangent.at(refit.problem, fit.theta, fit.residual, fit.jacobian)
+        _, ln_evidence = self.weighed(form, tangent)
+        return Explanation(
+            "effects", form, refit.uses, tangent, self._ln_prior(form, refit.uses), ln_evidence
+        )
+
+    def _polish(self) -> None:
+        """Take the covariance of the likeliest sets about their own fields; they are at their minimum already."""
+        if not self.problem.strategy.linearised_covariance:
+            return
+        near = [e for e in self.found if e.kind == "effects" and e.ln_joint > self.best - IN_REACH]
+        for one in sorted(near, key=lambda e: -e.ln_joint)[:COMPARED]:
+            there = about_itself(self.refits.done[one.uses])
+            self.refits.done[one.uses] = there
+            self.found[self.found.index(one)] = self._explanation(one.form, there)
