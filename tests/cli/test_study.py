@@ -8,9 +8,6 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from specan.models.effect import ParameterName
-from specan.study.selection import pulls
-from specan.study.selection.pulls import DataAlone, Pull
 from specan_cli.main import main, run
 from truth.worm_gear import simulate, write
 
@@ -162,17 +159,6 @@ def test_the_next_measurements_stand_in_one_table_of_80_columns(monkeypatch):
     for name, value in proposed[0]["predictions"].items():
         (row,) = (row for row in rows if row[0] == f"{name}, N*m")
         assert float(next(cell for cell in row[1:] if cell.strip())) == pytest.approx(value, rel=1e-3)
-
-
-def test_compare_says_what_diagnose_says_of_values_outside_what_is_known(tmp_path, monkeypatch):
-    table, rig = write(simulate(5, {}, "small"), tmp_path)
-    specan("new", "n", "--model", "worm-gear", "--rig", rig, "--measurement", table)
-    assert "The model fits" in specan("compare", "n").stdout
-    name = ParameterName("tooth-friction.mu")
-    alone = DataAlone((Pull(name, 0.22, (0.01, 0.12), 3.6, "1", False),), gain=30.0, held=1, p_value=1e-6)
-    monkeypatch.setattr(pulls, "data_alone", lambda base: alone)
-    text = specan("compare", "n").stdout
-    assert "only with values outside what is known: tooth-friction.mu = 0.22, known 0.01 to 0.12." in text
 
 
 def test_without_uncertainty_diagnose_refuses_and_says_what_it_needs(bench, tmp_path):

@@ -1,7 +1,6 @@
 """What can be added to a model, what it does to the residual, and what a refit would gain."""
 
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,11 +9,9 @@ from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.estimation.linear import Projection
-from specan.study.selection.alternatives import _exchange_both
 from specan.study.selection.candidates import base_problem, candidates, grid
-from specan.study.selection.refits import Refit, Refits
-from specan.study.selection.score_test import best_of_each, family, score, score_pairs
-from specan.study.selection.search import Search
+from specan.study.selection.refits import Refit, Refits, start_from
+from specan.study.selection.score_test import best_of_each, score
 from specan.study.selection.signatures import shape_grid, signatures
 
 
@@ -28,7 +25,8 @@ def scored(problem):
 
 
 def refitted(start, items):
-    return Refits(start).fit(start, [items])
+    refits, uses = Refits(start), frozenset(item.use for item in items)
+    return refits.fit(start, uses, [start_from(start, items, refits.with_uses(uses))])
 
 
 def nothing(x, z):
@@ -81,15 +79,6 @@ def test_what_is_collinear_with_the_base_is_not_tested(toy):
     assert {str(s.use) for s in found} == {"square"}
 
 
-def test_what_is_collinear_with_an_added_effect_is_not_tested_again(toy):
-    problem = toy.problem(lambda x, z: 2 * x**2, ["square", "twin", "cross"])
-    refits = Refits(Refit(frozenset(), problem, fit(problem)))
-    search = Search(refits)
-    step = search.step(refits.base)
-    square = refits.fit(refits.base, [[step.by_use[Use("square")][0]]])
-    assert set(map(str, search.step(square).by_use)) == {"cross"}
-
-
 def test_an_amplitude_of_one_sign_gains_nothing_from_the_other(toy):
     _, found, _ = scored(toy.problem(lambda x, z: -8 * np.cos(4 * x), ["wave"], seed=3))
     at_four = [s for s in found if abs(s.signature.shapes["wave.rate"] - 4) < 1e-9]
@@ -119,34 +108,6 @@ def test_a_saturating_effect_is_seen_at_its_size(toy):
     assert best.chi2_reduction > small.chi2_reduction
 
 
-def test_two_effects_that_hide_each_other_are_found_as_a_pair(toy):
-    line = Projection.of(toy.x, np.column_stack([np.ones(48), toy.x]))
-    cross, other = line.project_out(toy.x * toy.z), line.project_out(toy.x * toy.z**2)
-    share = (cross @ other) / (cross @ cross)  # of the other that cross alone could explain
-
-    def truth(x, z):
-        return 3 * x * (z**2 - share * z)
-
-    problem = toy.problem(truth, ["cross", "nearly-cross", "square"], seed=4)
-    start, found, _ = scored(problem)
-    singles = {str(use): items[0].chi2_reduction for use, items in best_of_each(found).items()}
-    pairs = score_pairs(start.linear, found)
-    assert max(singles.values()) < 0.1 * pairs[0].chi2_reduction
-    assert pairs[0].chi2_reduction > 100
-    assert {str(u) for u in pairs[0].uses} == {"cross", "nearly-cross"}
-    after = refitted(start, [pairs[0].first, pairs[0].second])
-    assert pairs[0].chi2_reduction == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
-
-
-def test_pairs_keep_to_their_domains(toy):
-    problem = toy.problem(lambda x, z: -9 * np.cos(4 * x) + 5 * x**2, ["wave", "square"], seed=5)
-    start, found, _ = scored(problem)
-    for pair in score_pairs(start.linear, found):
-        after = refitted(start, [pair.first, pair.second])
-        assert after.fit.values["wave.c"] >= 0
-        assert pair.chi2_reduction <= start.chi2 - after.chi2 + 1e-6
-
-
 def test_elements_of_an_axis_are_candidates_of_their_own(toy):
     from dataclasses import replace
 
@@ -160,13 +121,6 @@ def test_elements_of_an_axis_are_candidates_of_their_own(toy):
     model = replace(toy.model(), axes={"place": ("a", "b")}).with_effect(spot)
     found, _ = candidates(base_problem(model, [toy.observation(toy.x)]))
     assert [str(c.use) for c in found] == ["spot@a", "spot@b"]
-
-
-def test_twins_are_one_test(toy):
-    start, found, _ = scored(toy.problem(nothing, ["square", "twin"]))
-    assert len(found) == 2
-    assert family(found).probability(1e-4) == pytest.approx(1e-4, rel=1e-2)
-    assert start.linear.rank == 2
 
 
 def test_correlated_rows_count_for_less(toy):
@@ -217,37 +171,3 @@ def test_an_effect_of_each_recording_is_a_candidate_whatever_the_files_are_calle
     assert table["offset.c[day.2.csv]"]["value"] - table["offset.c[day.1.csv]"]["value"] == pytest.approx(
         9, abs=1
     )
-
-
-class _Fitted:
-    """A pair as a search keeps it: what it is made of, and the value that each member has there."""
-
-    def __init__(self, *uses: str, bic: float = 0.0, sizes: float = 1.0) -> None:
-        self.uses, self._bic = frozenset(map(Use.parse, uses)), bic
-        values = {f"{use}.size": sizes for use in uses}
-        self.fit = SimpleNamespace(values=values, theta=None)
-        self.problem = SimpleNamespace(values_at=lambda theta: {"base.size": sizes, **values})
-
-    def bic(self, dispersion: float) -> float:
-        return self._bic
-
-
-@pytest.mark.parametrize(("behind", "exchanged"), [(1.0, True), (50.0, False)])
-def test_both_members_of_a_pair_are_exchanged_where_each_alone_does_as_well(behind, exchanged):
-    best = _Fitted("panel", "late-card")
-    best.dispersion = 1.0
-    pairs = [
-        best,
-        _Fitted("lining", "late-card", bic=behind, sizes=2.0),
-        _Fitted("panel", "late-laser", sizes=3.0),
-    ]
-    asked, names = [], ["panel", "late-card", "lining", "late-laser"]
-    seen = SimpleNamespace(seen="seen", by_use={Use.parse(name): [name] for name in names})
-    refits = SimpleNamespace(
-        known={}, of_size=lambda size: pairs, fit=lambda start, members: asked.append(members)
-    )
-    _exchange_both(SimpleNamespace(best=best, base=None, refits=refits, step=lambda base: seen))
-    assert asked == [[["late-laser", "lining"]]] * exchanged
-    if exchanged:
-        (start,) = refits.known.values()
-        assert start == {"base.size": 2.0, "late-laser.size": 3.0, "lining.size": 2.0}

@@ -17,7 +17,7 @@ from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem, candidates, confounded_with
-from specan.study.selection.initial_fit import _elsewhere, _screened
+from specan.study.selection.initial_fit import _elsewhere, _fit, _screened
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.score_test import best_of_each, score
 from specan.study.selection.signatures import shape_grid, signatures
@@ -235,13 +235,13 @@ def test_what_does_not_suffice_at_one_wall_is_tried_at_the_opposite_one(model):
     opposite, right = Use.parse("panel-resonance@z0"), Use.parse("panel-resonance@z1")
     found = scan_shapes(base, [c.use for c in candidates(view)[0] if c.use.name == opposite.name])
     refits = Refits(base, rough=True)
-    wrong = refits.fit(base, [[item] for item in found[opposite]])
+    wrong = _fit(refits, base, found[opposite])
     assert wrong.reduced > 1
     assert _elsewhere(refits, base, wrong, found) == [right]
     assert not _elsewhere(
         refits, base, SimpleNamespace(reduced=0.9, uses=wrong.uses), found
     )  # it meets the view
-    assert refits.fit(base, [[item] for item in found[right]]).reduced < 1
+    assert _fit(refits, base, found[right]).reduced < 1
 
 
 @pytest.mark.long

@@ -2,13 +2,10 @@
 
 import math
 
-import numpy as np
 import pytest
 from scipy import special
-from scipy.sparse.csgraph import minimum_spanning_tree
 
-from specan.study.estimation.distributions import noncentral, quantile, tail
-from specan.study.selection.significance import _spanning_tree
+from specan.study.estimation.distributions import quantile, tail
 
 
 @pytest.mark.parametrize("chance", [1e-320, 1e-300, 1e-100, 1e-10, 0.05, 0.5])
@@ -24,20 +21,3 @@ def test_the_quantile_of_f_is_also_right_far_out() -> None:
         known = 39 * (chance ** (-1 / 39) - 1)
         assert quantile(chance, 2, 78) == pytest.approx(known, rel=1e-9)
         assert tail(known, 2, 78) == pytest.approx(chance, rel=1e-9)
-
-
-@pytest.mark.parametrize("noncentrality", [2.0, 300.0, 4e8])
-def test_the_noncentral_law_is_that_of_a_shifted_normal_variable(noncentrality) -> None:
-    shift = math.sqrt(noncentrality)
-    value = (shift + 0.3) ** 2
-    known = special.ndtr(0.3) - special.ndtr(-2 * shift - 0.3)
-    assert noncentral(value, 1, math.inf, noncentrality) == pytest.approx(known, abs=2e-5)
-    assert noncentral(value, 1, 1e7, noncentrality) == pytest.approx(known, abs=1e-4) or noncentrality > 1e3
-
-
-def test_the_spanning_tree_is_the_shortest() -> None:
-    places = np.random.default_rng(2).standard_normal((40, 3))
-    lengths = np.linalg.norm(places[:, None] - places, axis=-1)
-    edges, (one, other) = _spanning_tree(lengths)
-    np.testing.assert_allclose(np.sort(edges), np.sort(minimum_spanning_tree(lengths).data))
-    np.testing.assert_array_equal(edges, lengths[one, other])

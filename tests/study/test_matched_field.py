@@ -2,20 +2,14 @@
 
 from dataclasses import replace
 from itertools import product
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import describe
-from specan.study.observation import Strategy
-from specan.study.selection.acceptance import complete
 from specan.study.selection.candidates import base_problem, candidates
-from specan.study.selection.refits import Refit, Refits
-from specan.study.selection.search import Search
+from specan.study.selection.refits import Refit
 from specan.study.selection.starting_values import EACH_WAY, FROM_EDGE, likely_places
 from tests.study.test_coarse import RIG, recorded
 
@@ -70,45 +64,3 @@ def test_a_model_that_cannot_tell_of_places_gives_none(model):
     )
     refit = Refit(frozenset(), problem, describe(problem, problem.start()))
     assert likely_places(refit, candidates(problem)[0]) == {}
-
-
-def set_of(chi2, dof=4000, p=0.5, peaks=True):
-    problem = SimpleNamespace(strategy=Strategy(continuation=peaks))
-    return SimpleNamespace(
-        problem=problem, uses=frozenset(), chi2=chi2, lack_of_fit_chi2=chi2, dof=dof, lack_of_fit=p
-    )
-
-
-@pytest.mark.parametrize(
-    ("better", "worse", "expected"),
-    [
-        (set_of(4000), set_of(4600), True),  # sqrt(8000) = 89 may be left: 15 % of 600
-        (set_of(4000), set_of(4400), False),  # 22 % of 400
-        (set_of(4200), set_of(5000), False),  # 200 + 89 of 800
-        (set_of(2600), set_of(2600.001), False),  # noise stated too large makes no rival worse
-        (set_of(4000, p=1e-4), set_of(9000), False),  # it does not fit itself
-        (set_of(4000, peaks=False), set_of(9000), False),  # a table has few directions
-    ],
-)
-def test_what_completes_a_fit_is_no_error_of_form(better, worse, expected):
-    assert complete(better, worse) is expected
-
-
-@pytest.mark.long
-def test_two_displaced_receivers_are_one_explanation(monkeypatch):
-    monkeypatch.setattr("tests.study.test_coarse.FREQUENCY", np.arange(60.0, 400.0, 2.0))
-    places = [*RIG["mics"]["position_m"], [0.3, 0.2, 0.6], [0.7, 0.15, 0.5]]
-    model = load_model("room", {**RIG, "mics": {"position_m": places}})
-    kept = ("microphone-position", "microphone-gain", *(n.effect.partition("@")[0] for n in model.nuisances))
-    model = replace(model, effects={name: model.effects[name] for name in kept})
-    true = {"microphone-position@Mic 2.dx": 0.03, "microphone-position@Mic 5.dz": -0.035}
-    uses = ["microphone-position@Mic 2", "microphone-position@Mic 5"]
-    rest = {f"{use}.{axis}": 0.0 for use in uses for axis in ("dx", "dy", "dz")}
-    problem = linearised(base_problem(model, [recorded(model, uses, rest | true)]))
-    base = Refit(frozenset(), problem, describe(problem, problem.start()))
-    search = Search(Refits(base))
-    search.run()
-    assert search.best.uses == {Use.parse(use) for use in uses}
-    assert search.of_one_instrument(search.best)
-    for name, value in true.items():
-        assert search.best.fit.values[name] == pytest.approx(value, abs=0.003)

@@ -9,13 +9,11 @@ from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.localisation.localise import localise
 from specan.study.selection.refits import Refit, Refits
-from specan.study.selection.search import Search
 
 
 def fitted(problem, *names):
     refits = Refits(Refit(frozenset(), problem, fit(problem)))
-    step = Search(refits).step(refits.base)
-    return [refits.fit(refits.base, [[step.by_use[Use(name)][0]]]) for name in names]
+    return [refits.fit(refits.base, frozenset({Use(name)}), [{}]) for name in names]
 
 
 def test_rivals_are_sent_where_their_curves_part(toy):

@@ -1,14 +1,11 @@
 """Refits of sets of effects: each reaches the minimum that a smaller set has reached already, or a lower one."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from specan.models import Parameter, Use, effect
 from specan.study.estimation.fit import fit
 from specan.study.selection.refits import Refit, Refits, start_nested
-from specan.study.selection.search import Search
 
 
 @effect("hollow", adds_to="heat", neutral={"a": 0.0})
@@ -21,21 +18,14 @@ def refits_of(problem):
     return Refits(Refit(frozenset(), problem, fit(problem)))
 
 
-def leading_to(item, start, value):
-    """The signature of a candidate, bent so that the linearised refit along it ends at a value of its amplitude."""
-    columns = -start.fit.residual[:, None] * (item.signature.size[0] / value)
-    return replace(item, signature=replace(item.signature, columns=columns))
-
-
-def scored(refits, start):
-    by_use = Search(refits).step(start).by_use
-    hollow_trace = leading_to(by_use[Use("hollow")][0], start, 2.0)
-    return {**{use.name: items[0] for use, items in by_use.items()}, "hollow": hollow_trace}
+def in_the_hollow(refits, start):
+    """The fit of a set with the hollow, begun there."""
+    return refits.fit(start, start.uses | {Use("hollow")}, [{**start.fit.values, "hollow.a": 2.0}])
 
 
 def test_a_refit_that_ends_in_a_hollow_is_begun_anew_from_the_base(toy):
     refits = refits_of(toy.problem(lambda x, z: 0 * x, ["hollow"], also=[hollow]))
-    after = refits.fit(refits.base, [[scored(refits, refits.base)["hollow"]]])
+    after = in_the_hollow(refits, refits.base)
     assert after.chi2 <= refits.base.chi2
     assert abs(after.fit.values["hollow.a"]) < 0.5
     assert refits.base.bic(1.0) - after.bic(1.0) >= -np.log(48)
@@ -43,9 +33,8 @@ def test_a_refit_that_ends_in_a_hollow_is_begun_anew_from_the_base(toy):
 
 def test_a_refit_never_ends_above_a_set_that_it_contains(toy):
     refits = refits_of(toy.problem(lambda x, z: 4 * x * z, ["hollow", "cross"], also=[hollow]))
-    signatures = scored(refits, refits.base)
-    cross = refits.fit(refits.base, [[signatures["cross"]]])
-    after = refits.fit(cross, [[scored(refits, cross)["hollow"]]])
+    cross = refits.fit(refits.base, frozenset({Use("cross")}), [refits.base.fit.values])
+    after = in_the_hollow(refits, cross)
     assert after.uses == {Use("hollow"), Use("cross")}
     assert after.chi2 <= cross.chi2 < refits.base.chi2 - 100
 
@@ -53,7 +42,7 @@ def test_a_refit_never_ends_above_a_set_that_it_contains(toy):
 def test_an_effect_that_is_not_worth_it_leaves_what_a_certificate_holds(toy):
     problem = toy.problem(lambda x, z: 0.4 * (z > 0), ["hollow", "zero-error"], also=[hollow])
     refits = refits_of(problem)
-    after = refits.fit(refits.base, [[scored(refits, refits.base)["hollow"]]])
+    after = in_the_hollow(refits, refits.base)
     assert after.chi2 <= refits.base.chi2
     assert after.fit.values["zero-error.shift"] == pytest.approx(
         refits.base.fit.values["zero-error.shift"], abs=0.1

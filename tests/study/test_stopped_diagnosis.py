@@ -30,12 +30,12 @@ def interrupt_after(monkeypatch, refits):
     """Ctrl-C while the next set of effects is refitted."""
     whole, count = Refits.fit, 0
 
-    def fit(self, start, signatures, again=False):
+    def fit(self, start, uses, starts, again=False):
         nonlocal count
         count += 1
         if count > refits:
             raise KeyboardInterrupt
-        return whole(self, start, signatures, again)
+        return whole(self, start, uses, starts, again)
 
     monkeypatch.setattr(Refits, "fit", fit)
 

@@ -242,7 +242,7 @@ class Marginal:
 
     def one_by_one(self, columns: Array, sizes: Array) -> tuple[Array, Array]:
         """What `beside` gives of each column alone; both of shape (m, q)."""
-        seen = self._seen(columns)
+        seen = self.tangent.seen(columns)
         along = self._whole.T @ seen
         curvature = np.sum(seen**2, axis=0) - np.sum(along * cho_solve(self._factor, along), axis=0)
         curvature, slope = np.maximum(curvature, 0.0), seen.T @ self._left

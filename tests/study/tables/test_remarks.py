@@ -7,7 +7,6 @@ from specan.models import Model
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.pulls import ODDS, DataAlone, Pull
 from specan.study.verdict import headline
 
 
@@ -128,13 +127,3 @@ def test_a_zero_error_without_certificate_is_found_beside_one_with_it(tables, tm
         row = next(r for r in found.ranking if r.effects == ("torque-zero-error",))
         value = row.parameters["torque-zero-error.output"]
         assert value["low"] < offset < value["high"]
-
-
-def test_ranges_are_contradicted_by_chi_square_or_by_predicting():
-    """Odds of 500 to 1 are the level of one in five hundred at which an effect is named."""
-    outside = (Pull("tooth-friction.mu", 0.22, (0.01, 0.12), 3.8, "1", False),)
-    assert pytest.approx(2 * np.log(500)) == ODDS
-    assert DataAlone(outside, 14.0, 1, 0.001).contradicts
-    assert not DataAlone(outside, 5.8, 2, 0.054, likelier=True, predicts=12.0).contradicts
-    assert DataAlone(outside, 5.8, 2, 0.054, likelier=True, predicts=13.0).contradicts
-    assert not DataAlone(outside, 3.0, 2, 0.2, likelier=False, predicts=13.0).contradicts
