@@ -427,6 +427,6 @@ def test_two_effects_that_hide_each_other_are_found_as_a_pair(toy):
     line = Projection.of(toy.x, np.column_stack([np.ones(48), toy.x]))
     cross, other = line.project_out(toy.x * toy.z), line.project_out(toy.x * toy.z**2)
     share = (cross @ other) / (cross @ cross)  # of the other that cross alone could explain
-    truth = lambda x, z: 9 * x * (z**2 - share * z)  # noqa: E731
+    truth = lambda x, z: 3 * x * (z**2 - share * z)  # noqa: E731
     found = diagnose(toy.problem(truth, ["cross", "nearly-cross", "square"], seed=4))
     assert ("cross", "nearly-cross") in found.alternatives
