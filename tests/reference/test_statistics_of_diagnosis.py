@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from specan.study.estimation.linear import Projection
 from specan.study.estimation.left_out import blocks, left_out_score
+from specan.study.estimation.linear import Projection
 from specan.study.selection.significance import lack_of_fit_probability
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from specan.study.estimation.linear import Projection
 from specan.study.estimation.left_out import left_out_score
+from specan.study.estimation.linear import Projection
 
 
 def test_a_left_out_block_is_predicted_as_by_a_refit_without_it():
