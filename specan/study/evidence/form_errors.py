@@ -29,17 +29,11 @@ FORMS = (0.01, 0.03, 0.1, 0.3)
 FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of form changes
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
 SMOOTH = 0.8  # of unknown functions; the others act at one level of a variable, or from one on
-ALONG = (
-    0.5,
-    0.0625,
-)  # the same along lines: a third octave as any equation, and 1/24 octave, a room's resonance
-MOST_ALONG = 400  # columns: as many as there are resonances
 ROUGH = (0.0, 0.003, 0.03, 0.3)  # shares to which it may be wrong in each line by itself
 SEEN = 0.1  # standard deviations that a column changes all rows by, below which it says nothing
 
-Wrong = tuple[
-    Noise | None, Array, tuple[float, ...]
-]  # form of the noise, columns, and deviations of their coefficients
+# Form of the noise, columns, and deviations of their coefficients.
+Wrong = tuple[Noise | None, Array, tuple[float, ...]]
 
 
 class FormErrors(Protocol):

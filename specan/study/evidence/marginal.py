@@ -86,7 +86,7 @@ class Tangent:
 
     def seen(self, columns: Array) -> Array:
         """Whitened columns under its forms of the noise."""
-        for noise in self.noises:
+        for noise in self.noises if columns.size else ():
             columns = noise.innovations(columns)
         return columns
 
