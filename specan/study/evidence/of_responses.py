@@ -1,4 +1,4 @@
-"""Explanations of complex lines: transfer functions of a sound field, order lines of a gear.
+"""Explanations of complex lines: transfer functions, order lines.
 
 A fit is expensive there, resonances are narrow, and from a field that is far off a linear promise is worth little. So a
 first fit on few, uncertain lines says from where the sets are fitted; what may be added is looked at on part of the
