@@ -39,6 +39,7 @@ HELD = 2e9  # bytes of resampled signal that are held for lines, at most
 BLOCK_TURNS = 8
 STRONGEST = 2  # lines whose phase is looked at
 NEIGHBOURS = 8.0  # orders about such a line that hold no stronger one: pieces of an eighth of a turn see them
+VISIBLE = 1e-3  # of the power of the strongest line about it, that a line has itself
 _HELD_TURNS = 4000  # of the first channel, to see whether a stated speed is constant
 
 
@@ -418,6 +419,8 @@ class OrderAccumulator:
         middle = around @ self.order[1:] / np.maximum(around.sum(axis=1), 1e-300)
         own = np.argmin(np.abs(middle - orders[:, None]), axis=0) == np.arange(orders.size)
         sharp = apart.min(axis=0)[np.argmax(around, axis=1)] <= 0.5  # not smeared over orders
+        itself = np.where(apart <= 0.25, share[channel], 0.0).max(axis=1)
+        sharp &= itself > VISIBLE * around.max(axis=1)  # nor nothing between two strong lines
         weight = np.where(own, around.max(axis=1), 0.0) * orders**2  # of what an error of the angle does
         x = self._samples[channel] - self._samples[channel].mean()
         known: list[tuple[float, complex]] = []

@@ -329,3 +329,18 @@ def test_a_tacho_that_begins_later_is_aligned():
     truth = np.array([LINES[1.0][1], LINES[63.0][1]])
     np.testing.assert_allclose(found.lines.phase_deg[0], truth, atol=0.3)
     assert any("begin up to 0.25 s apart" in note for note in found.notes)
+
+
+def test_an_order_without_a_line_between_two_strong_ones_says_nothing_of_the_angle():
+    """Planets one after the other show 196 and 200, and not the mesh's order 198 between them."""
+    t = np.arange(4 * int(RATE)) / RATE
+    speed = 5.0
+    x = np.cos(2 * np.pi * 196 * speed * t) + 1.2 * np.cos(2 * np.pi * 200 * speed * t + 1.0)
+    x = x + 1e-3 * np.random.default_rng(2).standard_normal(t.size)
+    made = recording(duration=4.0, per_turn=1)
+    pulses = tacho_signal(np.arange(1, int(4 * speed)) / speed, t.size, 0.02)
+    found = Orders(orders=(196.0, 198.0, 200.0))(
+        Recording("run.tdms", made.channels, ArraySource([x, pulses]))
+    )
+    assert not any("angle" in note for note in found.notes)
+    assert found.lines.u.max() < 1e-3

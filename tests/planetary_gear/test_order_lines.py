@@ -438,3 +438,15 @@ def test_marks_of_the_tacho_that_are_uneven_are_found_and_what_they_make_of_line
     allowed = _marks(found.lines.amplitude, wanted, ratio, uneven)[0]
     assert np.abs(found.lines.amplitude[0, [0, 3]]) == pytest.approx(allowed[[0, 3]], rel=0.05)
     assert allowed[2] == 0.0
+
+
+def test_a_line_that_is_predicted_smaller_is_not_known_better() -> None:
+    """The density over a line y of log(y / p) with a deviation s is 1 / (s y) exp(...), whatever p."""
+    found = observed(TRUTH, 1e-4)
+    volumes = [
+        found.ln_volume(comb(np.where(BEYOND, part, 1.0) * TRUTH).assemble(), {}) for part in (1.0, 0.6, 1.7)
+    ]
+    assert volumes[1:] == pytest.approx(volumes[:1] * 2, abs=1e-6)
+    # lines that are not predicted have their noise
+    without = found.ln_volume(comb(np.where(BEYOND, 0.0, TRUTH)).assemble(), {})
+    assert without > volumes[0] + 2 * BEYOND.sum()

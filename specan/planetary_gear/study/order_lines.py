@@ -320,20 +320,25 @@ class OrderLinesObservation(KeptLines):
         return predicted, self._whitening(predicted)
 
     def ln_volume(self, assembly: Assembly, values: Mapping[str, Any]) -> float:
-        """-1/2 ln det V over that of the noise: what is predicted smaller is known better."""
+        """-1/2 ln det V over that of the noise, with relative errors of what was measured.
+
+        The density of log(measured / predicted) over the measured lines does not go with the prediction: of a line
+        that is predicted smaller nothing more is known, until it is lost in the noise.
+        """
         predicted, _ = self._with_gains(self._model_lines(assembly, values)[self.kept])
-        there, root = self._root(predicted)
+        size = np.minimum(np.abs(self.amplitude[self.kept]), MOST * np.abs(predicted))
+        there, root = self._root(predicted, size)
         return -2 * float(np.sum(np.log(np.diag(root) / self.noise[self.kept][there])))
 
-    def _root(self, predicted: Complex) -> tuple[NDArray[np.intp], Array]:
-        """Lines that are predicted, and the lower Cholesky factor of their V in the phases of the prediction.
+    def _root(self, predicted: Complex, size: Array) -> tuple[NDArray[np.intp], Array]:
+        """Lines that are predicted, and the lower Cholesky factor of their V where lines have these sizes.
 
-        There V is real. Other lines have their noise alone.
+        In the phases of the prediction V is real. Other lines have their noise alone.
         """
         from scipy.linalg.lapack import dpotrf
 
         there = np.flatnonzero(predicted)
-        size = _between(predicted, self.amplitude[self.kept])[there]
+        size = size[there]
         covariance = self._relative_covariance[np.ix_(there, there)] * (size[:, None] * size)
         covariance.flat[:: size.size + 1] += self.noise[self.kept][there] ** 2
         root, failed = dpotrf(covariance, lower=1)
@@ -345,7 +350,7 @@ class OrderLinesObservation(KeptLines):
         """V^(-1/2) of the lines in use: noise, and relative errors about these predictions."""
         from scipy.linalg.lapack import dtrtrs
 
-        there, root = self._root(predicted)
+        there, root = self._root(predicted, _between(predicted, self.amplitude[self.kept]))
         phase = (predicted[there] / np.abs(predicted[there]))[:, None]
         noise = self.noise[self.kept][:, None]
 
