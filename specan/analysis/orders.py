@@ -39,7 +39,7 @@ HELD = 2e9  # bytes of resampled signal that are held for lines, at most
 BLOCK_TURNS = 8
 STRONGEST = 2  # lines whose phase is looked at
 NEIGHBOURS = 8.0  # orders about such a line that hold no stronger one: pieces of an eighth of a turn see them
-VISIBLE = 1e-3  # of the power of the strongest line about it, that a line has itself
+VISIBLE = 0.01  # of the power of the strongest line about it, that a line has itself
 _HELD_TURNS = 4000  # of the first channel, to see whether a stated speed is constant
 
 
