@@ -80,7 +80,7 @@ def run_case(number: int, seed: int, only: tuple[str, ...], gears: bool) -> dict
         "verdict": verdict.verdict,
         "named": any(effect in names for names in verdict.alternatives),
         "something": verdict.verdict != "nothing-missing",
-        "rank": [[row.effects, row.delta_bic, row.p_value, row.held_out_gain] for row in verdict.ranking[:2]],
+        "rank": [[row.effects, row.probability, row.ln_evidence] for row in verdict.ranking[:2]],
         "cpu_s": round(time.process_time() - start, 2),
     }
 

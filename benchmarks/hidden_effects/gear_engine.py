@@ -34,7 +34,7 @@ def measure(case: Case, truth: Gear, directory: Path, verdict: Mapping[str, Any]
     Returns
     -------
     dict
-        ``lambda``: chi-square that the base leaves beyond its degrees of freedom. ``d``: evidence (BIC) of the right
+        ``lambda``: chi-square that the base leaves beyond its degrees of freedom. ``d``: evidence (twice ln) of the right
         effects over the best set without one of them; where they were not refitted, after a fit of them.
         ``conditional_lambda``: of a pair, the same over the better one of its effects alone. ``hidden``: true sizes.
         ``covered``: whether the 95 % interval holds the true size. ``held_out``: of a pin, RMS (m/s^2) and level
@@ -42,14 +42,14 @@ def measure(case: Case, truth: Gear, directory: Path, verdict: Mapping[str, Any]
     """
     lack = verdict["lack_of_fit"]
     names = set(case.truth)
-    wrong = [r["delta_bic"] for r in verdict["ranking"] if not names <= set(r["effects"])]
+    wrong = [2 * r["ln_evidence"] for r in verdict["ranking"] if not names <= set(r["effects"])]
     right = next((r for r in verdict["ranking"] if set(r["effects"]) == names), None)
-    gain = right["delta_bic"] if right else _gain_of(case, truth, directory) if names else 0.0
+    gain = 2 * right["ln_evidence"] if right else _gain_of(case, truth, directory) if names else 0.0
     return {
         "lambda": max((lack["reduced_chi2"] - 1) * lack["n_effective"], 0.0),
         "d": gain - max([0.0, *wrong]) if names else None,
         "conditional_lambda": gain
-        - max([0.0, *(r["delta_bic"] for r in verdict["ranking"] if set(r["effects"]) < names)]),
+        - max([0.0, *(2 * r["ln_evidence"] for r in verdict["ranking"] if set(r["effects"]) < names)]),
         "hidden": truth.machine.hidden,
         "covered": _covered(truth, right) if right else None,
         "held_out": _held_out(case, truth, directory, right)

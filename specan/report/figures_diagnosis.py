@@ -58,20 +58,15 @@ def figure_diagnosis(found: Diagnosis) -> Figure:
     heading(
         figure, headline(found),
         fit + "Dark: named by the verdict. Hatched: with values that are not plausible. Beside each bar: error left, "
-        + ("probability." if ranked[0].probability is not None
-           else "probability of such a fall by chance, fall in BIC."),
+        "probability.",
     )  # fmt: skip
     return figure
 
 
 def _beside(row: Ranked) -> str:
     """What stands beside a bar: the error, and how probable the set is."""
-    if row.probability is not None:
-        told = percent(row.probability)
-    else:
-        p = row.p_value or 0.0
-        told = f"{'p < 1e-12' if p < 1e-12 else f'p {p:.1g}'}   {row.delta_bic:+,.0f}"
-    return f"{row.error_after:.3g}   {told}" + ("" if row.plausible else "   implausible")
+    told = f"{row.error_after:.3g}   {percent(row.probability)}"
+    return told + ("" if row.plausible else "   implausible")
 
 
 @styled

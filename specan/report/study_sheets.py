@@ -70,14 +70,7 @@ def history(steps: Sequence[Step], title: str = "") -> Sheet:
 
 def candidates(ranking: Iterable[Mapping[str, Any]], *, valued: bool = False) -> Sheet:
     """Rows of a ranking, as ``study diagnose --json`` prints them; with their parameters where `valued`."""
-    header = ["candidate", "error left", "probability", "fall in BIC", "p", "gain on left-out conditions"]
-    forms = {
-        "error_after": ".3g",
-        "probability": ".2g",
-        "delta_bic": ",.1f",
-        "p_value": ".1g",
-        "held_out_gain": ".1f",
-    }
+    header, forms = ["candidate", "error left", "probability"], {"error_after": ".3g", "probability": ".2g"}
     rows = [
         [" + ".join(placed(row["effects"], row["at"])), *(cell(row.get(key), form) for key, form in forms.items()),
          *(["; ".join(f"{n} = {value_text(p)}" for n, p in row["parameters"].items())] if valued else [])]

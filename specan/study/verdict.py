@@ -42,16 +42,10 @@ class Ranked:
         Bare names.
     at : mapping
         Elements of an axis at which an effect acts: ``{"drag": ("z1",)}``.
-    probability : float or None
-        Of a table: that of this explanation among all.
-    ln_evidence : float or None
-        Of a table: ln of its evidence over that of the model as it is.
-    delta_bic : float or None
-        Fall in BIC from the base.
-    p_value : float or None
-        Family-wise probability of such a fall by chance; of two effects, from the better one alone.
-    held_out_gain : float or None
-        Gain in blocked cross-validation, in units of chi-square.
+    probability : float
+        That of this explanation among all.
+    ln_evidence : float
+        ln of its evidence over that of the model as it is.
     error_after : float
         RMS of measured less predicted, in the observable's SI unit.
     others_after : mapping
@@ -68,11 +62,8 @@ class Ranked:
 
     effects: tuple[str, ...]
     at: Mapping[str, tuple[str, ...]]
-    probability: float | None = None
-    ln_evidence: float | None = None
-    delta_bic: float | None = None
-    p_value: float | None = None
-    held_out_gain: float | None = None
+    probability: float
+    ln_evidence: float
     error_after: float
     parameters: Mapping[str, Mapping[str, Any]]
     plausible: bool
@@ -276,9 +267,7 @@ class Diagnosis(Result):
 
     def columns(self) -> dict[str, Any]:
         """One row for each set of effects that was tried, most likely first."""
-        tests = ("probability", "ln_evidence", "delta_bic", "p_value", "held_out_gain")
-        told = [name for name in tests if any(getattr(row, name) is not None for row in self.ranking)]
-        plain = [*told, "error_after", "plausible", "at_bound"]
+        plain = ["probability", "ln_evidence", "error_after", "plausible", "at_bound"]
         return {
             "effects": [" + ".join(dict.fromkeys(row.effects)) for row in self.ranking],
             "at": [

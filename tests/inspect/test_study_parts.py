@@ -125,7 +125,7 @@ def ranked(*names: str, plausible: bool = True) -> Ranked:
     parameters = {f"{n}.size": {"value": 1.0, "low": 0.5, "high": 1.5, "unit": "m"} for n in names}
     bare = tuple(n.partition("@")[0] for n in names)
     return Ranked(
-        effects=bare, at={}, delta_bic=12.0, p_value=1e-4, held_out_gain=3.0, error_after=0.1,
+        effects=bare, at={}, probability=0.9, ln_evidence=12.0, error_after=0.1,
         parameters=parameters, plausible=plausible, at_bound=False,
     )  # fmt: skip
 

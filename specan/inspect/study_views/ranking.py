@@ -138,9 +138,9 @@ class Ranking:
         return line
 
     def _numbers(self, ranked: Ranked) -> str:
-        """The error that is left, as a number and as a part of the error now, and the probability by chance."""
+        """The error that is left, as a number and as a part of the error now, and the probability."""
         part = min(ranked.error_after / self._now, 1.0) if self._now else 0.0
-        numbers = f"<b>{ranked.error_after:.3g}</b> &nbsp;{_probability(ranked)}"
+        numbers = f"<b>{ranked.error_after:.3g}</b> &nbsp;{percent(ranked.probability)}"
         return (
             f'<small style="white-space:nowrap">{numbers}</small>'
             f'<div style="width:100px;height:5px;background:var(--line);border-radius:3px">'
@@ -167,14 +167,6 @@ class Ranking:
 def uses_of(ranked: Ranked) -> Uses:
     """Written forms of the effects of a row, places and copies included: those that its parameters carry."""
     return tuple(dict.fromkeys(ParameterName(name).owner for name in ranked.parameters)) or ranked.effects
-
-
-def _probability(ranked: Ranked) -> str:
-    """How probable a set is; where sets are tested one by one, how probable such a fall is by chance."""
-    if ranked.probability is not None:
-        return percent(ranked.probability)
-    p = ranked.p_value or 0.0
-    return "p &lt; 1e-12" if p < 1e-12 else f"p {p:.1g}"
 
 
 def _heading(text: str) -> Div:

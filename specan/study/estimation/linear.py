@@ -105,11 +105,6 @@ class Projection:
         """
         return columns - self.basis @ (self.basis.T @ columns)
 
-    def free_chi2(self, shift: Array) -> float:
-        """Chi-square that is left of `shift` after a linear refit."""
-        rest = self.project_out(shift)
-        return float(rest @ rest)
-
 
 def orthonormal(columns: Array, tolerance: float = 1e-9) -> Array:
     """Orthonormal basis of the span of the columns, each counted at its own scale."""

@@ -59,15 +59,6 @@ class Strategy:
         # 0.02 of chi-square: no verdict shows it
         return 20.0 if self.frugal else 1.0
 
-    @property
-    def explained_limit(self) -> float:
-        """Most chi-square a value that counts as explained when rivals are compared.
-
-        Where errors of the prediction are in the covariance, a model without a line is judged by the noise alone, and
-        rivals that have it by those errors.
-        """
-        return 1.0 if self.either_sign else float("inf")
-
 
 TABLE = Strategy()
 
