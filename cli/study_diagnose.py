@@ -24,11 +24,6 @@ BY_PROBABILITY = (
     "(error after: RMS once it is added. probable: among all explanations, nothing missing and something else "
     "included.\nevidence: natural logarithm of how much more probable it makes the data than the model as it is does.)"
 )
-BY_CHANCE = (
-    "(error after: RMS once it is added. evidence: fall in BIC, above 6 is decisive. chance: probability of "
-    "such a fall\nwithout any effect, over all that were tried. left out: gain in chi-square on conditions "
-    "left out of the fit, positive is better.)"
-)
 SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell them apart
 
 
@@ -212,7 +207,6 @@ def _print_statistics(found: Diagnosis) -> None:
         unit = "" if found.error is None else _in_unit(found.error.before.unit)
         others = {e.before.observable: e.before.unit for e in found.error.others} if found.error else {}
         levels = now is not None and all(r.level_after_dB is not None for r in found.ranking[:SHOWN])
-        told = _by_probability if found.ranking[0].probability is not None else _by_chance
         click.echo("")
         table(
             "Effects tested, most likely first",
@@ -221,12 +215,13 @@ def _print_statistics(found: Diagnosis) -> None:
                 f"error after{unit}",
                 *(f"{name}{_in_unit(unit)}" for name, unit in others.items()),
                 *(["levels, dB"] if levels else []),
-                *told(None),
+                "probable",
+                "evidence",
                 "",
             ],
-            [_row(r, now, levels, told(r)) for r in found.ranking[:SHOWN]],
+            [_row(r, now, levels) for r in found.ranking[:SHOWN]],
         )
-        click.echo(BY_PROBABILITY if told is _by_probability else BY_CHANCE)
+        click.echo(BY_PROBABILITY)
         for ranked in found.ranking[:DETAILED]:
             click.echo(f"{' + '.join(ranked.names)}:")
             for name, p in ranked.parameters.items():
@@ -244,32 +239,17 @@ def _in_unit(unit: str) -> str:
     return "" if unit == "1" else f", {unit}"
 
 
-def _by_probability(ranked: Ranked | None) -> list[str]:
-    """Columns of a table's explanations; their names without one."""
-    if ranked is None:
-        return ["probable", "evidence"]
-    percent = 100 * (ranked.probability or 0)
-    return [f"{percent:.2g} %" if percent >= 0.01 else "< 0.01 %", f"{ranked.ln_evidence or 0:+.1f}"]
-
-
-def _by_chance(ranked: Ranked | None) -> list[str]:
-    """The same where sets are tested one by one."""
-    if ranked is None:
-        return ["evidence", "chance", "left out"]
-    p = ranked.p_value or 0.0
-    return [
-        f"{ranked.delta_bic or 0:,.1f}", f"{p:.1g}" if p >= 1e-12 else "<1e-12", f"{ranked.held_out_gain or 0:.1f}",
-    ]  # fmt: skip
-
-
-def _row(ranked: Ranked, now_dB: float | None, levels: bool, told: Sequence[str]) -> list[Any]:
+def _row(ranked: Ranked, now_dB: float | None, levels: bool) -> list[Any]:
+    percent = 100 * ranked.probability
+    told = f"{percent:.2g} %" if percent >= 0.01 else "< 0.01 %"
     remark = "" if ranked.plausible else "outside"
     if ranked.at_bound:
         remark = f"{remark}, at its bound".lstrip(", ")
     fall = [f"{now_dB:.2g} to {ranked.level_after_dB:.2g}"] if levels else []
     return [
         " + ".join(ranked.names), f"{ranked.error_after:.3g}",
-        *(f"{rms:.3g}" for rms in ranked.others_after.values()), *fall, *told, remark,
+        *(f"{rms:.3g}" for rms in ranked.others_after.values()), *fall, told,
+        f"{ranked.ln_evidence:+.1f}", remark,
     ]  # fmt: skip
 
 
