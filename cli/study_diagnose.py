@@ -89,10 +89,6 @@ def _print(found: Diagnosis, directory: Path) -> None:
     if found.error is not None:
         click.echo("\n".join(found.error.sentences))
     _print_probabilities(found)
-    if found.verdict in ("effect", "group") and found.ranking and found.ranking[0].p_value is not None:
-        click.echo(
-            f"Noise alone would give such an improvement with {probability(found.ranking[0].p_value)}."
-        )
     for remark in found.remarks:
         click.echo(f"But: {remark}.")
     if found.residual_law is not None:

@@ -34,8 +34,8 @@ def measure(case: Case, truth: Gear, directory: Path, verdict: Mapping[str, Any]
     Returns
     -------
     dict
-        ``lambda``: chi-square that the base leaves beyond its degrees of freedom. ``d``: twice ln of the evidence of the
-        right effects over the best set without one of them; where they were not refitted, after a fit of them.
+        ``lambda``: chi-square that the base leaves beyond its degrees of freedom. ``d``: twice ln of the evidence of
+        the right effects over the best set without one of them; where they were not refitted, after a fit of them.
         ``conditional_lambda``: of a pair, the same over the better one of its effects alone. ``hidden``: true sizes.
         ``covered``: whether the 95 % interval holds the true size. ``held_out``: of a pin, RMS (m/s^2) and level
         error of lines (dB) on the torque that was held out, before and after it is added.
