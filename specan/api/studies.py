@@ -108,7 +108,7 @@ class Study:
         validation : as `measurement`
             Data that are only ever predicted.
         hold_out : str or sequence of str
-            Rows or channels to put aside: ``"torque=50"``.
+            Rows or channels to hold out of the fit: ``"torque=50"``, ``"flow=36..40 m3/h"``.
         calibration : path, optional
             Of recordings.
         effects : sequence of str, optional
