@@ -45,8 +45,8 @@ def show(found: ProposedLaws, directory: Path) -> None:
         return
     count = len(found.laws)
     click.echo(
-        f"{count} {'law' if count == 1 else 'laws that these data cannot distinguish'}; {found.tried} were tried, "
-        f"p = {found.p_value:.1g}."
+        f"Found in these data: {count} {'law' if count == 1 else 'laws that they cannot distinguish'}; "
+        f"{found.tried} were tried, p = {found.p_value:.1g}."
     )
     if found.more:
         click.echo(f"The data admit {found.more} further families as well: measure more before you choose.")

@@ -131,7 +131,8 @@ class StudyPage:
             self.heading,
             ScrollBox(child=self.ranking.list, width=_SIDE, sizing_mode="stretch_height", styles=_share(3)),
             ScrollBox(
-                child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=_share(2)
+                child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=_share(2),
+                html_attributes={"tabindex": "0"},
             ),
             self.reason, row(self.accept, self.again), width=_SIDE + 12, sizing_mode="stretch_height", styles=PANEL,
             stylesheets=[whole_width("560px")],

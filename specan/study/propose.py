@@ -152,7 +152,7 @@ def propose_laws(study: Study) -> ProposedLaws:
     start = Refit(frozenset(), study.problem, study.best)
     found = search_laws(start)
     before, left_out = _error(start), next(iter(left_out_errors(start.problem, start.fit)), None)
-    sources = {name: source_of(law, name) for name, law in _named(found.laws).items()}
+    sources = {name: source_of(law, name, found.tried) for name, law in _named(found.laws).items()}
     files = {name: Path(LAWS) / f"{name}.py" for name in sources}
     # One catalogue for all, so that the refits can be compared.
     own = [e for n, s in sources.items() for e in effects_from_file(study.directory / files[n], s.encode())]
@@ -246,7 +246,7 @@ def name_of(law: Law) -> str:
 
 
 def _text(law: Law) -> str:
-    product = " x ".join(f.text for f in law.formula.factors)
+    product = " x ".join(f"({f.text})" if f.text.endswith(" - 1") else f.text for f in law.formula.factors)
     return (
         f"{law.quantity} x (1 + size x {product})"
         if law.formula.scales
@@ -254,12 +254,12 @@ def _text(law: Law) -> str:
     )
 
 
-_FILE = '''"""A law that was found in what the model leaves: give it its physical name and its plausible range."""
+_FILE = '''"""A law that was found in the residuals: give it its physical name and its plausible range."""
 
 {numpy}from specan.models import Parameter, effect
 
 
-@effect("{name}", {acts}="{quantity}", neutral={{"size": 0.0}})
+@effect("{name}", {acts}="{quantity}", neutral={{"size": 0.0}}, reference="found in these data, {tried} laws tried")
 def {function}(
 {arguments}
 ):
@@ -268,7 +268,7 @@ def {function}(
 '''
 
 
-def source_of(law: Law, name: str) -> str:
+def source_of(law: Law, name: str, tried: int) -> str:
     """The law as an effect file.
 
     Parameters
@@ -276,6 +276,8 @@ def source_of(law: Law, name: str) -> str:
     law : Law
     name : str
         Of the effect.
+    tried : int
+        Laws that were tried.
 
     Returns
     -------
@@ -294,6 +296,7 @@ def source_of(law: Law, name: str) -> str:
     result = f"1 + size * {product}" if law.formula.scales else f"size * {product}"
     return _FILE.format(
         name=name,
+        tried=tried,
         function=name.replace("-", "_"),
         acts="scales" if law.formula.scales else "adds_to",
         quantity=law.quantity,

@@ -141,7 +141,7 @@ def test_a_file_that_was_changed_is_kept(tmp_path: Path) -> None:
 
 def test_a_file_holds_units_and_the_fitted_values() -> None:
     law = search_laws(machine(LAWS["exponential of speed"][0])).laws[0]
-    text = source_of(law, "mine")
+    text = source_of(law, "mine", 102)
     assert 'neutral={"size": 0.0}' in text
     assert f'size=Parameter({law.size:.6g}, "N*m"' in text
     assert '"rad/s"' in text
