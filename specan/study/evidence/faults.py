@@ -63,7 +63,7 @@ class Fault:
     in_words : callable, optional
         What follows the text for given coefficients; by default the size in the readings.
     ln_known : float
-        ln of the evidence beside what the columns explain.
+        ln of the evidence of a fault without columns.
     """
 
     name: str
@@ -110,19 +110,19 @@ class Faults:
             for sizes, own in self._alone.items()
         }
         self._several = {
-            k: self.problem.whiten(one.columns) for k, one in enumerate(self.all) if one.columns.shape[1] != 1
+            k: self.problem.whiten(one.columns) for k, one in enumerate(self.all) if one.columns.shape[1] > 1
         }
 
     def beside(self, marginal: Marginal) -> list[tuple[float, Fault]]:
         """ln of the evidence with a fault over that without, and the likeliest place and size, for each name."""
-        found: dict[int, tuple[float, Array]] = {}
+        found = {k: (one.ln_known, np.zeros(0)) for k, one in enumerate(self.all)}
         for sizes, own in self._alone.items():
             gains, coefficients = marginal.one_by_one(self._white[sizes], np.array(sizes))
             for j, k in enumerate(own):
                 found[k] = _mean(gains[:, j]), coefficients[[int(np.argmax(gains[:, j]))], j]
         for k, white in self._several.items():
             gains, each = marginal.beside(white, np.array(self.all[k].sizes))
-            found[k] = _mean(gains) + self.all[k].ln_known, each[int(np.argmax(gains))]
+            found[k] = _mean(gains), each[int(np.argmax(gains))]
         by_name: dict[str, list[int]] = {}
         for k, one in enumerate(self.all):
             by_name.setdefault(one.name, []).append(k)
