@@ -48,7 +48,7 @@ RECORDINGS = [
     Entry("history", "Levels against time", "Overall levels above the bands.",
           f"octave {KNOCK} --averaging fast --history"),
     Entry("fft", "Spectrum", "Levels, and the phase over a reference channel.", f"fft {KNOCK} --reference 'Mic 1'"),
-    Entry("spectrogram", "Spectrogram", "", f"fft {KNOCK} --spectrogram --channel 'Mic 1' --lines 400"),
+    Entry("spectrogram", "Spectrogram", "", f"fft {KNOCK} --spectrogram --channel 'Mic 1' --lines 100 --overlap 0.9"),
     Entry("frf", "Transfer functions", "Magnitude and phase with their 95 % bands, and the coherence.",
           f"frf {NOISE} --channel 'Mic 1' --channel 'Mic 9'"),
     Entry("frf_24", "Transfer functions of many channels", "", f"frf {NOISE}"),
