@@ -38,6 +38,9 @@ HARMONICS = 3  # of the mesh: what a study compares
 # form over the pitch lines were right within a tenth about the first, within a factor 3 about the others.
 UNLIKE = (1.0, 2.0, 2.0)
 MOST_SAMPLES = 400_000
+# Power of the window by which lines beside the mesh grow by the factor e: those at 66h +- 3 go from 1/20 to 4/35 of the
+# window's mean between the powers 3 and 4.
+SHARPER = 1.2
 TACHO_DEG = 2.0  # standard uncertainty of the angle between the tacho's mark and planet 1
 
 
@@ -83,6 +86,8 @@ def build(rig: Mapping[str, Any]) -> Model:
                      "carrier, shaft and load are taken as one disc" if rig.get("rotors") is None else "the rig file"),
             Nuisance("contact-damping", "change", known.contact_damping_percent / 100,
                      "damping ratios of meshes from 0.01 to 0.1"),
+            Nuisance("transmission-path", "sharpness", SHARPER * known.path_percent / 100,
+                     "over how much of the turn a planet is heard"),
             *(Nuisance(f"unlike-response@H{h}", "change", times * known.response_percent / 100,
                        "form of the stiffness over the pitch") for h, times in enumerate(UNLIKE, 1)),
         ),
