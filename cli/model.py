@@ -84,11 +84,13 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
 
 @command.command("new")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE.py")
-def new(file: Path) -> None:
-    """Write a small model of your own into FILE.py, to be changed, and a table to try it on beside it.
+@opt("--rates", bool, "A differential equation, which is compared with recordings.")
+def new(file: Path, rates: bool) -> None:
+    """Write a small model of your own into FILE.py, to be changed, and a table or recordings to try it on beside it.
 
     \b
     specan model new pump.py
+    specan model new oscillator.py --rates
     """
     from specan.errors import RequestError
     from specan.models.catalogue import load_model
@@ -96,6 +98,9 @@ def new(file: Path) -> None:
 
     if file.suffix != ".py":
         raise RequestError(f"{file} is not a Python file", remedy="give it a name that ends in .py")
+    if rates:
+        _new_rates(file)
+        return
     table_file = file.with_suffix(".csv")
     if table_file.exists():
         raise RequestError(f"{table_file} exists already", remedy="choose another name")
@@ -104,6 +109,23 @@ def new(file: Path) -> None:
     click.echo(f"{file} holds a model, {table_file} a table to try it on.")
     click.echo(f"Check it: specan model check {file}")
     click.echo(f"Try it: specan study new DIR --model {file} --measurement {table_file}")
+
+
+def _new_rates(file: Path) -> None:
+    from specan.errors import RequestError
+    from specan.models.catalogue import load_model
+    from specan_cli.model_template_rates import TEMPLATE, recording_to_try
+
+    run, again = file.with_suffix(".tdms"), file.with_name(f"{file.stem}_again.tdms")
+    for path in (run, again):
+        if path.exists():
+            raise RequestError(f"{path} exists already", remedy="choose another name")
+    _write_new(file, TEMPLATE)
+    model = load_model(file, {})
+    recording_to_try(model, run, seed=1)
+    recording_to_try(model, again, seed=2)
+    click.echo(f"{file} holds a model, {run} and {again} recordings to try it on.")
+    click.echo(f"Try it: specan study new DIR --model {file} --measurement {run} --validation {again}")
 
 
 def _write_new(file: Path, text: str) -> None:

@@ -25,9 +25,11 @@ from specan.errors import RequestError
 
 Array = NDArray[np.float64]
 Evaluator = Any  # an assembly: its module imports this one
-MOST_STEPS = 32  # of Runge-Kutta a sample; a system that needs more is stiff
-MOST_IMPLICIT = 64  # of the implicit method
-EXACT = 1e-4  # of a state's RMS: change on doubling the steps that is small where no noise is declared
+MOST_STEPS = 16  # a sample; a system for which Runge-Kutta needs more is stiff
+UNSETTLED = False, 4  # method and steps at values at which nothing settles
+RUNAWAY = 1e100
+EXACT = 1e-3  # of a state's RMS: change on doubling the steps that is small where no noise is declared
+NEARLY = 10.0  # times that, with which Runge-Kutta's method is kept: corners, and no stiffness, slow its convergence
 
 
 class Program:
@@ -312,25 +314,28 @@ class Solver:
         on = np.array([use in assembly.uses for use in program.uses])
         run = _Run(times, drives, values, on, starts, fast[1] if fast else None, program)
         key = assembly.uses, times.size, float(times[-1] - times[0])
-        if key not in self._steps:
-            self._steps[key] = self._needed(run)
-        return run(*self._steps[key], range(len(many)))
+        known = self._steps.get(key) or self._needed(run)
+        if known is not None:
+            self._steps[key] = known
+        return run(*(known or UNSETTLED), range(len(many)))
 
-    def _needed(self, run: _Run) -> tuple[bool, int]:
-        """Whether the implicit method is needed, and steps a sample."""
+    def _needed(self, run: _Run) -> tuple[bool, int] | None:
+        """Whether the implicit method is needed, and steps a sample; None where nothing settles at these values."""
         allowed = self.model.rates.tolerances
-        for implicit, most in ((False, MOST_STEPS), (True, MOST_IMPLICIT)):
+        for implicit in (False, True):
             steps, last = 1, run(implicit, 1, [0])[:, :, 0]
-            while steps < most:
+            change = size = np.full(len(run.program.states), np.inf)
+            while steps < MOST_STEPS:
                 found = run(implicit, 2 * steps, [0])[:, :, 0]
-                with np.errstate(all="ignore"):
-                    change = np.sqrt(np.mean((found - last) ** 2, axis=1))
-                    size = np.array([allowed.get(n, 0.0) for n in run.program.states])
-                    size = np.where(size > 0, size, EXACT * np.sqrt(np.mean(found**2, axis=1)))
-                if np.all(change <= size + 1e-300):
+                change = np.sqrt(np.mean((found - last) ** 2, axis=1))
+                size = np.array([allowed.get(n, 0.0) for n in run.program.states])
+                size = np.where(size > 0, size, EXACT * np.sqrt(np.mean(found**2, axis=1))) + 1e-300
+                if np.all(change <= size):
                     return implicit, steps
                 steps, last = 2 * steps, found
-        return True, MOST_IMPLICIT
+            if np.all(change <= NEARLY * size):
+                return implicit, steps // 2
+        return None
 
     def method(self) -> str:
         """What marched, in words."""
@@ -376,28 +381,21 @@ class _Run:
         return self.program.compiled(lambda function: function)
 
     def __call__(self, implicit: bool, steps: int, sets: Sequence[int]) -> Array:
-        n = len(self.program.states)
-        if self.fast is None and not implicit:
-            states = np.empty((n, self.times.size, len(sets)))
-            states[:, 0] = self.starts[:, list(sets)]
-            with np.errstate(all="ignore"):
-                self._slow[0](
-                    self.times,
-                    steps,
-                    self.drives[:, :, list(sets)],
-                    self.values[:, list(sets)],
-                    self.on,
-                    states,
-                )
-            return states
-        march = (self.fast or self._slow)[int(implicit)]
-        found = np.empty((n, self.times.size, len(sets)))
-        on = self.on if self.on.size else np.ones(1, bool)
-        for place, k in enumerate(sets):
-            states = np.empty((n, self.times.size))
-            states[:, 0] = self.starts[:, k]
-            values = np.ascontiguousarray(self.values[:, k]) if self.values.size else np.ones(1)
-            with np.errstate(all="ignore"):
-                march(self.times, steps, np.ascontiguousarray(self.drives[:, :, k]), values, on, states)
-            found[:, :, place] = states
+        """States, shape (states, times, sets); not a number where they run away."""
+        chosen = list(sets)
+        found = np.empty((len(self.program.states), self.times.size, len(chosen)))
+        found[:, 0] = self.starts[:, chosen]
+        drives, values = self.drives[:, :, chosen], self.values[:, chosen]
+        with np.errstate(all="ignore"):
+            if self.fast is None and not implicit:
+                self._slow[0](self.times, steps, drives, values, self.on, found)
+            else:
+                march = (self.fast or self._slow)[int(implicit)]
+                on = self.on if self.on.size else np.ones(1, bool)
+                for k in range(len(chosen)):
+                    states = np.ascontiguousarray(found[:, :, k])
+                    own = np.ascontiguousarray(values[:, k]) if values.size else np.ones(1)
+                    march(self.times, steps, np.ascontiguousarray(drives[:, :, k]), own, on, states)
+                    found[:, :, k] = states
+            found[~(np.abs(found) < RUNAWAY)] = np.nan
         return found

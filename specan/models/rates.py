@@ -229,9 +229,10 @@ def parts_of_rates(
             raise RequestError(
                 f"the observable {name!r} is in {signal.unit}", expected=f"a unit like {known[name]}"
             )
-        made.append(
-            _same(f"{name}_measured", name, f"{name} as it is measured.", scale_to(known[name], signal.unit))
-        )
+        there, scale = f"{name}_at_sensor", scale_to(known[name], signal.unit)
+        made.append(_same(there, name, f"{name} in the unit of its sensor.", scale))
+        made.append(_same(f"{name}_measured", there, f"{name} as it is measured."))
+        units[there] = signal.unit
         measured[f"{name}_measured"] = Observable(
             name, f"{name}_measured", signal.unit, f"{name} as it is measured.", column=signal.channel or name,
             column_unit=signal.unit, kind=KIND,

@@ -43,22 +43,22 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit]:
             there = descend(more, more.start(promises[0].starts[0]))
             if there.chi2 < reached.chi2:
                 largest, reached = more, describe(more, there.theta)
-    left = _left(largest, reached)
-    parts = largest.split(left)
-    noisy = [
-        o.with_noise_of(part)
-        for o, part in zip(problem.observations, parts, strict=False)
-        if isinstance(o, TimeObservation)
-    ]
-    white = replace(problem, observations=tuple(noisy))
-    return white, fit(white, start=base.theta)
+    basis = _directions(largest, reached)
+    residual = reached.residual[: problem.n_data]
+    parts = zip(
+        problem.observations,
+        problem.split(residual - basis @ (basis.T @ residual)),
+        problem.split(basis),
+        strict=False,
+    )
+    noisy = [o.with_noise_of(left, own) for o, left, own in parts if isinstance(o, TimeObservation)]
+    known = replace(problem, observations=tuple(noisy))
+    return known, fit(known, start=base.theta)
 
 
-def _left(problem: Problem, reached: Fit) -> Array:
-    """What the tangent of a fit and every further effect leave of its residual."""
+def _directions(problem: Problem, reached: Fit) -> Array:
+    """What the parameters of a fit and every further effect do, an orthonormal basis."""
     catalogue = Catalogue(problem, reached)
     columns = [reached.jacobian[: problem.n_data]]
     columns += [one.columns[: problem.n_data] for own in catalogue.signatures.values() for one in own]
-    basis = orthonormal(np.hstack(columns))
-    residual = reached.residual[: problem.n_data]
-    return np.asarray(residual - basis @ (basis.T @ residual))
+    return orthonormal(np.hstack(columns), 1e-3)

@@ -25,6 +25,7 @@ from specan.units import convert, is_compatible
 
 TITLE = "a recording (TDMS, WAV, CSV, MAT, HDF5, UFF)"
 STATED_DOF, GUESSED_DOF = 10.0, 1.0  # degrees of freedom of a noise that is stated, that the data tell
+FEW = 1000  # samples on which a user's functions are tried
 LEAST_NOISE = 1e-6  # of a channel's scatter
 
 
@@ -53,7 +54,11 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     held_out = [whole.take(aside)] if np.any(aside) else []
     held_out += [_observation(model, wanted.validations, checked, noise)] if checked else []
     if model.is_own:
-        try_model(model, {n: v[:1000] for n, v in fitted[0][0].items()})
+        few = {n: v[:FEW] for n, v in fitted[0][0].items()}
+        model.assemble(model.base_effects).evaluate(
+            {n: v[:2] for n, v in few.items()}
+        )  # compiles, which takes seconds
+        try_model(model, few)
     statements = [said for *_, said in (*fitted, *checked)]
     for name, (size, stated) in noise.items():
         how = "as stated" if stated else "from the quickest changes"

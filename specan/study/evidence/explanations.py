@@ -50,6 +50,7 @@ SETS = 0.7  # share of a diagnosis that is over when sets are fitted
 WITHIN = 3.0  # ln of the best probability over a promised one that is still fitted
 SLACK = 1.5  # ln by which a linear promise may fall short of a fit
 AS_GOOD = 1.0  # ln of the best probability over that of something else, from where every effect is fitted
+SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to a promise
 LISTED = 9.0  # ln of the best probability over that of what counts at all
 NEAR = 2  # Jacobians that lead near enough to a minimum: the evidence takes one more linear step
 POLISHED = 4.0  # ln of the best probability over one that is led to its minimum
@@ -212,7 +213,8 @@ class Explanations:
             key = id(form), uses
             if key in fitted:
                 continue
-            first = len(uses) == 1 and not form.parts and len(fitted) < self.fitted_anyway
+            first = len(uses) == 1 and not form.parts
+            first = first and (len(fitted) < self.fitted_anyway or self._bends)
             if not (first or self._worth_a_fit(uses, -promised)):
                 left.setdefault(key, (-promised, form, promise))
                 continue
@@ -266,6 +268,23 @@ class Explanations:
         """
         return max(e.ln_joint for e in self.found if e.kind == "unknown") > self.best - AS_GOOD
 
+    @property
+    def _bends(self) -> bool:
+        """Whether predictions are integrated: a straight line tells little of them then."""
+        return any(o.kind == "time" for o in self.problem.observations)
+
+    def _along(self, promise: Promise) -> Sequence[Mapping[str, Any]]:
+        """Where to fit from; also on the way there, where predictions bend."""
+        if not self._bends:
+            return promise.starts
+        effect = self.problem.assembly.model.effects[promise.use.name]
+        origin = {f"{promise.use}.{n}": v for n, v in effect.neutral_si.items()} | dict(promise.origin)
+        return [
+            {n: origin.get(n, v) + share * (v - origin.get(n, v)) for n, v in start.items()}
+            for start in promise.starts
+            for share in SHARES
+        ]
+
     def _forms_in_reach(self) -> list[Form]:
         """Forms of the base, the likeliest first, that something smooth could make as probable as the likeliest."""
         order = sorted(self.forms, key=lambda form: -form.marginal.ln_evidence)
@@ -280,7 +299,7 @@ class Explanations:
     def _add(self, form: Form, uses: EffectSet, promise: Promise) -> None:
         """Fit a set from the lowest of some starts and keep it, and what is to be expected beside it."""
         problem = replace(form.problem.with_uses(sorted(uses)), one_sided=True)
-        lowest = self._lowest([problem.start(values) for values in promise.starts], problem)
+        lowest = self._lowest([problem.start(values) for values in self._along(promise)], problem)
         own = [] if lowest is None else [lowest]
         if len(uses) == 1:  # an effect whose slope is nothing where it vanishes promises nothing there
             own.append(problem.start(form.fit.values))

@@ -177,6 +177,8 @@ def faults(tangent: Tangent, predicted: Array) -> Iterator[Fault]:
     if others or not isinstance(first, TableObservation):
         return
     yield from _of_readings(problem, first, predicted)
+    if first.kind != "table":  # samples are no set-points
+        return
     slopes = {name: _slope(tangent, first, name) for name in _conditions(problem, first)}
     for name, slope in slopes.items():
         yield from _of_condition(problem, first, name, slope)
@@ -192,7 +194,7 @@ def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Ite
     relative, level = sizes_of(problem, predicted)
     for observable, rows in observable_rows(problem).items():
         unit = printed_unit(problem.assembly.model.observables[observable].unit)
-        ranges = _ranges(observable, unit, rows, np.abs(predicted))
+        ranges = _ranges(observable, unit, rows, np.abs(predicted)) if o.kind == "table" else ()
         for name, text, shape in (*_courses(o), *ranges):
             for kind, size in {"gain": relative, "zero": level}.items():
                 columns = (size * rows)[:, None] * shape
@@ -380,7 +382,7 @@ def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
         step = _printed_step(np.unique(o.measured[kinds == kinds[k]]))
         agree = step / (2 * np.sqrt(np.pi) * scatter[k])
         gain -= float(np.log(max(earlier[k], 1) * min(agree, 1.0)))
-    pairs = [f"{_line_of(o, int(k))} and {_line_of(o, int(original[k]))}" for k in copies[:LEAST_ROWS]]
+    pairs = [f"{o.place_of(int(k))} and {o.place_of(int(original[k]))}" for k in copies[:LEAST_ROWS]]
     more = f" and {copies.size - len(pairs)} more pairs" if copies.size > len(pairs) else ""
     text = f"rows are copies, equal to the last digit ({', '.join(pairs)}{more}); keep one of each"
     yield Fault("copied rows", text, np.zeros((o.n, 0)), (1.0,), lambda _: "", gain)
@@ -399,7 +401,7 @@ def _from_a_row_on(o: TableObservation) -> Iterator[tuple[str, Rows]]:
     """Where from, and the rows after that."""
     row = _order(o)
     for after in _steps(np.asarray(o.conditions.get(TIME, row), float)):
-        yield _line_of(o, int(np.flatnonzero(after)[np.argmin(row[after])])), after
+        yield o.place_of(int(np.flatnonzero(after)[np.argmin(row[after])])), after
 
 
 def _steps(x: Array) -> Iterator[Rows]:
@@ -416,11 +418,3 @@ def _order(o: TableObservation) -> Array:
     lines = np.arange(o.n) if o.lines is None else o.lines
     _, place = np.unique(np.stack([recording, lines]), axis=1, return_inverse=True)
     return np.asarray(place.ravel(), float)
-
-
-def _line_of(o: TableObservation, row: int) -> str:
-    """``line 61 of b.csv``."""
-    if o.lines is None:
-        return f"row {row + 1}"
-    file = o.recordings[0 if o.recording is None else int(o.recording[row])]
-    return f"line {int(o.lines[row])}" + (f" of {file}" if file else "")

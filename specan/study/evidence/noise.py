@@ -96,7 +96,7 @@ def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:
         recording = getattr(o, "recording", None)
         observable = getattr(o, "observable", None)
         lines = o.conditions.get(TIME, getattr(o, "lines", None))
-        if recording is None or observable is None or lines is None:
+        if recording is None or observable is None or lines is None or o.kind != "table":
             first += o.n
             continue
         for number in np.unique(recording):

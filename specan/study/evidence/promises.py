@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -37,11 +37,14 @@ class Promise:
         ln of the evidence with the effect over that without, made linear.
     starts : tuple of mapping
         SI values from which to fit, the most promising first.
+    origin : mapping
+        SI values of what it stands beside.
     """
 
     use: Use
     ln_gain: float
     starts: tuple[dict[str, Any], ...]
+    origin: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Catalogue:
@@ -210,7 +213,8 @@ class Catalogue:
             if one.shapes != tried[0][1].shapes or np.any(one.size != tried[0][1].size):
                 starts.append(self._start(beside, candidate, one, found))
                 break
-        return Promise(candidate.use, tried[0][0], tuple(starts))
+        origin = beside.tangent.problem.values_at(beside.tangent.theta)
+        return Promise(candidate.use, tried[0][0], tuple(starts), origin)
 
     def _start(self, beside: Marginal, candidate: Candidate, one: Signature, found: Array) -> dict[str, Any]:
         """Values after a linear step of everything along a signature."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from specan.study.observation import Array
 
@@ -25,22 +24,31 @@ def innovations(columns: Array, chains: Chains, reflections: Sequence[float]) ->
         Between -1 and 1.
     """
     out = columns.copy()
-    order = len(reflections)
     for rows in chains:
-        forward = backward = columns[rows[: order + 1]]
-        power, taps = 1.0, np.ones(1)
+        forward = backward = columns[rows]
+        power = 1.0
         for k, reflection in enumerate(reflections, 1):
-            longer = np.append(taps, 0.0)
-            taps = longer - reflection * longer[::-1]
-            power *= 1 - reflection**2
-            if rows.size <= k:
-                continue
             ahead, behind = forward[1:], backward[:-1]
             forward, backward = ahead - reflection * behind, behind - reflection * ahead
-            out[rows[k]] = forward[0] / np.sqrt(power)
-        if rows.size > order:
-            out[rows[order:]] = lfilter(taps / np.sqrt(power), [1.0], columns[rows], axis=0)[order:]
+            power *= 1 - reflection**2
+            out[rows[k:]] = forward / np.sqrt(power)
     return out
+
+
+def spectrum(reflections: Sequence[float], size: int) -> Array:
+    """Power over the frequencies of `numpy.fft.rfft` of so many samples, with a mean of one.
+
+    Examples
+    --------
+    >>> spectrum([0.9], 100)[[0, -1]].round(2)
+    array([19.  ,  0.05])
+    """
+    taps = np.ones(1)
+    for reflection in reflections:
+        longer = np.append(taps, 0.0)
+        taps = longer - reflection * longer[::-1]
+    power = 1 / np.abs(np.fft.rfft(taps, size)) ** 2
+    return np.asarray(power * np.prod(1 - np.square(reflections)))
 
 
 def burg(chains: Chains, residual: Array, most: int) -> tuple[list[float], list[float]]:
@@ -69,7 +77,10 @@ def of_likely_order(chains: Chains, residual: Array, most: int = 30) -> tuple[fl
     >>> e = rng.standard_normal(4000)
     >>> of_likely_order([np.arange(4000)], e)
     ()
-    >>> [round(r, 1) for r in of_likely_order([np.arange(4000)], lfilter([1], [1, -0.9], e))]
+    >>> r = np.zeros(4000)
+    >>> for t in range(1, 4000):
+    ...     r[t] = 0.9 * r[t - 1] + e[t]
+    >>> [round(float(c), 1) for c in of_likely_order([np.arange(4000)], r)]
     [0.9]
     """
     count = sum(rows.size for rows in chains)

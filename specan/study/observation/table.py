@@ -111,6 +111,13 @@ class TableObservation(Observation):
 
     # --- rows ---------------------------------------------------------------------------------
 
+    def place_of(self, row: int) -> str:
+        """``line 61 of b.csv``."""
+        if self.lines is None:
+            return f"row {row + 1}"
+        file = self.recordings[int(self._recording[row])]
+        return f"line {int(self.lines[row])}" + (f" of {file}" if file else "")
+
     def take(self, mask: NDArray[np.bool_]) -> TableObservation:
         """Keep some of the rows; effects that look at earlier readings still see those left out.
 

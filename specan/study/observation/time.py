@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models import Assembly
-from specan.study.observation import Array
-from specan.study.observation.autoregression import innovations, of_likely_order
+from specan.models.rates import TIME
+from specan.study.observation import Array, Strategy
+from specan.study.observation.autoregression import of_likely_order, spectrum
 from specan.study.observation.table import TableObservation
+
+LEAST_WORTH = 20.0  # independent samples that any recording is worth
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +23,14 @@ class TimeObservation(TableObservation):
 
     Attributes
     ----------
-    reflections : mapping
-        Of the noise of each observable, see `specan.study.observation.autoregression`; none for white noise.
+    inflation : float
+        Variance of noise along what the model can do, over that of white noise of the same size: so many samples are
+        worth one.
     """
 
-    reflections: Mapping[str, tuple[float, ...]] = ()  # type: ignore[assignment]
+    inflation: float = 1.0
     kind: ClassVar[str] = "time"
+    strategy: ClassVar[Strategy] = Strategy(frugal=True, exact_minimum=False)
 
     @cached_property
     def chains(self) -> dict[str, list[NDArray[np.intp]]]:
@@ -39,18 +42,31 @@ class TimeObservation(TableObservation):
             found[name] = np.split(rows, np.flatnonzero(gaps) + 1)
         return found
 
-    def whiten(self, array: Array) -> Array:
-        """Apply V^(-1/2) along axis 0."""
-        scaled = array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
-        for name, reflections in dict(self.reflections).items():
-            scaled = innovations(scaled, self.chains[name], reflections) if name in self.chains else scaled
-        return np.asarray(scaled)
+    def place_of(self, row: int) -> str:
+        """``3.2 s of run.tdms``."""
+        return f"{self.conditions[TIME][row]:.4g} s of {self.recordings[int(self._recording[row])]}"
 
-    def with_noise_of(self, residual: Array) -> TimeObservation:
-        """The same with noise that follows itself as a residual (in units of sigma) does."""
-        found = {name: of_likely_order(chains, residual) for name, chains in self.chains.items()}
-        return replace(self, reflections={name: r for name, r in found.items() if r})
+    @property
+    def n_effective(self) -> float:
+        """Number of independent samples that they are worth."""
+        return self.n / self.inflation
 
-    def residual(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """Predicted less measured, in units of sigma."""
-        return np.asarray((self.predict(assembly, values) - self.measured) / self.sigma)
+    def with_noise_of(self, residual: Array, directions: Array) -> TimeObservation:
+        """The same with noise that follows itself as a residual does, as it shows along some directions.
+
+        Parameters
+        ----------
+        residual : array (n,)
+            What the largest explanation leaves, in units of sigma.
+        directions : array (n, k)
+            Orthonormal: what parameters and effects do to the prediction.
+        """
+        along = np.zeros(directions.shape[1])
+        for chains in self.chains.values():
+            reflections = of_likely_order(chains, residual)
+            for rows in chains:
+                power = np.abs(np.fft.rfft(directions[rows], 2 * rows.size, axis=0)) ** 2
+                power[1:-1] *= 2
+                along += spectrum(reflections, 2 * rows.size) @ power / (2 * rows.size)
+        inflation = float(np.clip(np.max(along, initial=1.0), 1.0, max(self.n / LEAST_WORTH, 1.0)))
+        return replace(self, covariance=self.covariance * inflation / self.inflation, inflation=inflation)

@@ -1,0 +1,69 @@
+"""Effects of the shelf: each has a source, does nothing where it is neutral, and marches with numba or without."""
+
+import numpy as np
+import pytest
+
+from specan import shelf
+from specan.models import Model, Signal, State, march
+from tests.rates.test_solver import damper, dv, dx, spring
+
+TIME = np.arange(400) / 500
+FORCE = 30 * np.sin(2 * np.pi * (3 * TIME + 12 * TIME**2))
+
+
+def model():
+    return Model.from_rates(
+        dx, dv, spring, damper, states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"},
+        observables={"x": Signal("mm", 0.05)},
+        parameters={"stiffness": (1e4, 1e3, 1e5, "N/m"), "damping": (20, 1, 200, "N*s/m"), "mass": (1, 0.1, 10, "kg")},
+        units={"spring": "N", "damper": "N"},
+        effects=[
+            *shelf.mechanics(force=("spring", 60, "N"), x=("x", 6e-3, "m"), v=("v", 0.6, "m/s")),
+            *shelf.sensor(of=("x", 6, "mm"), input="force"), *shelf.actuator(of=("force", 30, "N")),
+        ],
+    )  # fmt: skip
+
+
+def response(known, effects=(), values=None):
+    given = {"time": TIME, "force_channel": FORCE}
+    return known.assemble(effects).evaluate(given, values, wanted=["x_measured"])["x_measured"]
+
+
+@pytest.fixture(scope="module")
+def known():
+    return model()
+
+
+@pytest.fixture(scope="module")
+def plain(known):
+    return response(known)
+
+
+def test_thirty_effects_with_sources(known):
+    assert len(known.effects) >= 30
+    assert all(e.reference and e.explanation for e in known.effects.values())
+
+
+@pytest.mark.parametrize("name", model().effects)
+def test_neutral_does_nothing_and_the_default_something(known, plain, name):
+    neutral = known.assemble([name]).neutral
+    assert np.allclose(response(known, [name], neutral), plain, rtol=0, atol=5e-3)
+    changed = response(known, [name])
+    assert np.all(np.isfinite(changed))
+    assert np.sqrt(np.mean((changed - plain) ** 2)) > 1e-3 * np.std(plain)
+
+
+@pytest.mark.parametrize("name", ["bouc-wen", "tuned-mass", "dry-friction", "x-lag"])
+def test_the_same_without_numba(known, name, monkeypatch):
+    monkeypatch.setattr(march, "_numba", lambda: None)
+    assert np.allclose(response(model(), [name]), response(known, [name]), rtol=1e-9, atol=1e-9)
+
+
+def test_a_delay_and_a_filter_of_the_sensor_in_closed_form(known, plain):
+    late = response(known, ["x-delay"], {"x-delay.size": 0.004})
+    assert np.allclose(late[2:], plain[:-2], atol=1e-9)  # two samples
+    kept, expected = np.exp(-0.002 / 0.01), np.empty_like(plain)
+    expected[0] = plain[0]
+    for k in range(1, plain.size):
+        expected[k] = kept * expected[k - 1] + (1 - kept) * plain[k]
+    assert np.allclose(response(known, ["x-lag"], {"x-lag.size": 0.01}), expected, atol=1e-9)
