@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models.effect import ParameterName
 
 Array = NDArray[np.float64]
 Evaluator = Any  # an assembly: its module imports this one
@@ -303,7 +304,26 @@ class Solver:
         """States over time for several sets of values, shape (states, times, sets)."""
         fast = self._fast(assembly)
         program = fast[0] if fast else Program(assembly, switched=False)
-        drives, starts = drives_of(program.drives, program.states)
+        key = assembly.uses, times.size, float(times[-1] - times[0])
+        known = self._steps.get(key)
+        if known is None:  # of the effects at their defaults, whatever is asked for first
+            usual = [{n: v for n, v in many[0].items() if not ParameterName(n).owned_by(assembly.uses)}]
+            known = self._needed(self._run(assembly, program, fast, times, drives_of, usual))
+            if known is not None:
+                self._steps[key] = known
+        run = self._run(assembly, program, fast, times, drives_of, many)
+        return run(*(known or UNSETTLED), range(len(many)))
+
+    def _run(
+        self,
+        assembly: Evaluator,
+        program: Program,
+        fast: Any,
+        times: Array,
+        drives_of: Any,
+        many: Sequence[Mapping[str, Any]],
+    ) -> _Run:
+        drives, starts = drives_of(program.drives, program.states, many)
         defaults = self.model.assemble(program.uses).defaults
         values = np.array(
             [
@@ -312,12 +332,7 @@ class Solver:
             ]
         ).reshape(len(program.parameters), len(many))
         on = np.array([use in assembly.uses for use in program.uses])
-        run = _Run(times, drives, values, on, starts, fast[1] if fast else None, program)
-        key = assembly.uses, times.size, float(times[-1] - times[0])
-        known = self._steps.get(key) or self._needed(run)
-        if known is not None:
-            self._steps[key] = known
-        return run(*(known or UNSETTLED), range(len(many)))
+        return _Run(times, drives, values, on, starts, fast[1] if fast else None, program)
 
     def _needed(self, run: _Run) -> tuple[bool, int] | None:
         """Whether the implicit method is needed, and steps a sample; None where nothing settles at these values."""

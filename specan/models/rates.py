@@ -156,7 +156,9 @@ class WithStates:
         times = np.atleast_1d(np.asarray(conditions[TIME], float))
         one = np.ndim(conditions[TIME]) == 0
 
-        def drives_of(names: Sequence[str], states: Mapping[str, State]) -> tuple[Any, Any]:
+        def drives_of(
+            names: Sequence[str], states: Mapping[str, State], many: Sequence[Mapping[str, Any]]
+        ) -> tuple[Any, Any]:
             own = [f"{name}_start" for name in states if name in self.model.rates.states]
             wanted = [name for name in (*names, *own) if name in self.model.quantities]
             drives = np.zeros((max(len(names), 1), times.size, len(many)))
@@ -170,7 +172,7 @@ class WithStates:
             return drives, starts
 
         if times.size == 1:
-            _, starts = drives_of([], self.states)
+            _, starts = drives_of([], self.states, many)
             return [
                 {name: starts[i, k] if one else starts[i, k : k + 1] for i, name in enumerate(self.states)}
                 for k in range(len(many))
