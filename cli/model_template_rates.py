@@ -1,4 +1,4 @@
-"""What ``specan model new --rates`` writes: a model that is a differential equation, and two recordings to try it on."""
+"""What ``specan model new --rates`` writes: a differential equation, and two recordings to try it on."""
 
 from __future__ import annotations
 

@@ -200,7 +200,7 @@ def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Ite
                 columns = (size * rows)[:, None] * shape
                 if np.any(columns):
                     yield Fault(name.format(kind), text.format(kind), columns)
-        for name, text, shape in _off(o, rows):
+        for name, text, shape in _off(o, rows) if o.kind == "table" else ():
             yield Fault(name, text, (level * shape)[:, None])
 
 
@@ -236,13 +236,13 @@ def _ranges(name: str, unit: str, rows: Rows, size: Array) -> Iterator[tuple[str
 def _off(o: TableObservation, rows: Rows) -> Iterator[tuple[str, str, Array]]:
     """Single readings, and all repeats of a condition."""
     for k in np.flatnonzero(rows):
-        yield "one reading", f"the reading of {_line_of(o, int(k))} is off", np.eye(1, o.n, int(k))[0]
+        yield "one reading", f"the reading of {o.place_of(int(k))} is off", np.eye(1, o.n, int(k))[0]
     if o.replicate_group is None:
         return
     for group in np.unique(o.replicate_group[rows]):
         alike = np.flatnonzero(rows & (o.replicate_group == group))
         if 1 < alike.size < rows.sum():
-            lines = ", ".join(_line_of(o, int(k)) for k in alike[:MOST_LINES])
+            lines = ", ".join(o.place_of(int(k)) for k in alike[:MOST_LINES])
             more = f" and {alike.size - MOST_LINES} more" if alike.size > MOST_LINES else ""
             shape = np.isin(np.arange(o.n), alike).astype(float)
             yield "one condition", f"the readings of one condition are off ({lines}{more})", shape
