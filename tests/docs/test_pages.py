@@ -27,7 +27,17 @@ from specan_cli.main import run
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 LONG = {
-    *("README", "diagnosis", "inspect", "orders", "own_model", "planetary_gear", "proposed_laws", "python"),
+    *(
+        "README",
+        "diagnosis",
+        "inspect",
+        "orders",
+        "own_model",
+        "planetary_gear",
+        "proposed_laws",
+        "python",
+        "rates",
+    ),
     *("room", "room_impedance", "room_mesh", "index", "study", "worm_gear_article"),
 }
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

@@ -20,6 +20,7 @@ ALLOWED = {
     "io": BASE | {"io", "data", "dsp"},
     "analysis": BASE | {"analysis", "data", "dsp", "io"},
     "models": BASE | {"models"},
+    "shelf": BASE | {"models"},
     "study": BASE | {"study", "models", "analysis", "data", "dsp", "io"},
     "report": BASE | {"report", "study", "models", "analysis", "data", "dsp", "io"},
     "inspect": BASE | {"inspect", "report", "study", "models", "analysis", "data", "dsp", "io"},
