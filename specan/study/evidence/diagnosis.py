@@ -23,6 +23,7 @@ from specan.study.evidence.judgement import (
 from specan.study.localisation.localise import localise
 from specan.study.localisation.mistaken_set_up import undeclared_shifts
 from specan.study.selection.doubtful_data import rows_of_two_kinds
+from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.pulls import pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
 from specan.study.selection.residual_law import residual_law
@@ -222,6 +223,7 @@ class _Telling:
             :MOST_RANKED
         ]:
             refit = self.refit(one.best)
+            named = one in self.judged.sets
             error, *more = errors(refit)
             own = pulls(refit)
             rows.append(
@@ -233,7 +235,7 @@ class _Telling:
                     error_after=error.rms,
                     level_after_dB=error.level_dB,
                     others_after={e.observable: e.rms for e in more},
-                    parameters=parameters_of(refit, one in self.judged.sets),
+                    parameters=parameters_of(about_itself(refit) if named else refit, named),
                     plausible=not any(abs(p.pull) > TOO_FAR for p in own),
                     at_bound=any(n.owner in {str(u) for u in one.uses} for n in refit.fit.at_bound),
                     pulls=shown(own),

@@ -253,7 +253,7 @@ class Marginal:
 
     def curvature(self, column: Array) -> float:
         """Half the second derivative of chi-square by a coefficient of a column, all else free."""
-        seen = self.tangent.seen(column)
+        seen = self.tangent.seen(column[:, None])[:, 0]
         along = self._whole.T @ seen
         return float(seen @ seen - along @ cho_solve(self._factor, along))
 

@@ -2,7 +2,7 @@
 
 A fit is expensive there, resonances are narrow, and from a field that is far off a linear promise is worth little. So a
 first fit on few, uncertain lines says from where the sets are fitted; what may be added is looked at on part of the
-rows; and the likeliest sets are compared with what is declared of receivers and modes acting in their own fields.
+rows; and what is declared of receivers and modes acts in the field of the best single effect.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from specan.study.evidence.noise import Autoregression
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import confounded_with
-from specan.study.selection.initial_fit import InitialFit, about_itself, with_covariances_about
+from specan.study.selection.initial_fit import InitialFit, with_covariances_about
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.single_instruments import displaced
 
 SHORT = 2 / 3  # of what a promise leaves from afar, that a fit may take away in addition
 IN_REACH = 30.0  # ln of the best probability over that of a set that is looked at closer
-COMPARED = 4  # likeliest sets that are compared in their own fields
+COMPARED = 4  # likeliest single effects that are compared in the field of the best
 
 
 class OfResponses(Explanations):
@@ -215,11 +215,4 @@ class OfResponses(Explanations):
         )
 
     def _polish(self) -> None:
-        """Take the covariance of the likeliest sets about their own fields; they are at their minimum already."""
-        if not self.problem.strategy.linearised_covariance:
-            return
-        near = [e for e in self.found if e.kind == "effects" and e.ln_joint > self.best - IN_REACH]
-        for one in sorted(near, key=lambda e: -e.ln_joint)[:COMPARED]:
-            there = about_itself(self.refits.done[one.uses])
-            self.refits.done[one.uses] = there
-            self.found[self.found.index(one)] = self._explanation(one.form, there)
+        """Sets are fitted to their minimum already."""

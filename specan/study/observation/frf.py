@@ -280,11 +280,6 @@ class FrfObservation(KeptLines):
             out[:, first:last] = whitener(both[:, first:last])
         return out.reshape(flat.shape)
 
-    def ln_volume(self, assembly: Assembly, values: Mapping[str, Any]) -> float:
-        """-1/2 ln det V over that of the noise: of what is declared of receivers and modes."""
-        shrinks = [self.of_all[1], *(whitener.shrink for whitener in self._whiteners)]
-        return float(sum(np.sum(np.log1p(-shrink)) for shrink in shrinks))
-
     @cached_property
     def of_all(self) -> tuple[Array, Array]:
         """Directions that the errors of the modes widen, orthonormal, and by how much each is shortened."""
