@@ -26,7 +26,7 @@ def command(source: Source, deliver: Delivery, **options: Any) -> int:
     """Find shock response spectra of accelerations: largest responses, maximax, positive and negative (ISO 18431-4).
 
     \b
-    specan srs drop.csv --q 10 --plot srs.png -o srs.csv
+    specan srs run.tdms --channel "Acc*" --q 10 --plot srs.png -o srs.csv
     """
     from specan.api.recordings import srs
 

@@ -361,7 +361,13 @@ class Model:
             ``{name: unit}`` of recorded channels.
         observables : mapping
             ``{name: Signal(unit, uncertainty)}`` of states or functions.
-        parameters, units, effects, base_effects, name, title
+        parameters, units : mapping, optional
+            As in `from_function`.
+        effects : sequence of Effect, optional
+            What may be missing.
+        base_effects : sequence of str, optional
+            Those of them that the model has.
+        name, title : str
             As in `from_function`.
 
         Returns

@@ -130,7 +130,7 @@ def test_bash_completes_verbs_options_and_values():
         found = answer(_SPECAN_COMPLETE="bash_complete", COMP_WORDS=line, COMP_CWORD=count)
         return [text.partition(",")[2] for text in found.split()]
 
-    assert words("specan s") == ["simulate", "study"]
+    assert words("specan s") == ["srs", "simulate", "study"]
     assert words("specan study di") == ["diagnose"]
     assert "--weighting" in words("specan octave --w")
     assert words("specan octave --hold m") == ["max", "min"]
