@@ -153,7 +153,9 @@ class Page:
 
         def clicked() -> bool:
             try:
-                self.element(name, "button").click()
+                button = self.element(name, "button")
+                self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", button)
+                button.click()
             except (ElementClickInterceptedException, StaleElementReferenceException):
                 return False
             return True
