@@ -138,7 +138,8 @@ class OfResponses(Explanations):
             if own is not None:
                 values = {**refit.problem.values_at(refit.fit.theta), **own.values}
                 promise = replace(promise, starts=(values, *promise.starts))
-                gain = max(gain, own.gain / 2)
+                price = len(own.values) * np.log(self.problem.n_data)
+                gain = max(gain, (own.gain - price) / 2)
             if refit.poor_fit:
                 gain += SHORT * max(beside.chi2 / 2 - gain, 0.0)
             if not one.uses and promise.use in self.near.likely:
