@@ -72,16 +72,16 @@ class OfResponses(Explanations):
         """Single effects first; where the base is far off, all once more about the field of the best of them."""
         self._growing = not (self.near.base.poor_fit and self.problem.strategy.linearised_covariance)
         super()._search()
-        if not self._growing:
-            self._growing = True
-            sets = sorted((e for e in self.found if e.kind == "effects"), key=lambda e: -e.ln_joint)
-            if sets and sets[0].ln_joint > self._bare(self.forms[0]).ln_joint:
-                self.progress("once more, with covariances about the field that was found")
-                done = {e.uses: e.tangent.problem.values_at(e.tangent.theta) for e in sets}
-                base = with_covariances_about(self.near.base, sets[0].uses, done[sets[0].uses])
-                likely = tuple(use for e in sets[:COMPARED] for use in e.uses)
-                self._about(InitialFit(base, likely, done, sets[0].uses))
-            super()._search()
+        sets = sorted((e for e in self.found if e.kind == "effects"), key=lambda e: -e.ln_joint)
+        if self._growing or not sets or sets[0].ln_joint <= self._bare(self.forms[0]).ln_joint:
+            return
+        self._growing = True
+        self.progress("once more, with covariances about the field that was found")
+        done = {e.uses: e.tangent.problem.values_at(e.tangent.theta) for e in sets}
+        base = with_covariances_about(self.near.base, sets[0].uses, done[sets[0].uses])
+        likely = tuple(use for e in sets[:COMPARED] for use in e.uses)
+        self._about(InitialFit(base, likely, done, sets[0].uses))
+        super()._search()
 
     @property
     def fitted(self) -> tuple[list[Refit], bool]:

@@ -1,0 +1,35 @@
+"""Explanations of transfer functions: each is counted once."""
+
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from specan.models.catalogue import load_model
+from specan.study.estimation.fit import fit
+from specan.study.evidence.of_responses import OfResponses
+from specan.study.selection.candidates import base_problem
+from specan.study.selection.initial_fit import InitialFit
+from specan.study.selection.refits import Refit
+from tests.study.test_coarse import RIG, recorded
+
+
+@pytest.mark.parametrize("promising", [False, True])
+def test_each_explanation_is_counted_once_where_the_model_is_far_off(promising, monkeypatch):
+    """A lined wall; where no effect promises anything, and where the wall and the displaced receivers do."""
+    model = load_model("room", RIG)
+    lining = {"wall-impedance@y1.conductance": 0.4, "wall-impedance@y1.mass": 0.2}
+    measured = recorded(model, ["wall-impedance@y1"], lining)
+    base = {n.effect.partition("@")[0] for n in model.nuisances} | {*model.base_effects}
+    kept = {*base, "wall-impedance", "microphone-position"}
+    model = replace(model, effects={name: effect for name, effect in model.effects.items() if name in kept})
+    problem = base_problem(model, [measured])
+    start = Refit(frozenset(), problem, fit(problem))
+    assert start.poor_fit
+    assert problem.strategy.linearised_covariance
+    if not promising:
+        monkeypatch.setattr(OfResponses, "_promises", lambda self, one: iter(()))
+    found = OfResponses(InitialFit(start)).found
+    assert any(one.kind == "effects" for one in found) == promising
+    counts = Counter((one.kind, one.uses, one.follows_itself) for one in found)
+    assert set(counts.values()) == {1}
