@@ -160,7 +160,7 @@ def rig_template(name: str) -> None:
 @opt("--rig", Path, "A rig file [default: the model's example].")
 @json_option
 def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None:
-    """Check a model of your own, or effects: neutral, independent of order, finite, recovered from simulated data.
+    """Check a model of your own, or effects: neutral, finite, determined by some measurement.
 
     A model of your own is checked whole: its units, that it is finite over its limits, that some measurement
     determines each parameter, and which effects none could distinguish. It may then be run by studies on this machine.
@@ -187,14 +187,14 @@ def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None
         return
     for effect in effects:
         click.echo(
-            f"{effect.name} passes: neutral, independent of order, finite, recovered from simulated data."
+            f"{effect.name} passes: neutral, finite, determined by some measurement within the limits."
         )
 
 
 def _check_whole(model: Model, file: Path, as_json: bool) -> None:
     from dataclasses import asdict
 
-    from specan.models.check_model import check_model, without_limits
+    from specan.models.check import check_model, without_limits
     from specan.study.user_effects import trust_file
 
     lacking = without_limits(model)
@@ -222,7 +222,7 @@ def _check_whole(model: Model, file: Path, as_json: bool) -> None:
             f"Some measurement within the limits determines each parameter: {', '.join(found.parameters)}."
         )
     for name in found.effects:
-        click.echo(f"{name} passes: neutral, independent of order, finite, recovered from simulated data.")
+        click.echo(f"{name} passes: neutral, finite, determined by some measurement within the limits.")
     for name in found.hidden:
         click.echo(f"Note: the parameters of the base do the same as {name}; no measurement can detect it.")
     for one, other in found.alike:

@@ -65,7 +65,7 @@ def _set_apart(node: Quantity, model: Any) -> tuple[Quantity, dict[str, Quantity
     """A quantity that reads its free parameters as quantities, and these."""
     chosen = {n: p for n, p in node.parameters.items() if not p.fixed}
     alone = not node.reads and set(node.parameters) == {"value"}  # a quantity already
-    if alone or not chosen or node.opaque or node.collection:
+    if alone or not chosen or not node.comparable:
         return node, {}
     taken = {*model.quantities, *model.conditions}
     names = {n: n if n not in taken else f"{node.name}_{n}" for n in chosen}

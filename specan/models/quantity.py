@@ -124,6 +124,11 @@ class Quantity:
     collection: bool = False
     opaque: bool = False  # a solver's own object: nothing to compare or to add to
 
+    @property
+    def comparable(self) -> bool:
+        """Whether its values are numbers: no collection, no object of a solver."""
+        return not (self.collection or self.opaque)
+
     def __call__(self, *args: Any, **parameters: Any) -> Any:
         """The base value."""
         return self.function(*args, **parameters)

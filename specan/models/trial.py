@@ -1,15 +1,12 @@
-"""A first evaluation of a user's own model: finite, of the right shape, repeatable, in time, without side effects.
+"""A first evaluation of a user's own model: finite, of the right shape, repeatable, in time.
 
 And whether its formulas agree with the units that are declared around them, by evaluating them with units.
 """
 
 from __future__ import annotations
 
-import os
-import pickle
 import sys
 import threading
-import types
 from collections.abc import Callable, Mapping, Sequence
 from types import CodeType
 from typing import Any
@@ -31,7 +28,7 @@ Conditions = Mapping[str, NDArray[np.float64]]
 _EXPONENTS = {-2, -1, -0.5, 0, 0.5, 1, 1.5, 2, 3, 4}  # numbers that a formula has without a unit
 
 
-def try_model(model: Model, conditions: Conditions, limit_s: float | None = None) -> None:
+def try_model(model: Model, conditions: Conditions) -> None:
     """Evaluate a model's base twice and see that it keeps what every study rests on.
 
     Parameters
@@ -39,37 +36,33 @@ def try_model(model: Model, conditions: Conditions, limit_s: float | None = None
     model : Model
     conditions : mapping
         Arrays of one length, as the model's functions receive them.
-    limit_s : float, optional
-        Longest time of one evaluation, in seconds; `LIMIT_S` by default.
 
     Raises
     ------
     RequestError
         File and line of the function that gives values that are not finite or of another shape, that takes too long,
-        gives other values when it is called again, or changes a variable outside itself.
+        or gives other values when it is called again.
     """
-    try_assembly(model.assemble(model.base_effects), conditions, limit_s)
+    try_assembly(model.assemble(model.base_effects), conditions)
 
 
-def try_assembly(assembly: Assembly, conditions: Conditions, limit_s: float | None = None) -> None:
+def try_assembly(assembly: Assembly, conditions: Conditions) -> None:
     """`try_model` for a model with chosen effects."""
     given = {name: np.array(values) for name, values in conditions.items()}
     for values in given.values():
         values.flags.writeable = False  # a function that writes into its arguments fails at that line
-    before = _state(assembly.model)
 
     def evaluate() -> Evaluation:
         with np.errstate(all="ignore"):
             return assembly.evaluate(given)
 
-    first = _within(evaluate, LIMIT_S if limit_s is None else limit_s)
+    first = _within(evaluate)
     _check_values(assembly.model, first, given)
     second = evaluate()
     _check_same(assembly.model, first, second)
-    _check_state(before, _state(assembly.model))
 
 
-def _within(evaluate: Callable[[], Evaluation], limit_s: float) -> Evaluation:
+def _within(evaluate: Callable[[], Evaluation]) -> Evaluation:
     """The result, or an error that says in which line of a user's file the time ran out."""
     found: list[Evaluation] = []
     failed: list[BaseException] = []
@@ -82,7 +75,7 @@ def _within(evaluate: Callable[[], Evaluation], limit_s: float) -> Evaluation:
 
     worker = threading.Thread(target=work, daemon=True)  # a daemon: it does not keep the program from ending
     worker.start()
-    worker.join(limit_s)
+    worker.join(LIMIT_S)
     if failed:
         raise failed[0]
     if not found:
@@ -93,7 +86,7 @@ def _within(evaluate: Callable[[], Evaluation], limit_s: float) -> Evaluation:
                 break
             frame = frame.f_back
         raise RequestError(
-            f"{place}: one evaluation of the model takes longer than {limit_s:g} s",
+            f"{place}: one evaluation of the model takes longer than {LIMIT_S:g} s",
             expected="well under a second, since a diagnosis takes hundreds",
             remedy="make it faster, or give the study a table of its results",
         )
@@ -104,7 +97,7 @@ def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> No
     size = next((v.size for v in conditions.values()), 1)
     tabled = {o.quantity for o in model.observables.values() if o.kind == "table"}
     for name, node in model.quantities.items():
-        if node.collection or node.opaque or node.axes or name not in found.values:
+        if not node.comparable or node.axes or name not in found.values:
             continue
         values = found.values[name]
         if values is None:
@@ -151,46 +144,13 @@ def _first_place(model: Model, conditions: Conditions, wrong: NDArray[np.bool_])
 
 def _check_same(model: Model, first: Evaluation, second: Evaluation) -> None:
     for name, node in model.quantities.items():
-        if node.collection or node.opaque or name not in first.values:
+        if not node.comparable or name not in first.values:
             continue
         if not np.array_equal(first.values[name], second.values[name], equal_nan=True):
             raise RequestError(
                 f"{place_of(node.function)}: {name!r} gives other values when it is called again",
                 expected="the same values for the same conditions and parameters",
                 remedy="take randomness and counters out of the model",
-            )
-
-
-def _state(model: Model) -> dict[str, bytes]:
-    """Variables outside the functions of a user's own file, as bytes to compare; the generator of random numbers."""
-    found = {
-        "the state of numpy.random": pickle.dumps(np.random.get_state()),  # noqa: NPY002
-        "the working directory": os.getcwd().encode(),
-        "numpy's error settings": repr(np.geterr()).encode(),
-    }
-    functions = [q.function for q in model.quantities.values()] + [e.function for e in model.effects.values()]
-    for function in functions:
-        function = getattr(function, "function", function)
-        place = getattr(function, "__globals__", {})
-        if not str(place.get("__name__", "")).startswith(PREFIX):
-            continue
-        for name, value in place.items():
-            if name.startswith("__") or isinstance(value, types.ModuleType) or callable(value):
-                continue
-            try:
-                found[f"the variable {name!r} of {place['__file__']}"] = pickle.dumps(value)
-            except Exception:  # what cannot be copied cannot be compared
-                continue
-    return found
-
-
-def _check_state(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> None:
-    for name in after:
-        if before.get(name) != after[name]:
-            raise RequestError(
-                f"evaluating the model changes {name}",
-                expected="functions that change nothing outside themselves",
-                remedy="keep results with functools.cache, or work them out anew",
             )
 
 
@@ -217,7 +177,7 @@ def check_units(model: Model, conditions: Mapping[str, NDArray[np.float64]]) -> 
         return [with_unit(known[name], units[name]) for name in names]
 
     for name, node in model.quantities.items():
-        if not node.reads or node.collection or node.opaque or node.axes:
+        if not (node.reads and node.comparable) or node.axes:
             continue
         _judge(name, node.function, read(node.reads), node.parameters, {name: node.unit}, unchecked)
     for name, effect in model.effects.items():

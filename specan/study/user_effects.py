@@ -153,7 +153,7 @@ def try_effects(file: EffectFile, model: Model, observations: Sequence[Observati
                 without = model.assemble(base).evaluate(observation.conditions)
                 with_it = model.assemble([*base, use]).evaluate(observation.conditions)
             for name in effect.changes:
-                if model.quantities[name].collection or model.quantities[name].opaque:
+                if not model.quantities[name].comparable:
                     continue
                 bad = np.flatnonzero(np.ravel(np.isfinite(without[name]) & ~np.isfinite(with_it[name])))
                 if bad.size:

@@ -165,10 +165,15 @@ def test_a_second_copy_has_its_own_parameters():
     assert str(Use.parse("wall@z1@3")) == "wall@z1@3"
 
 
-@pytest.mark.parametrize("one", [seal, heating, thick, soft])
+@pytest.mark.parametrize("one", [seal, heating, thick])
 def test_check_effect_passes_sound_effects(one):
     beside = [] if one is seal else ["seal"]
     check_effect(one, build(seal), SPEED, with_effects=beside)
+
+
+def test_check_effect_names_an_effect_that_nothing_measured_sees():
+    with pytest.raises(RequestError, match="parameter soft@a.beta, which changes nothing"):
+        check_effect(soft, build(), SPEED)
 
 
 def test_check_effect_sees_a_false_neutral_value():
