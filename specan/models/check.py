@@ -1,4 +1,4 @@
-"""Checks of an effect and of a whole model: what a study rests on, and what no measurement within the limits could tell."""
+"""Checks of an effect and of a whole model: what a study rests on, what no measurement within the limits could tell."""
 
 from __future__ import annotations
 

@@ -172,7 +172,7 @@ def test_check_effect_passes_sound_effects(one):
 
 
 def test_check_effect_names_an_effect_that_nothing_measured_sees():
-    with pytest.raises(RequestError, match="parameter soft@a.beta, which changes nothing"):
+    with pytest.raises(RequestError, match=r"parameter soft@a\.beta, which changes nothing"):
         check_effect(soft, build(), SPEED)
 
 
