@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.kept import forgotten_by
 from specan.room.model.axis_modes import AxisModes, axis_modes
 from specan.room.model.frequency_interpolation import interpolations
 from specan.room.model.modal_sum import Modes
@@ -162,27 +161,13 @@ class BoxField:
         return found if self.resonances is None else self.resonances.everywhere(source, receivers, found)
 
     def _rest(self, source: Port, receivers: Sequence[Port]) -> Complex:
-        room = (
-            self.drawn,
-            self.counts,
-            self.k2_max,
-            source.drawn or source.position,
-            source.axis,
-            source.radius,
-        )
-        places = [(room, *(port.drawn or port.position), port.radius) for port in receivers]
-        new = [place for place in dict.fromkeys(places) if place not in _REMAINDERS]
-        if len(_REMAINDERS) + len(new) > _KEPT:
-            _REMAINDERS.clear()
-            new = list(dict.fromkeys(places))
-        if new:
-            at = np.array([place[1:] for place in new])
-            found = static_correction(*room, at[:, :3], at[:, 3])
-            _REMAINDERS.update(zip(new, found, strict=True))
+        room = (self.drawn, self.counts, self.k2_max, source.axis)
+        places = [(port.drawn or port.position, port.radius) for port in (source, *receivers)]
+        coefficients = np.array([static_correction(*room, places[0], place) for place in places[1:]])
         near = 0 if source.position[source.axis] < self.lengths[source.axis] / 2 else 1
         some = slice(None) if self.resonances is None else self.resonances.few.chosen
         wall = self.soft[2 * source.axis + near, some]
-        return corrections_at(np.array([_REMAINDERS[p] for p in places]), self.k2_max, self.modes.k2, wall)
+        return corrections_at(coefficients, self.k2_max, self.modes.k2, wall)
 
 
 def box(
@@ -262,9 +247,3 @@ def _axes(
     walls = _dimensionless(lengths, soft)
     x, y, z = (axis_modes(lengths[i], *walls[i], counts[i]) for i in range(3))
     return x, y, z
-
-
-# The static_correction depends on geometry alone; fits ask for the same geometry hundreds of times.
-_REMAINDERS: dict[object, Real] = {}
-forgotten_by(_REMAINDERS.clear)
-_KEPT = 4000

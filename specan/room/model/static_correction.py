@@ -5,48 +5,36 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.room.model.axis_modes import AxisModes, axis_modes
+from specan.models.kept import forgotten_by
+from specan.room.model.axis_modes import axis_modes
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
+Point = tuple[float, float, float]
 
-
-KEPT = 100  # places along an axis
-KEPT_BYTES = 16_000_000  # of a wall's rows to all places
-DIED = 37.0  # exp(-37) is no more than rounding
-FAR = 6.0  # times the wave number, above which a mode is taken in powers of the ratio squared
-_ROOTS = (1.0, 1 / 2, 3 / 8, 5 / 16, 35 / 128)  # of (1 - x)^(-1/2); those of 1 / (1 - x) are all one
-
-
+LIMIT = 900.0  # 1/m, largest wave number in a plane; beyond, only ports less than 3 cm apart couple
+REACH = 18.0  # exp(-18) of a hundredth of the field: a mode that has died out between two places
+STEP = 1e-4  # 1/m, of j k beta: for a derivative
 CENTRE, CIRCLE = 0.5, 0.6  # of the largest k^2: about which, and in units of which, polynomials are taken
+ORDER = 4  # of these polynomials
 
 
 def corrections_at(coefficients: Real, k2_max: float, k2: Complex, source_wall: Complex) -> Complex:
     """Values (lines, receivers) of what `static_correction` gives; `source_wall` is ``j k beta`` of the closed wall."""
-    t = ((k2 - CENTRE * k2_max) / (CIRCLE * k2_max))[:, None]
-    rigid, soft = (np.zeros((len(t), len(coefficients)), dtype=complex) for _ in range(2))
-    for power in reversed(range(coefficients.shape[2])):
-        rigid = rigid * t + coefficients[:, 0, power]
-        soft = soft * t + coefficients[:, 1, power]
-    return rigid + source_wall[:, None] * soft
+    t = (k2 - CENTRE * k2_max) / (CIRCLE * k2_max)
+    rigid, soft = np.polynomial.polynomial.polyval(t, coefficients.T)
+    return np.asarray(rigid + source_wall * soft).T
 
 
+@lru_cache(maxsize=4000)  # of geometry alone: fits ask for the same hundreds of times
 def static_correction(
-    lengths: tuple[float, float, float],
-    counts: tuple[int, ...],
-    k2_max: float,
-    source: tuple[float, float, float],
-    axis: int,
-    radius: float,
-    points: Real,
-    radii: Real,
-    order: int = 4,
-) -> Real:
+    lengths: Point, counts: tuple[int, ...], k2_max: float, axis: int,
+    source: tuple[Point, float], receiver: tuple[Point, float],
+) -> Real:  # fmt: skip
     """Rigid-box coupling above the truncation `counts`, for ``0 <= k^2 <= k2_max``.
 
     Along `axis` all modes are summed in closed form,
@@ -58,246 +46,129 @@ def static_correction(
     ----------
     lengths, counts : tuples
         Edges in m and modes kept along each axis.
-    source, axis, radius : position in m, number of the closed axis, radius of the patch (0: a point)
-    points, radii : arrays (receivers, 3), (receivers,)
-    order : int
-        Order of the polynomials.
+    k2_max : float
+    axis : int
+        Number of the closed axis.
+    source, receiver : position in m, and radius of the patch (0: a point)
 
     Returns
     -------
-    array (receivers, 2, order + 1)
+    array (2, ORDER + 1)
         Coefficients between rigid walls, and of the change by a soft source wall; see `corrections_at`.
     """
-    nodes = 2 * order + 4
+    nodes = 2 * ORDER + 4
     angles = 2 * np.pi * (np.arange(nodes // 2) + 0.5) / nodes  # the lower half is the conjugate
-    k2 = k2_max * (CENTRE + CIRCLE * np.exp(1j * angles))
-    closed = _Closed.along(lengths, counts, axis, source[axis] < lengths[axis] / 2, tuple(k2.tolist()))
-    terms = _Terms.prepare(closed, source, radius)
-    values = np.array([terms.sums(p, r) for p, r in zip(points, radii, strict=True)])
-    powers = np.exp(-1j * np.outer(np.arange(order + 1), angles))
-    return np.asarray(np.einsum("on,rsn->rso", powers, values).real * (2 / nodes))
+    k2 = tuple((k2_max * (CENTRE + CIRCLE * np.exp(1j * angles))).tolist())
+    plane = _Plane.across(lengths, counts, axis)
+    (place, radius), (there, other) = source, receiver
+    each = _along(plane, k2, place[axis], there[axis])
+    some = slice(0, each.shape[1])
+    weight = _driven(plane, place, radius)[some] * plane.shape(there, some) * plane.mean(other)[some]
+    if some.stop == len(plane.kt2):
+        weight = weight * plane.fade
+    values = (each @ weight).view(complex).reshape(2, -1)
+    if radius > 0 and source == receiver:
+        values[0] += _beyond(plane.top, k2, radius)
+    powers = np.exp(-1j * np.outer(np.arange(ORDER + 1), angles))
+    return np.asarray((values @ powers.T).real * (2 / nodes))
+
+
+forgotten_by(static_correction.cache_clear)
 
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
     """In-plane modes of a box across one axis, in rising order of their wave number; of the geometry alone."""
 
-    lengths: tuple[float, float, float]
+    lengths: Point
+    counts: tuple[int, ...]
     axis: int
-    plane: tuple[int, int]
     m: NDArray[np.intp]
     n: NDArray[np.intp]
     kt2: Real
-    double: Real
-    low: NDArray[np.bool_]
     top: float
-
-    LIMIT = 900.0  # 1/m; beyond, only ports less than 3 cm apart couple
 
     @classmethod
     @lru_cache(maxsize=12)
-    def across(cls, lengths: tuple[float, float, float], counts: tuple[int, ...], axis: int) -> _Plane:
+    def across(cls, lengths: Point, counts: tuple[int, ...], axis: int) -> _Plane:
         i, j = (a for a in range(3) if a != axis)
-        limit = max(cls.LIMIT, 1.5 * np.pi * counts[i] / lengths[i], 1.5 * np.pi * counts[j] / lengths[j])
-        most = [int(limit * lengths[a] / np.pi) + 1 for a in (i, j)]
-        m, n = (np.ravel(number) for number in np.indices(most))
+        top = max(LIMIT, 1.5 * np.pi * counts[i] / lengths[i], 1.5 * np.pi * counts[j] / lengths[j])
+        m, n = (
+            np.ravel(number) for number in np.indices([int(top * lengths[a] / np.pi) + 1 for a in (i, j)])
+        )
         kt2 = (np.pi * m / lengths[i]) ** 2 + (np.pi * n / lengths[j]) ** 2
         order = np.argsort(kt2, kind="stable")
-        order = order[kt2[order] <= limit**2]
-        m, n, kt2 = m[order], n[order], kt2[order]
-        double = np.where(m == 0, 1.0, 2.0) * np.where(n == 0, 1.0, 2.0) / (lengths[i] * lengths[j])
-        low = (m < counts[i]) & (n < counts[j])
-        return cls(lengths, axis, (i, j), m, n, kt2, double, low, limit)
+        order = order[kt2[order] <= top**2]
+        return cls(lengths, counts, axis, m[order], n[order], kt2[order], top)
 
-    def shape(self, point: Sequence[float] | Real, some: slice = slice(None)) -> Real:
+    @property
+    def edges(self) -> list[int]:
+        """Numbers of the two axes."""
+        return [axis for axis in range(3) if axis != self.axis]
+
+    @cached_property
+    def low(self) -> NDArray[np.intp]:
+        """Modes that the truncated sum has too."""
+        i, j = self.edges
+        return np.flatnonzero((self.m < self.counts[i]) & (self.n < self.counts[j]))
+
+    def shape(self, point: Sequence[float], some: slice = slice(None)) -> Real:
         """Mode shapes at a point."""
-        found = 1.0
-        for edge, number in zip(self.plane, (self.m[some], self.n[some]), strict=True):
-            along = np.arange(int(number.max()) + 1) * (np.pi * point[edge] / self.lengths[edge])
-            found = found * np.cos(along)[number]
-        return np.asarray(found)
-
-    @lru_cache(maxsize=24)  # noqa: B019 - planes are few, and kept anyway
-    def mean(self, radius: float) -> Real:
-        """Mean of each mode over a patch, relative to its centre."""
-        return _bessel_mean(self.kt2, radius)
+        along = [
+            np.cos(np.arange(number.max() + 1) * (np.pi * point[edge] / self.lengths[edge]))[number[some]]
+            for edge, number in zip(self.edges, (self.m, self.n), strict=True)
+        ]
+        return np.asarray(along[0] * along[1])
 
     @cached_property
     def fade(self) -> Real:
         """What is left of each mode before the top wave number."""
         return _fade(np.sqrt(self.kt2), self.top)
 
-    def far(self, k2: float, last: int) -> int:
-        """The first mode far above a wave number, and above what is kept."""
-        first = int(np.searchsorted(self.kt2, FAR**2 * k2))
-        return min(max(first, int(np.flatnonzero(self.low)[-1]) + 1), last)
-
-    def beside(self, first: int, last: int, weight: Real, k2: Complex) -> Complex:
-        """Far modes between two places of one wall: ``1 / kappa`` and ``-1 / kappa^2`` in powers of k^2 / k_t^2."""
-        rigid, soft = (weight[first:last] @ self._inverse[first:last]).reshape(2, -1)
-        powers = k2[:, None] ** np.arange(len(_ROOTS))
-        return np.stack([powers @ (np.array(_ROOTS) * rigid), -(powers @ soft)])
-
     @cached_property
-    def _inverse(self) -> Real:
-        """``1 / k_t^(2p + 1)``, then ``1 / k_t^(2p + 2)``, array (modes, 2 powers)."""
-        power = np.arange(len(_ROOTS))
-        kt2 = np.maximum(self.kt2, 1.0)[:, None]  # far modes are well above
-        return np.asarray(kt2 ** -np.concatenate([power + 0.5, power + 1.0]))
+    def square(self) -> Real:
+        """One over the mean square of each mode, and over the area of the plane."""
+        i, j = self.edges
+        double = np.where(self.m == 0, 1.0, 2.0) * np.where(self.n == 0, 1.0, 2.0)
+        return double / (self.lengths[i] * self.lengths[j])
+
+    @lru_cache(maxsize=24)  # noqa: B019 - planes are few, and kept anyway
+    def mean(self, radius: float) -> Real:
+        """Mean of each mode over a patch, relative to its centre."""
+        return _bessel_mean(self.kt2, radius)
 
 
-@dataclass(frozen=True, eq=False)
-class _Closed:
-    """The closed axis between the modes of a plane, at some squared wave numbers; of the geometry alone."""
-
-    flat: _Plane
-    near: bool  # whether the soft wall is the one at 0
-    k2: Complex
-    modes: tuple[AxisModes, AxisModes, AxisModes]  # rigid; with that wall a little soft, and a little active
-
-    STEP = 1e-4  # 1/m, of j k beta: for a derivative
-
-    @classmethod
-    @lru_cache(maxsize=24)
-    def along(
-        cls,
-        lengths: tuple[float, float, float],
-        counts: tuple[int, ...],
-        axis: int,
-        near: bool,
-        k2: tuple[complex, ...],
-    ) -> _Closed:
-        rigid, softer, harder = (
-            axis_modes(lengths[axis], *((step, 0.0) if near else (0.0, step)), counts[axis])
-            for step in (0.0, cls.STEP * lengths[axis], -cls.STEP * lengths[axis])
-        )
-        return cls(_Plane.across(lengths, counts, axis), near, np.array(k2), (rigid, softer, harder))
-
-    @property
-    def length(self) -> float:
-        return self.flat.lengths[self.flat.axis]
-
-    @property
-    def wall(self) -> float:
-        return 0.0 if self.near else self.length
-
-    @cached_property
-    def _roots(self) -> list[Complex]:
-        return []
-
-    @cached_property
-    def _from_wall(self) -> dict[float, Complex]:
-        return {}
-
-    @cached_property
-    def _truncated(self) -> dict[tuple[float, float], tuple[Complex, Complex]]:
-        return {}
-
-    def kappa(self, last: int) -> Complex:
-        """``sqrt(k_t^2 - k^2)`` of the first modes of the plane, array (k2, modes)."""
-        if not self._roots or self._roots[0].shape[1] < last:
-            self._roots[:] = [np.sqrt(self.flat.kt2[:last] - self.k2[:, None] + 0j)]
-        return self._roots[0][:, :last]
-
-    def from_wall(self, last: int, there: float) -> Complex:
-        """All modes of the rigid axis between its soft wall and a place; microphones stay where they are."""
-        kept = self._from_wall
-        if there not in kept or kept[there].shape[1] < last:
-            _make_room(kept)
-            kept[there] = _closed_form(self.kappa(last), self.length, self.wall, there)
-        return kept[there][:, :last]
-
-    @cached_property
-    def _between(self) -> dict[tuple[float, int], Real]:
-        return {}
-
-    def between(self, last: int, there: float) -> Real:
-        """`beyond` from the soft wall, real and imaginary parts as rows: wherever on the wall a source is."""
-        kept, key = self._between, (there, last)
-        if key not in kept:
-            found = np.stack([(part.real, part.imag) for part in self.beyond(last, self.wall, there)])
-            if sum(rows.nbytes for rows in kept.values()) + found.nbytes > KEPT_BYTES:
-                kept.clear()
-            kept[key] = found.reshape(-1, last)
-        return kept[key]
-
-    def beyond(self, last: int, here: float, there: float) -> tuple[Complex, Complex]:
-        """Each mode of the plane above the truncation between two places, and its change by the soft wall."""
-        if here == self.wall:
-            along = self.from_wall(last, there).copy()
-            softer = -self.from_wall(last, here) * along
-        else:
-            along = _closed_form(self.kappa(last), self.length, here, there)
-            softer = -self.from_wall(last, here) * self.from_wall(last, there)
-        low = np.flatnonzero(self.flat.low[:last])
-        rigid, change = self.truncated(here, there)
-        along[:, low] -= rigid
-        softer[:, low] -= change
-        return along, softer
-
-    @cached_property
-    def _resolvents(self) -> list[Complex]:
-        gap = self.flat.kt2[self.flat.low] - self.k2[:, None]
-        return [1 / ((modes.q2[0] + gap[..., None]) * modes.norm[0]) for modes in self.modes]
-
-    def truncated(self, x: float, y: float) -> tuple[Complex, Complex]:
-        """What a truncated sum has of the axis between two places, and its change by the soft wall."""
-        if (x, y) not in self._truncated:
-            _make_room(self._truncated)
-            self._truncated[x, y] = self._summed(x, y)
-        return self._truncated[x, y]
-
-    def _summed(self, x: float, y: float) -> tuple[Complex, Complex]:
-        at = [modes.at(np.array([x, y]))[0] for modes in self.modes]
-        rigid, softer, harder = (r @ (a[:, 0] * a[:, 1]) for r, a in zip(self._resolvents, at, strict=True))
-        return rigid, (softer - harder) / (2 * self.STEP)
+@lru_cache(maxsize=8)
+def _driven(plane: _Plane, place: Point, radius: float) -> Real:
+    """How a source drives each mode of a plane."""
+    return plane.square * plane.shape(place) * plane.mean(radius)
 
 
-@dataclass(frozen=True)
-class _Terms:
-    """The modes that a source drives."""
+@lru_cache(maxsize=100)
+def _along(plane: _Plane, k2: tuple[complex, ...], here: float, there: float) -> Real:
+    """The closed axis beyond the truncation between two places, for each mode of the plane that has not died out.
 
-    closed: _Closed
-    source: tuple[float, float, float]
-    weight: Real
-
-    REACH = 18.0  # exp(-18) of a hundredth of the field: a mode that has died out
-
-    @classmethod
-    def prepare(cls, closed: _Closed, source: tuple[float, float, float], radius: float) -> _Terms:
-        flat = closed.flat
-        return cls(closed, source, flat.double * flat.shape(source) * flat.mean(radius))
-
-    def sums(self, point: Real, radius: float) -> tuple[Complex, Complex]:
-        """StaticCorrection of the rigid box, and its change by a soft source wall."""
-        closed, flat = self.closed, self.closed.flat
-        here, there, k2 = self.source[flat.axis], float(point[flat.axis]), closed.k2
-        gap = abs(there - here)
-        last = int(np.searchsorted(flat.kt2, (self.REACH / max(gap, 1e-9)) ** 2))
-        last = max(last, int(np.flatnonzero(flat.low)[-1]) + 1)
-        some = slice(0, last)
-        weight = self.weight[some] * flat.shape(point, some)
-        if radius > 0:
-            weight = weight * flat.mean(radius)[some]
-        if last == len(flat.kt2):
-            weight = weight * flat.fade
-        rest = np.zeros((2, len(k2)), dtype=complex)
-        if radius > 0 and tuple(point) == self.source:
-            rest[0] = _beyond(flat.top, tuple(k2.tolist()), radius)
-        if here == there == closed.wall:
-            last = flat.far(float(np.abs(k2).max()), last)
-            rest += flat.beside(last, len(weight), weight, k2)
-            weight = weight[:last]
-        if here == closed.wall:
-            sums = (closed.between(last, there) @ weight).reshape(2, 2, len(k2))
-            return sums[0, 0] + 1j * sums[0, 1] + rest[0], sums[1, 0] + 1j * sums[1, 1] + rest[1]
-        along, softer = closed.beyond(last, here, there)
-        return along @ weight + rest[0], softer @ weight + rest[1]
-
-
-def _make_room(kept: dict[Any, Any]) -> None:
-    if len(kept) >= KEPT:
-        kept.clear()
+    Rows are the values between rigid walls at each k^2, then their changes by ``j k beta`` of the wall next to the
+    source; real and imaginary parts stand beside each other.
+    """
+    length = plane.lengths[plane.axis]
+    near = here < length / 2
+    wall = 0.0 if near else length
+    last = int(np.searchsorted(plane.kt2, (REACH / max(abs(there - here), 1e-9)) ** 2))
+    last = max(last, int(plane.low[-1]) + 1)
+    kappa = np.sqrt(plane.kt2[:last] - np.array(k2)[:, None] + 0j)
+    rigid = _closed_form(kappa, length, here, there)
+    soft = -_closed_form(kappa, length, wall, here) * _closed_form(kappa, length, wall, there)
+    gap = plane.kt2[plane.low] - np.array(k2)[:, None]
+    truncated = []
+    for a in (0.0, STEP * length, -STEP * length):
+        modes = axis_modes(length, *((a, 0.0) if near else (0.0, a)), plane.counts[plane.axis])
+        at = modes.at(np.array([here, there]))[0]
+        truncated.append((at[:, 0] * at[:, 1] / modes.norm[0] / (modes.q2[0] + gap[..., None])).sum(axis=-1))
+    rigid[:, plane.low] -= truncated[0]
+    soft[:, plane.low] -= (truncated[1] - truncated[2]) / (2 * STEP)
+    both = np.concatenate([rigid, soft])
+    return np.stack([both.real, both.imag], axis=1).reshape(-1, last)
 
 
 def _fade(kappa: Real, top: float) -> Real:
@@ -331,26 +202,12 @@ def _bessel_mean(kt2: Real, radius: float) -> Real:
 
 
 def _closed_form(kappa: Complex, length: float, x: float, y: float) -> Complex:
-    """Rigid axis summed over all its modes between `x` and `y`; `kappa` (values of k^2, modes) rises."""
+    """Rigid axis summed over all its modes between `x` and `y`, array as `kappa`.
+
+    The sum over a port's mirror images: ``(1 + e^(-2 kappa x_<)) (1 + e^(-2 kappa (L - x_>))) e^(-kappa |x - y|) /
+    (2 kappa (1 - e^(-2 kappa L)))``.
+    """
     low, high = min(x, y), max(x, y)
-    found: Complex = _echoed(kappa, low) * _echoed(kappa, length - high) / (2 * kappa)
-    if high > low:
-        found *= np.exp(-kappa * (high - low))
-    some = _alive(kappa, length)
-    found[:, some] /= 1 - np.exp(-2 * kappa[:, some] * length)
+    echoes = (1 + np.exp(-2 * kappa * low)) * (1 + np.exp(-2 * kappa * (length - high)))
+    found: Complex = echoes * np.exp(-kappa * (high - low)) / (2 * kappa * -np.expm1(-2 * kappa * length))
     return found
-
-
-def _echoed(kappa: Complex, distance: float) -> Complex | float:
-    """1 + exp(-2 kappa distance): a port and its mirror image behind a wall."""
-    if distance == 0.0:
-        return 2.0
-    total = np.ones_like(kappa)
-    some = _alive(kappa, distance)
-    total[:, some] += np.exp(-2 * kappa[:, some] * distance)
-    return total
-
-
-def _alive(kappa: Complex, distance: float) -> slice:
-    """Modes that have not died out on the way to a wall and back."""
-    return slice(0, int(np.searchsorted(kappa.real.min(axis=0), DIED / (2 * distance))))
