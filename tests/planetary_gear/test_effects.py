@@ -341,3 +341,31 @@ def test_an_uneven_sun_larger_than_the_deflection_lets_planets_go():
     assert force.min() >= 0.0
     assert (force == 0.0).mean() > 0.1
     assert force[1].sum(axis=0).mean() == pytest.approx(even[1].sum(axis=0).mean(), rel=0.02)
+
+
+OTHER_SETS = {
+    "in phase": {},
+    "sequentially phased": {"z_sun": 31, "z_planet": 31, "z_ring": 95, "module_mm": 1.0, "centre_distance_mm": 31.5},
+    "counter-phased": {"z_sun": 26, "z_planet": 20, "z_ring": 66, "planets": 4},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("phasing", OTHER_SETS)
+def test_an_eccentric_ring_changes_lines_of_the_ideal_set_alone(phasing):
+    """By symmetry: after a passage each planet stands where the next one stood, and the ring is the same.
+
+    Orders that are left are those at which exp(j n psi) adds up over the planets: multiples of their number.
+    """
+    gear = {**EXAMPLE_RIG["gear"], **OTHER_SETS[phasing]}
+    model = load_model("planetary-gear", {**EXAMPLE_RIG, "gear": gear})
+    assert phasing in model.title
+    teeth, planets = gear["z_ring"], gear["planets"]
+    orders = np.array([h * teeth + k for h in (1, 2) for k in range(-5, 6)], dtype=float)
+    given = {"order": orders, "sun_speed": np.full(22, 30.0), "carrier_torque": np.full(22, 300.0)}
+    small = {"carrier-runout.cosine": 2e-7, "carrier-runout.sine": 1e-7}
+    assembly = model.assemble(["carrier-runout"])
+    change = assembly.evaluate(given, small, ["order_lines"])["order_lines"] - evaluate(model=model, **given)
+    size = np.abs(change[0]) / np.abs(change[0]).max()
+    whole = orders % planets == 0
+    assert np.all(size[~whole] < 1e-8)
+    assert np.all(size[whole & (np.abs(orders - np.rint(orders / teeth) * teeth) < 4)] > 1e-6)

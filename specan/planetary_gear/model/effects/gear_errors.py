@@ -4,6 +4,9 @@ import numpy as np
 
 from specan.models import Parameter, effect
 
+COSINE = Parameter(10.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in phase")
+SINE = Parameter(5.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in quadrature")
+
 
 @effect(
     "sun-runout",
@@ -13,13 +16,7 @@ from specan.models import Parameter, effect
     separate_by="the torque of the sun's shaft: a ripple is in it, a runout is not",
     reference="approach of an eccentric gear, e sin(angle against the line of action)",
 )
-def sun_runout(
-    sun_wave,
-    pressure_angle,
-    *,
-    cosine=Parameter(10.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in phase"),
-    sine=Parameter(5.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in quadrature"),
-):
+def sun_runout(sun_wave, pressure_angle, *, cosine=COSINE, sine=SINE):
     """An eccentric sun presses one planet after the other, once a turn of the sun against the carrier.
 
     To a sensor on the ring that is the order of the sun's shaft: for the article's gear 66h +- 3.75 and 66h +- 0.75,
@@ -38,14 +35,7 @@ def sun_runout(
     separate_by="the phase of its lines shows which planet",
     reference="approach of an eccentric gear, e sin(angle against the line of action), in both its meshes",
 )
-def planet_runout(
-    carrier_turn,
-    pressure_angle,
-    planet_order,
-    *,
-    cosine=Parameter(10.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in phase"),
-    sine=Parameter(5.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in quadrature"),
-):
+def planet_runout(carrier_turn, pressure_angle, planet_order, *, cosine=COSINE, sine=SINE):
     """An eccentric planet presses sun and ring in turn, once a turn of the planet against the carrier.
 
     The loads of all planets add up to the torque, so the lines are one carrier order beside those of the
@@ -64,24 +54,17 @@ def planet_runout(
     "carrier-runout",
     adds_to="ring_error",
     neutral={"cosine": 0.0, "sine": 0.0},
-    aliases=("planet-position-error", "torque-ripple"),
+    aliases=("transmission-path", "ring-flexibility"),
     separate_by="turn the ring in its housing by an angle: the phase goes with it",
     reference="eccentric gears: e sin(angle) on the line of action; Gu and Velex, Mech. Mach. Theory 61 (2013)",
 )
-def carrier_runout(
-    carrier_turn,
-    planet_angle,
-    pressure_angle,
-    *,
-    cosine=Parameter(
-        10.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="towards the first sensor"
-    ),
-    sine=Parameter(5.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="a quarter turn on"),
-):
+def carrier_runout(carrier_turn, planet_angle, pressure_angle, *, cosine=COSINE, sine=SINE):
     """The ring's teeth are eccentric to the axis of the carrier by a fixed vector: every planet is loaded once a turn.
 
-    Each planet is loaded once a turn, the planets one after the other; lines about 66h +- 1 are locked to
-    the angle.
+    `cosine` is the part towards angle zero, `sine` that a quarter turn on. All planets meet the same ring, one after the
+    other. When each has moved on to the place of the next, everything is as before, so planets that are alike add up at
+    the orders of the ideal set alone, for the article's gear 66h and 66h +- 3k. These lines change, as another path to
+    the sensor would change them, but with a phase that is locked to the ring.
     """
     at = 2 * np.pi * carrier_turn[None, :] + planet_angle[:, None] + pressure_angle
     return cosine * np.sin(at) - sine * np.cos(at)
