@@ -295,17 +295,17 @@ def test_a_mesh_that_parts_against_an_integration(swing):
 
     def dynamics(orders):
         turning = np.where(orders == 0, 1.0, omega * orders)
-        spring = np.zeros((orders.size, 1, orders.size, 1), complex)
-        spring[np.arange(orders.size), 0, np.arange(orders.size), 0] = stiffness
         return (
-            spring,
+            stiffness * np.eye(orders.size, dtype=complex)[:, None, :],
             1j * omega * orders[:, None] * drag + 0j,
-            (1 / (mass * turning**2))[:, None, None],
+            np.stack(
+                [1 / (mass * turning**2), 0 * turning], axis=-1
+            ),  # of the mass, and of a wall that stands
         )
 
     first = -driven / 2 * stiffness / (1 - (stiffness + 1j * drag * omega) / (mass * omega**2))
     beyond = np.array([np.conj(first), 0.0, first])[:, None]
-    added = parting(np.array([load]), beyond, np.array([[1.0]]), dynamics)
+    added = parting(np.array([load]), beyond, np.array([[1.0, 1.0]]), dynamics)
     found = (beyond + added)[:, 0] + np.array([0.0, load, 0.0])
 
     def force(time, place, speed):

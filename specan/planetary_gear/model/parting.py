@@ -20,11 +20,12 @@ def parting(load, beyond, moment, dynamics):
     beyond : complex array (2 r + 1, meshes)
         What springs and dampers add to them, Fourier coefficients at the orders -r to r of the mesh.
     moment : array (meshes, bodies)
-        What the turn of each body adds to the approach of each mesh; a force takes as much off its torque.
+        What the turn of each body adds to the approach of each mesh; a force takes as much off its torque. The last one
+        is held at order zero.
     dynamics : callable
         ``dynamics(orders) -> spring, drag, moves``: stiffness as what each order makes of each other (orders, meshes,
-        orders, meshes); force of the dampers over the approach (orders, meshes); approach by forces (orders, meshes,
-        meshes), which is not read at order zero.
+        orders x meshes); force of the dampers over the approach (orders, meshes); turn of each body by a torque on it
+        (orders, bodies), which is not read at order zero.
     """
     middle, reach, meshes = HARMONICS, beyond.shape[0] // 2, load.size
     side = np.arange(-middle, middle + 1)
@@ -50,6 +51,13 @@ def parting(load, beyond, moment, dynamics):
     return added[near]
 
 
+def with_dampers(spring, drag):
+    """Forces of springs and dampers by the approach at each order, (..., orders, meshes, orders x meshes)."""
+    orders, meshes = drag.shape[-2:]
+    diagonal = np.eye(orders * meshes).reshape(orders, meshes, -1)
+    return spring + drag[..., None] * diagonal
+
+
 def _answer(moment, spring, drag, moves):
     """Forces of springs and dampers by forces at the meshes, all as Fourier coefficients, (size, size).
 
@@ -58,22 +66,19 @@ def _answer(moment, spring, drag, moves):
     """
     orders, meshes = drag.shape
     size, middle = orders * meshes, orders // 2
-    force = spring.copy()
-    row, mesh = np.arange(orders)[:, None], np.arange(meshes)
-    force[row, mesh, row, mesh] += drag
-    force = force.reshape(orders, meshes, size)
+    force = with_dampers(spring, drag)
+    moves = (moment * moves[:, None]) @ moment.T
     matrix = np.eye(size, dtype=complex).reshape(orders, meshes, size) - moves @ force
     right = np.zeros((orders, meshes, orders, meshes), complex)
     right[np.arange(orders), :, np.arange(orders), :] = moves
-    across = np.linalg.qr(moment, mode="complete")[0]
-    bodies = moment.shape[1]
-    scale = np.abs(spring).max() * np.abs(moment).max()
-    still = np.zeros((meshes, size), complex)
-    still[:bodies] = moment.T @ force[middle] / scale
-    still[bodies:, middle * meshes : (middle + 1) * meshes] = across[:, bodies:].T
-    matrix[middle] = still
-    right[middle] = 0
-    right[middle, :bodies, middle, :] = -moment.T / scale
+    free = moment[:, :-1]
+    bodies = free.shape[1]
+    across = np.linalg.qr(free, mode="complete")[0][:, bodies:]
+    scale = np.abs(spring).max() * np.abs(free).max()
+    matrix[middle] = right[middle] = 0
+    matrix[middle, :bodies] = free.T @ force[middle] / scale
+    matrix[middle, bodies:, middle * meshes : (middle + 1) * meshes] = across.T
+    right[middle, :bodies, middle, :] = -free.T / scale
     approach = np.linalg.solve(matrix.reshape(size, size), right.reshape(size, size))
     return force.reshape(size, size) @ approach
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from specan.models.quantity import quantity
-from specan.planetary_gear.model.parting import parting, without_pull
+from specan.planetary_gear.model.parting import parting, with_dampers, without_pull
 from specan.planetary_gear.model.simulated_recording import RIM_STIFFNESS
 
 _NEGLIGIBLE = 1e-10  # of the strongest line of the transmission error
@@ -46,37 +46,27 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
 
     found = np.zeros_like(spectra)
     for c in range(points):
+        turn_hz = operating_points[c, 0] * carrier_ratio
+
+        def dynamics(orders, c=c, turn_hz=turn_hz):
+            """Springs, dampers, and what forces move, at orders per turn of the carrier; see `parting`."""
+            omega = 2 * np.pi * orders * turn_hz
+            moves = np.where(orders[..., None] == 0, 0.0, moved(np.where(orders == 0, 1.0, omega)))
+            spring = beside(mesh_spring[c], planet_phase, orders.shape[-1] // 2)
+            return spring, 1j * omega[..., None] * mesh_damping[c].ravel(), moves
+
         rest = _excited(spectra[c], ripple, period)
         bins = rest[:, None] + period * side
-        still = bins == 0
-        omega = 2 * np.pi * bins / turns * operating_points[c, 0] * carrier_ratio
-        turning = np.where(still, 1.0, omega)
-        moves = np.where(still[..., None], 0.0, moved(turning))
-        drag = 1j * omega[..., None] * mesh_damping[c].ravel()
+        spring, drag, moves = dynamics(bins / turns)
         dragged = drag * _at(steady[c], bins)
         torques = dragged @ moment
         torques[..., 0] += operating_points[c, 1] * _at(ripple[None], bins)[..., 0]
-        pushed = np.where(still[..., None], 0.0, (moves * torques) @ moment.T - _at(spectra[c], bins))
-        spring = beside(mesh_spring[c], planet_phase, side)
-        beyond = dragged
+        pushed = np.where(bins[..., None] == 0, 0.0, (moves * torques) @ moment.T - _at(spectra[c], bins))
+        beyond = dragged + _answer(spring, drag, moves, pushed, bins == 0, moment)
         if rest[0] == 0:
-            beyond[0] += _at_rest(spring, drag[0], moves[0], pushed[0], still[0], moment)
-        off = slice(int(rest[0] == 0), None)  # bins beside the mesh
-        if rest[off].size:
-            beyond[off] += _coupled(spring, drag[off], moves[off], pushed[off], moment)
-        if rest[0] == 0:
-
-            def dynamics(further, c=c):
-                turning = 2 * np.pi * ring_teeth * operating_points[c, 0] * carrier_ratio * further
-                moves = moved(np.where(further == 0, 1.0, turning))
-                return (
-                    beside(mesh_spring[c], planet_phase, further),
-                    1j * turning[:, None] * mesh_damping[c].ravel(),
-                    (moment * moves[:, None]) @ moment.T,
-                )
-
+            loads = np.tile(planet_load[c], 2)
             beyond[0] += samples * parting(
-                np.tile(planet_load[c], 2), beyond[0] / samples, moment[:, :-1], dynamics
+                loads, beyond[0] / samples, moment, lambda orders: dynamics(ring_teeth * orders)
             )
         inside = np.abs(bins) < spectra.shape[-1]
         place, values = bins[inside], beyond[inside]
@@ -96,46 +86,19 @@ def _freedom(base_radii, carrier_inertia, planet_inertia, planets):
     return moment, np.array([carrier_inertia, *([planet_inertia] * planets)])
 
 
-def _at_rest(spring, drag, moves, pushed, still, moment):
-    """`_coupled` of the harmonics of the mesh and order zero, where the springs' mean forces stay as they are."""
-    orders, meshes = pushed.shape
-    size = orders * meshes
-    force = spring.copy()
-    row, mesh = np.arange(orders)[:, None], np.arange(meshes)
-    force[row, mesh, row, mesh] += drag
-    force = force.reshape(orders, meshes, size)
-    matrix = np.eye(size).reshape(orders, meshes, size) - (moment * moves[:, None]) @ moment.T @ force
-    matrix[still] = force[still] / np.abs(spring).max()
-    approach = np.linalg.solve(matrix.reshape(size, size), pushed.reshape(size))
-    return (force.reshape(size, size) @ approach).reshape(pushed.shape)
-
-
-def _coupled(spring, drag, moves, pushed, moment):
+def _answer(spring, drag, moves, pushed, still, moment):
     """Forces of springs and dampers: approach - moment moves moment^T (springs + dampers) approach = pushed.
 
-    Solved for the torques on the parts, moment^T (springs + dampers) approach: parts are fewer than meshes.
-    Forces and what pushes are (sets, orders, meshes).
+    Forces and what pushes are (sets, orders, meshes). At order zero the springs' mean forces stay as they are.
     """
     sets, orders, meshes = pushed.shape
-    parts = moment.shape[1]
-    if not moves[..., -1].any():  # the sun turns steadily
-        parts -= 1
-        moment, moves = moment[:, :parts], moves[..., :parts]
-    whole = spring.reshape(orders * meshes, orders * meshes)
-    within = moment.T @ (spring @ moment).reshape(orders, meshes, orders * parts)
-    matrix = np.tile(-within.reshape(orders, parts, orders, parts), (sets, 1, 1, 1, 1))
-    row = np.arange(orders)
-    matrix[:, row, :, row, :] -= np.swapaxes(moment.T @ (drag[..., None] * moment), 0, 1)
-    matrix *= moves[:, None, None]
-    size = orders * parts
-    matrix = matrix.reshape(sets, size, size)
-    matrix[:, np.arange(size), np.arange(size)] += 1.0
-
-    def pressed(approach):
-        return (approach.reshape(sets, -1) @ whole.T).reshape(approach.shape) + drag * approach
-
-    torques = np.linalg.solve(matrix, (pressed(pushed) @ moment).reshape(sets, size, 1))
-    return pressed(pushed + (moves * torques.reshape(sets, orders, parts)) @ moment.T)
+    force = with_dampers(spring, drag)
+    matrix = (moment * moves[:, :, None]) @ moment.T @ -force
+    matrix += np.eye(orders * meshes).reshape(orders, meshes, -1)
+    matrix[still] = force[still] / np.abs(spring).max()
+    size = orders * meshes
+    approach = np.linalg.solve(matrix.reshape(sets, size, size), pushed.reshape(sets, size, 1))
+    return (force.reshape(sets, size, size) @ approach).reshape(pushed.shape)
 
 
 def _excited(spectra, ripple, period):
@@ -155,17 +118,16 @@ def _at(spectra, bins):
     return np.where(bins[..., None] < 0, values.conj(), values) * inside[..., None]
 
 
-def beside(spring, phase, side):
-    """Stiffness as what each order beside a bin makes of each other, (orders, meshes, orders, meshes)."""
-    apart = side[:, None] - side[None, :]
-    phases = spring.shape[-1]
-    number = np.arange(-2 * side.max(), 2 * side.max() + 1)
-    table = np.fft.fft(spring, axis=-1)[..., number % phases] / phases
+def beside(spring, phase, reach):
+    """Stiffness as what each order makes of each other up to `reach` to either side, (orders, meshes, both)."""
+    side = np.arange(2 * reach + 1)
+    number = np.arange(-2 * reach, 2 * reach + 1)
+    table = np.fft.fft(spring, axis=-1)[..., number % spring.shape[-1]] / spring.shape[-1]
     table = (table * np.exp(2j * np.pi * number * phase[..., None])).reshape(-1, number.size)
     found = np.zeros((side.size, table.shape[0], side.size, table.shape[0]), complex)
     meshes = np.arange(table.shape[0])
-    found[:, meshes, :, meshes] = table[:, apart + 2 * side.max()]
-    return found
+    found[:, meshes, :, meshes] = table[:, side[:, None] - side + 2 * reach]
+    return found.reshape(side.size, table.shape[0], -1)
 
 
 @quantity(unit="m", axes=("sensor",))

@@ -61,10 +61,10 @@ def planet_runout(carrier_turn, pressure_angle, planet_order, *, cosine=COSINE, 
 def carrier_runout(carrier_turn, planet_angle, pressure_angle, *, cosine=COSINE, sine=SINE):
     """The ring's teeth are eccentric to the axis of the carrier by a fixed vector: every planet is loaded once a turn.
 
-    `cosine` is the part towards angle zero, `sine` that a quarter turn on. All planets meet the same ring, one after the
-    other. When each has moved on to the place of the next, everything is as before, so planets that are alike add up at
-    the orders of the ideal set alone, for the article's gear 66h and 66h +- 3k. These lines change, as another path to
-    the sensor would change them, but with a phase that is locked to the ring.
+    `cosine` is the part towards angle zero, `sine` that a quarter turn on. All planets meet the same ring, one after
+    the other. When each has moved on to the place of the next, everything is as before. So planets that are alike add
+    up at the orders of the ideal set alone, for the article's gear 66h and 66h +- 3k. These lines change, as another
+    path to the sensor would change them, but with a phase that is locked to the ring.
     """
     at = 2 * np.pi * carrier_turn[None, :] + planet_angle[:, None] + pressure_angle
     return cosine * np.sin(at) - sine * np.cos(at)
