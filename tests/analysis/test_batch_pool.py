@@ -12,14 +12,8 @@ from specan.analysis.batch.pool import spread
 WORK = """
 import os, signal
 
-offset = 0
-
-def prepare(given):
-    global offset
-    offset = given
-
 def square(item):
-    return item * item + offset
+    return item * item
 
 def square_or_die(item):
     if item == 3:
@@ -43,20 +37,20 @@ def work(tmp_path, monkeypatch) -> ModuleType:
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_every_item_comes_back_once(work: ModuleType, jobs: int) -> None:
-    found = dict(spread([5, 1, 4], work.square, work.prepare, (7,), jobs, work.lost))
-    assert found == {0: 32, 1: 8, 2: 23}
+    found = dict(spread([5, 1, 4], work.square, jobs, work.lost))
+    assert found == {0: 25, 1: 1, 2: 16}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL there")
 def test_a_killed_process_costs_one_item(work: ModuleType) -> None:
-    found = dict(spread([1, 2, 3, 4, 5], work.square_or_die, work.prepare, (0,), 2, work.lost))
+    found = dict(spread([1, 2, 3, 4, 5], work.square_or_die, 2, work.lost))
     assert found == {0: 1, 1: 4, 2: -3, 3: 16, 4: 25}
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_an_error_of_the_work_is_raised(work: ModuleType, jobs: int) -> None:
     with pytest.raises(TypeError):
-        list(spread(["a", "b"], work.square, work.prepare, (0,), jobs, work.lost))
+        list(spread(["a", "b"], work.square, jobs, work.lost))
 
 
 def test_beside_other_threads_new_processes_are_begun(work: ModuleType) -> None:
@@ -65,8 +59,8 @@ def test_beside_other_threads_new_processes_are_begun(work: ModuleType) -> None:
     other = threading.Thread(target=end.wait)
     other.start()
     try:
-        found = dict(spread([5, 1, 4], work.square, work.prepare, (7,), 2, work.lost))
+        found = dict(spread([5, 1, 4], work.square, 2, work.lost))
     finally:
         end.set()
         other.join()
-    assert found == {0: 32, 1: 8, 2: 23}
+    assert found == {0: 25, 1: 1, 2: 16}

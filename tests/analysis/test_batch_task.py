@@ -6,7 +6,7 @@ import pytest
 
 from specan.analysis.batch import one_file
 from specan.analysis.batch.inputs import Input
-from specan.analysis.batch.one_file import analyse_file, analyse_unchanged
+from specan.analysis.batch.one_file import Task, analyse_file, analyse_unchanged
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import BLOCK, BLOCKS, Store, identify, program_identity
 from specan.io.tdms_headers import metadata_of
@@ -29,7 +29,7 @@ def analyse(entry: Input, monkeypatch: pytest.MonkeyPatch, meanwhile) -> one_fil
         return result
 
     monkeypatch.setattr(one_file, "analyse_file", slow)
-    return analyse_unchanged(entry, BatchSettings(), None)
+    return analyse_unchanged(Task(entry, BatchSettings()))
 
 
 def grow(path: Path) -> None:
@@ -58,13 +58,13 @@ def test_a_file_that_stays_gives_its_result(entry: Input, monkeypatch) -> None:
 def test_a_failure_is_not_kept(tmp_path: Path) -> None:
     (tmp_path / "b.tdms").write_bytes(b"no recording")
     outcome = analyse_unchanged(
-        Input(str(tmp_path / "b.tdms"), "b.tdms", str(tmp_path), 12), BatchSettings(), None
+        Task(Input(str(tmp_path / "b.tdms"), "b.tdms", str(tmp_path), 12), BatchSettings())
     )
     assert (outcome.result.kind, outcome.identity) == ("failed", None)
 
 
 def test_a_kept_result_is_the_result(entry: Input, tmp_path: Path) -> None:
-    outcome = analyse_unchanged(entry, BatchSettings(), None)
+    outcome = analyse_unchanged(Task(entry, BatchSettings()))
     assert outcome.identity is not None
     store = Store(tmp_path / "store")
     kept = store.put(outcome.result, outcome.identity, "context")

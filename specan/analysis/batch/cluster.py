@@ -12,11 +12,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from specan.analysis.batch.inputs import Input
-from specan.analysis.batch.one_file import Outcome, analyse_unchanged
+from specan.analysis.batch.one_file import Outcome, Task, analyse_unchanged
 from specan.analysis.batch.result import FileResult
-from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import identify, program_identity
-from specan.data.calibration import Calibration
 from specan.errors import RequestError
 
 if TYPE_CHECKING:
@@ -25,18 +23,6 @@ if TYPE_CHECKING:
 # Seconds: for the scheduler to answer, and for a first worker, or another after the last one has gone.
 ANSWER, WORKER = 5.0, 30.0
 _EXAMPLE = "that of a dask scheduler, such as tcp://host:8786"
-
-
-@dataclass(frozen=True)
-class Task:
-    """What a worker is told: a path, the hash of the file that should be there, and how to analyse it."""
-
-    entry: Input
-    digest: str
-    settings: str
-    calibration: Calibration | None
-    program: str
-    whole: bool
 
 
 @dataclass(frozen=True)
@@ -49,12 +35,7 @@ class Refusal:
 
 
 def spread_over_cluster(
-    address: str,
-    entries: Sequence[Input],
-    settings: BatchSettings,
-    calibrations: Mapping[str, Calibration],
-    whole: bool,
-    warn: Callable[[str], None],
+    address: str, tasks: Sequence[Task], warn: Callable[[str], None]
 ) -> Iterator[tuple[int, Outcome]]:
     """Position and outcome of every file, in the order in which they are ready.
 
@@ -64,10 +45,6 @@ def spread_over_cluster(
     ----------
     address : str
         Of the scheduler.
-    calibrations : mapping
-        Those that the entries name.
-    whole : bool
-        Hash all bytes of the files.
     warn : callable
         Told once for each worker that does not see a file.
 
@@ -77,11 +54,11 @@ def spread_over_cluster(
         The scheduler does not answer, has no workers or is lost, a worker runs another version, or no
         worker sees a file.
     """
-    if not entries:
+    if not tasks:
         return
     with _connected(address) as client:
         try:
-            yield from _outcomes(client, entries, settings, calibrations, whole, warn)
+            yield from _outcomes(client, tasks, warn)
         except (CancelledError, OSError) as fault:
             raise RequestError(
                 f"the connection to the scheduler {address} was lost ({type(fault).__name__})",
@@ -141,31 +118,26 @@ def _by_all(found: Refusal) -> RequestError:
 
 
 def _outcomes(
-    client: Client,
-    entries: Sequence[Input],
-    settings: BatchSettings,
-    calibrations: Mapping[str, Calibration],
-    whole: bool,
-    warn: Callable[[str], None],
+    client: Client, tasks: Sequence[Task], warn: Callable[[str], None]
 ) -> Iterator[tuple[int, Outcome]]:
     """Keep every worker busy until all is done; few tasks are under way, so that memory stays bounded."""
     running: dict[Future, int] = {}
     refused: dict[int, dict[str, str]] = defaultdict(dict)  # position to worker to reason
     told: set[str] = set()
-    waiting = list(range(len(entries)))[::-1]
+    waiting = list(range(len(tasks)))[::-1]
     _wait_for_workers(client)
     while waiting or running:
         room = 2 * sum(client.nthreads().values()) - len(running)
         for _ in range(min(max(room, 0 if running else 1), len(waiting))):
             position = waiting.pop()
-            entry = entries[position]
-            task = _task(entry, settings, calibrations.get(entry.calibration), whole)
+            to_send = _with_full_paths(tasks[position])
             others = [worker for worker in client.nthreads() if worker not in refused[position]]
             allowed = others if refused[position] else None
-            running[client.submit(run_task, task, pure=False, workers=allowed)] = position
+            task = client.submit(run_task, *to_send, program_identity(), pure=False, workers=allowed)
+            running[task] = position
         for future in _ready(client, running):
             position = running.pop(future)
-            found = _result(future, entries[position])
+            found = _result(future, tasks[position].entry)
             if isinstance(found, Outcome):
                 yield position, found
                 continue
@@ -188,14 +160,15 @@ def _wait_for_workers(client: Client) -> None:
         ) from None
 
 
-def _task(entry: Input, settings: BatchSettings, calibration: Calibration | None, whole: bool) -> Task:
-    path = os.path.abspath(entry.path)
+def _with_full_paths(task: Task) -> tuple[Task, str]:
+    """The task for another computer, and the hash of the file that should be there."""
+    path = os.path.abspath(task.entry.path)
     try:
         digest = identify(path).digest
     except OSError:
         digest = ""  # gone or not to be read from here either: the analysis will say so
-    entry = replace(entry, path=path, root=os.path.abspath(entry.root))
-    return Task(entry, digest, settings.model_dump_json(), calibration, program_identity(), whole)
+    entry = replace(task.entry, path=path, root=os.path.abspath(task.entry.root))
+    return task._replace(entry=entry), digest
 
 
 def _result(future: Future, entry: Input) -> Outcome | Refusal:
@@ -213,22 +186,19 @@ def _result(future: Future, entry: Input) -> Outcome | Refusal:
     return found
 
 
-def run_task(task: Task) -> Outcome | Refusal:
-    """Analyse one file on a worker."""
+def run_task(task: Task, wanted: str, program: str) -> Outcome | Refusal:
+    """Analyse one file on a worker, where program and file are those that are wanted."""
     from distributed import get_worker
 
     worker: Any = get_worker().address
     mine = program_identity()
-    if mine != task.program:
-        return Refusal(
-            worker, f"the worker {worker} runs {mine}, and this is {task.program}", everywhere=True
-        )
-    if task.digest:
+    if mine != program:
+        return Refusal(worker, f"the worker {worker} runs {mine}, and this is {program}", everywhere=True)
+    if wanted:
         try:
             digest = identify(task.entry.path).digest
         except OSError as fault:
             return Refusal(worker, f"the worker {worker} cannot read {task.entry.path} ({fault.strerror})")
-        if digest != task.digest:
+        if digest != wanted:
             return Refusal(worker, f"the worker {worker} sees another file at {task.entry.path}")
-    settings = BatchSettings.model_validate_json(task.settings)
-    return analyse_unchanged(task.entry, settings, task.calibration, whole=task.whole)
+    return analyse_unchanged(task)

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from specan.analysis.accumulator import Reader, feed
 from specan.analysis.batch.inputs import Input
@@ -297,6 +297,23 @@ def _left_out(recording: Recording, taken: Sequence[Sequence[Channel]]) -> list[
     ]
 
 
+class Task(NamedTuple):
+    """One file, and how it is analysed; small enough to travel between processes and computers.
+
+    Attributes
+    ----------
+    calibration : Calibration, optional
+        The one that the file is given.
+    whole : bool
+        Hash all bytes of the file as well.
+    """
+
+    entry: Input
+    settings: BatchSettings
+    calibration: Calibration | None = None
+    whole: bool = False
+
+
 @dataclass(frozen=True)
 class Outcome:
     """Result of a file and what the file was then; without an identity the result is not to be kept."""
@@ -305,16 +322,9 @@ class Outcome:
     identity: Identity | None = None
 
 
-def analyse_unchanged(
-    entry: Input, settings: BatchSettings, calibration: Calibration | None, *, whole: bool = False
-) -> Outcome:
-    """Result of one file; a file that changes while it is read has none.
-
-    Parameters
-    ----------
-    whole : bool
-        Hash all bytes of the file as well.
-    """
+def analyse_unchanged(task: Task) -> Outcome:
+    """Result of one file; a file that changes while it is read has none."""
+    entry, settings, calibration, whole = task
     try:
         before = identify(entry.path, whole=whole)
     except Exception:

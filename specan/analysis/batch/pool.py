@@ -16,8 +16,6 @@ Result = TypeVar("Result")
 def spread(
     items: Sequence[Item],
     work: Callable[[Item], Result],
-    prepare: Callable[..., None],
-    context: tuple[Any, ...],
     jobs: int,
     on_death: Callable[[Item], Result],
 ) -> Iterator[tuple[int, Result]]:
@@ -27,24 +25,21 @@ def spread(
     ----------
     work : callable
         Called with one item; a function of a module, since processes may be new ones (as on Windows).
-    prepare, context : callable and tuple
-        Called once in each process as ``prepare(*context)`` before any work.
     jobs : int
         Number of processes; with 1 the work is done in this one.
     on_death : callable
         Gives the result of an item whose process was ended from outside (out of memory, killed).
     """
     if jobs == 1 or len(items) < 2:
-        prepare(*context)
         for position, item in enumerate(items):
             yield position, work(item)
         return
     waiting = list(range(len(items)))
     while waiting:
-        dead, waiting = yield from _round(items, waiting, work, prepare, context, jobs)
+        dead, waiting = yield from _round(items, waiting, work, jobs)
         # Other processes may have taken the memory that the dead one asked for: its item is tried once more, alone.
         for position in dead:
-            dead_again, _ = yield from _round(items, [position], work, prepare, context, 1)
+            dead_again, _ = yield from _round(items, [position], work, 1)
             if dead_again:
                 yield position, on_death(items[position])
 
@@ -53,8 +48,6 @@ def _round(
     items: Sequence[Item],
     positions: Sequence[int],
     work: Callable[[Item], Result],
-    prepare: Callable[..., None],
-    context: tuple[Any, ...],
     jobs: int,
 ) -> Generator[tuple[int, Result], None, tuple[list[int], list[int]]]:
     """Work until a process dies; returns what was in work then, and what has not begun."""
@@ -68,9 +61,7 @@ def _round(
     copied = sys.platform == "linux" and threading.active_count() == 1
     jobs, waiting = min(jobs, len(positions)), list(positions)[::-1]
     running: dict[Any, int] = {}
-    pool = ProcessPoolExecutor(
-        jobs, multiprocessing.get_context("fork" if copied else "spawn"), _begin, (prepare, context)
-    )
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("fork" if copied else "spawn"), _begin)
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
@@ -88,11 +79,10 @@ def _round(
     return [], []
 
 
-def _begin(prepare: Callable[..., None], context: tuple[Any, ...]) -> None:
+def _begin() -> None:
     """Interruptions are left to the process that began this one, which ends with that one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    prepare(*context)
 
 
 def _end_with_parent() -> None:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,13 +24,12 @@ from specan.analysis.batch.inputs import (
     is_of_a_batch,
     remember_own,
 )
-from specan.analysis.batch.one_file import Outcome, analyse_unchanged, open_headers
+from specan.analysis.batch.one_file import Outcome, Task, analyse_unchanged, open_headers
 from specan.analysis.batch.pool import spread
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.store import Context, Kept, Store, common_context, context_of, unchanged
+from specan.analysis.batch.store import Store, context_of, unchanged
 from specan.analysis.batch.tables import write_tables
-from specan.data.calibration import Calibration
 from specan.dsp.multirate import keep_freed_memory
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
@@ -156,7 +155,6 @@ def run_batch(
         raise RequestError(f"the number of processes is {jobs}", expected="1 or more")
     if jobs is not None and cluster is not None:
         raise RequestError("--jobs and --cluster are both given", expected="--jobs or --cluster, not both")
-    keep_freed_memory()  # files of a second work in 20 MB, again and again
     settings = (settings or BatchSettings()).completed()
     inputs = find_inputs(directories)
     if channel_table is not None or settings.sampling_rate is not None:
@@ -178,10 +176,23 @@ def run_batch(
         )
         for made in store.place.glob("*.toml"):
             check_own(out / made.name, store.place, made)
-        work = _Work(settings, jobs, cluster, verify, warn, store)
-        kept = work.kept_of(assigned.inputs, earlier)
+        made_from = context_of(settings)
+        of_inputs = {e.label: (one, e) for e in assigned.inputs if (one := earlier[e.label]) is not None}
+        kept = {label: one for label, (one, e) in of_inputs.items() if one.context == made_from(e)}
         resumed = len(kept)
-        failed = work.do([entry for entry in assigned.inputs if entry.label not in kept], kept, progress)
+        read = cache(read_calibration)
+        tasks = [
+            Task(entry, settings, read(entry.calibration) if entry.calibration else None, verify)
+            for entry in assigned.inputs
+            if entry.label not in kept
+        ]
+        failed = []
+        outcomes = _outcomes(tasks, jobs, cluster, warn)
+        for entry, outcome in _watched([task.entry for task in tasks], outcomes, resumed, progress):
+            if outcome.identity is None:
+                failed.append(outcome.result)
+            else:
+                kept[entry.label] = store.put(outcome.result, outcome.identity, made_from(entry))
         results = [*assigned.calibrators, *failed, *(one.result for one in kept.values())]
         results.sort(key=lambda result: result.label)
         header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
@@ -206,10 +217,10 @@ def _published(entry: Input, place: Path, out: Path) -> Input:
 
 def _watched(
     todo: Sequence[Input],
-    outcomes: Iterator[tuple[int, Outcome | Kept]],
+    outcomes: Iterator[tuple[int, Outcome]],
     before: int,
     progress: Progress | None,
-) -> Iterator[tuple[Input, Outcome | Kept]]:
+) -> Iterator[tuple[Input, Outcome]]:
     """The outcomes with their inputs; tells the progress of each."""
     begin, left = time.monotonic(), sum(entry.size for entry in todo)
     total, done = max(left, 1), 0
@@ -222,64 +233,16 @@ def _watched(
                 progress(count, before + len(todo), remaining)
 
 
-@dataclass(frozen=True)
-class _Work:
-    """How files are analysed, and where their results are kept."""
+def _outcomes(
+    tasks: Sequence[Task], jobs: int | None, cluster: str | None, warn: Callable[[str], None]
+) -> Iterator[tuple[int, Outcome]]:
+    """Position and outcome of every file, in the order in which they are ready; processes here keep it."""
+    if cluster is not None:
+        from specan.analysis.batch.cluster import spread_over_cluster
 
-    settings: BatchSettings
-    jobs: int | None
-    cluster: str | None
-    verify: bool
-    warn: Callable[[str], None]
-    store: Store
-
-    @cached_property
-    def common(self) -> str:
-        """Of what all results are made."""
-        return common_context(self.settings)
-
-    @cached_property
-    def context(self) -> Context:
-        """Of what the result of a file is made."""
-        return context_of(self.common)
-
-    def kept_of(self, inputs: Sequence[Input], earlier: Mapping[str, Kept | None]) -> dict[str, Kept]:
-        """Results of earlier batches that still hold."""
-        found = {entry: earlier[entry.label] for entry in inputs}
-        return {
-            e.label: one for e, one in found.items() if one is not None and one.context == self.context(e)
-        }
-
-    def do(self, todo: Sequence[Input], kept: dict[str, Kept], progress: Progress | None) -> list[FileResult]:
-        """Analyse files; adds their results to `kept`, and returns those that are not to be kept."""
-        failed = []
-        for entry, outcome in _watched(todo, self._outcomes(todo), len(kept), progress):
-            if isinstance(outcome, Kept):
-                kept[entry.label] = outcome
-            elif outcome.identity is None:
-                failed.append(outcome.result)
-            else:
-                kept[entry.label] = self.store.put(outcome.result, outcome.identity, self.context(entry))
-        return failed
-
-    def _outcomes(self, todo: Sequence[Input]) -> Iterator[tuple[int, Outcome | Kept]]:
-        """Position and outcome of every file, in the order in which they are ready; processes here keep it."""
-        calibrations = _calibrations_of(todo)
-        if self.cluster is not None:
-            from specan.analysis.batch.cluster import spread_over_cluster
-
-            yield from spread_over_cluster(
-                self.cluster, todo, self.settings, calibrations, self.verify, self.warn
-            )
-            return
-        worth = sum(entry.size for entry in todo) // WORTH_A_PROCESS
-        jobs = self.jobs or max(1, min(os.cpu_count() or 1, worth))
-        context = (self.settings.model_dump_json(), calibrations, self.verify, self.store.place, self.common)
-        yield from spread(todo, _one, _prepare, context, jobs, _lost)
-
-
-def _calibrations_of(todo: Sequence[Input]) -> dict[str, Calibration]:
-    return {path: read_calibration(path) for path in sorted({entry.calibration for entry in todo} - {""})}
+        return spread_over_cluster(cluster, tasks, warn)
+    worth = sum(task.entry.size for task in tasks) // WORTH_A_PROCESS
+    return spread(tasks, _one, jobs or max(1, min(os.cpu_count() or 1, worth)), _lost)
 
 
 def _certain(settings: BatchSettings) -> tuple[str, ...]:
@@ -306,41 +269,13 @@ def _publish(ready: Path, out: Path, written: Collection[str]) -> None:
             (out / name).unlink()
 
 
-# What a process needs for its files, set once by `_prepare`.
-_settings = BatchSettings()
-_calibrations: dict[str, Calibration] = {}
-_verify = False
-_store: Store
-_context: Context
+def _one(task: Task) -> Outcome:
+    keep_freed_memory()  # files of a second work in 20 MB, again and again
+    return analyse_unchanged(task)
 
 
-def _prepare(
-    settings: str, calibrations: dict[str, Calibration], verify: bool, place: Path, common: str
-) -> None:
-    global _settings, _verify, _store, _context
-    keep_freed_memory()
-    _settings, _verify = BatchSettings.model_validate_json(settings), verify
-    _store, _context = Store(place, joined=True), context_of(common)
-    _calibrations.clear()
-    _calibrations.update(calibrations)
-
-
-def _one(entry: Input) -> Outcome | Kept:
-    outcome = analyse_unchanged(entry, _settings, _calibrations.get(entry.calibration), whole=_verify)
-    if outcome.identity is None:
-        return outcome
-    try:
-        return _store.put(outcome.result, outcome.identity, _context(entry))
-    except RequestError:  # the first process says it
-        return outcome
-
-
-def _lost(entry: Input) -> Outcome | Kept:
-    return Outcome(
-        FileResult(
-            entry.label,
-            "failed",
-            "the process that analysed it was ended from outside (memory?); "
-            "run it alone, or with fewer processes",
-        )
+def _lost(task: Task) -> Outcome:
+    reason = (
+        "the process that analysed it was ended from outside (memory?); run it alone, or with fewer processes"
     )
+    return Outcome(FileResult(task.entry.label, "failed", reason))

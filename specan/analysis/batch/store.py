@@ -10,7 +10,7 @@ import stat
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -168,14 +168,10 @@ class Store:
     ----------
     place : Path
         Made if it does not exist; what an interrupted write has left there is removed.
-    joined : bool
-        Whether another process has made it, and others may be writing.
     """
 
-    def __init__(self, place: Path, *, joined: bool = False) -> None:
+    def __init__(self, place: Path) -> None:
         self.place = place
-        if joined:
-            return
         try:
             place.mkdir(exist_ok=True)
             remove_parts(place)
@@ -291,9 +287,6 @@ def _restored(value: Any) -> Any:
     return value
 
 
-Context = Callable[[Input], str]
-
-
 def unchanged(entry: Input, store: Store, *, verify: bool) -> Kept | None:
     """The kept result of a file that is still what it was; None where there is none.
 
@@ -319,23 +312,17 @@ def unchanged(entry: Input, store: Store, *, verify: bool) -> Kept | None:
     return kept
 
 
-def common_context(settings: BatchSettings) -> str:
-    """Of what the results of all files are made: the program and the settings."""
-    return f"{program_identity()}\n{settings.as_json()}"
-
-
-def context_of(common: str) -> Context:
+def context_of(settings: BatchSettings) -> Callable[[Input], str]:
     """A function that says of what else than the recording the result of a file is made.
 
-    That is what is common to all, the calibration, the channel table, and the index file that may be told to belong to
-    another recording.
+    That is the program and the settings, the calibration, the channel table, and the index file that may be told to
+    belong to another recording.
     """
-    read: dict[str, str] = {}
+    common = f"{program_identity()}\n{settings.as_json()}"
 
+    @cache
     def digest_of(path: str) -> str:
-        if path not in read:
-            read[path] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-        return read[path]
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
     def context(entry: Input) -> str:
         parts = [common, digest_of(entry.calibration) if entry.calibration else "none"]
