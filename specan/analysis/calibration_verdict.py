@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from specan.analysis.insertion import Heard, Insertion
-from specan.data.calibration import Verdict
+from specan.data.calibration import VERDICTS, Verdict
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,6 @@ REPEAT = Limit(0.2, 1.0, "insertions differ by {value:.2f} dB")
 TOGETHER_DB, TOGETHER = 1.5, 3
 # From a quarter-inch microphone (1 mV/Pa) to a one-inch one (50 mV/Pa) with 10 dB of gain, and some room.
 PLAUSIBLE_MV_PER_PA = (0.3, 300.0)
-VERDICTS: tuple[Verdict, ...] = ("good", "doubtful", "failed")
 
 
 def judge(

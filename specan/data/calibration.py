@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from specan.data.channel import Channel, PhaseCalibration, gain_of, matches
 from specan.data.recording import Recording
@@ -12,7 +12,7 @@ from specan.errors import InputError, RequestError
 from specan.result import Result, Sheet, cell, counted
 
 Verdict = Literal["good", "doubtful", "failed"]
-VERDICTS: tuple[Verdict, ...] = ("good", "doubtful", "failed")
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 
 @dataclass(frozen=True)
@@ -79,22 +79,13 @@ class ChannelCalibration:
     budget: tuple[Contribution, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.sensitivity < math.inf:
-            raise RequestError(
-                f"the calibration of {self.channel!r} has the sensitivity {self.sensitivity}",
-                expected="a number above zero",
-            )
         numbers = [self.u_sensitivity_percent, self.scatter_percent or 0.0, self.drift_percent or 0.0]
         if self.phase is not None:
             numbers += [*self.phase.phase_deg, *self.phase.u_phase_deg]
-        if not all(map(math.isfinite, numbers)):
+        if not 0.0 < self.sensitivity < math.inf or not all(map(math.isfinite, numbers)):
             raise RequestError(
-                f"the calibration of {self.channel!r} is not finite", expected="finite numbers"
-            )
-        if self.verdict not in VERDICTS:
-            raise RequestError(
-                f"the calibration of {self.channel!r} has the verdict {self.verdict!r}",
-                expected="one of " + ", ".join(VERDICTS),
+                f"the calibration of {self.channel!r} is not finite, or its sensitivity not above zero",
+                expected="finite numbers",
             )
 
 

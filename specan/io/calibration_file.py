@@ -83,15 +83,13 @@ def write_calibration(calibration: Calibration, path: Path | str) -> None:
     """
     import tomlkit
 
-    content: dict[str, Any] = {"schema": 1, "made_from": list(calibration.made_from)}
-    for name, field in _File.model_fields.items():
-        value = getattr(calibration, name, field.default)
-        if name != "made_from" and value != field.default:
-            content[name] = list(value) if isinstance(value, tuple) else float(value)
-    content["channel"] = [_row(c) for c in calibration.channels]
-    path = Path(path)
-    with text_file(path) as file:
-        file.write(_HEADER + tomlkit.dumps(content))
+    said = {name: getattr(calibration, name) for name in _File.model_fields if hasattr(calibration, name)}
+    rows = tuple(map(_row, calibration.channels))
+    file = _File.model_validate({**said, "schema": 1, "channel": rows})
+    content = file.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude={"channel"})
+    always = {"schema": 1, "made_from": list(file.made_from)}
+    with text_file(Path(path)) as out:
+        out.write(_HEADER + tomlkit.dumps({**always, **content, "channel": list(map(_written, rows))}))
 
 
 def _channel(row: _Row) -> ChannelCalibration:
@@ -105,31 +103,26 @@ def _channel(row: _Row) -> ChannelCalibration:
             group=row.phase_group,
             inverted=row.polarity == "inverted",
         )
-    own = {
-        name: value for name, value in row.model_dump().items() if name in ChannelCalibration.__annotations__
-    }
+    own = {name: value for name, value in row if name in ChannelCalibration.__annotations__}
     return ChannelCalibration(phase=phase, **own)
 
 
-def _row(channel: ChannelCalibration) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        "channel": channel.channel,
-        "sensitivity": float(channel.sensitivity),
-        "unit": channel.unit,
-        "u_sensitivity_percent": float(channel.u_sensitivity_percent),
-    }
-    for key in ("scatter_percent", "drift_percent"):
-        if getattr(channel, key) is not None:
-            row[key] = float(getattr(channel, key))
-    if channel.phase is not None:
-        row["tone_hz"] = [float(f) for f in channel.phase.frequency_hz]
-        row["phase_deg"] = [float(p) for p in channel.phase.phase_deg]
-        row["u_phase_deg"] = [float(u) for u in channel.phase.u_phase_deg]
-        row["phase_model"] = channel.phase.model
-        row["phase_group"] = channel.phase.group
-        if channel.phase.inverted:
-            row["polarity"] = "inverted"
-    row["verdict"] = channel.verdict
-    if channel.reasons:
-        row["reasons"] = list(channel.reasons)
-    return row
+def _row(channel: ChannelCalibration) -> _Row:
+    own = {name: getattr(channel, name) for name in _Row.model_fields if hasattr(channel, name)}
+    if (phase := channel.phase) is not None:
+        own |= {
+            "tone_hz": phase.frequency_hz,
+            "phase_deg": phase.phase_deg,
+            "u_phase_deg": phase.u_phase_deg,
+            "phase_model": phase.model,
+            "phase_group": phase.group,
+            "polarity": "inverted" if phase.inverted else "normal",
+        }
+    return _Row(**own)
+
+
+def _written(row: _Row) -> dict[str, Any]:
+    """The keys of a row that say something."""
+    silent = set() if row.tone_hz else {"phase_model", "phase_group"}
+    found = row.model_dump(mode="json", exclude_none=True, exclude=silent)
+    return {name: value for name, value in found.items() if value not in ([], "normal")}
