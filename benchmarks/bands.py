@@ -51,10 +51,10 @@ from specan.dsp import bands
 from specan.dsp.band_energy import BandEnergyAccumulator
 from specan.dsp.weighting import power_weighting
 start = time.process_time()
-spectrum = recorded(BandEnergyAccumulator(rows, rate))
+spectrum = recorded(BandEnergyAccumulator(rows, rate, round(seconds * rate)))
 index = bands.band_range(20.0, 20000.0 if rate > 45000 else 0.4 * rate, {fraction})
 levels = spectrum.band_mean_square(bands.Bands.octaves({fraction}, index))
-totals = [spectrum.through(lambda f: power_weighting(f, w)) for w in "ABC"]
+totals = [spectrum.nodes @ power_weighting(spectrum.frequencies, w) for w in "ABC"]
 cpu = time.process_time() - start
 """
 HISTORY = """

@@ -49,9 +49,9 @@ LEVELS = {
     "specan": (
         "from specan.dsp import bands\nfrom specan.dsp.band_energy import BandEnergyAccumulator\n"
         "from specan.dsp.weighting import power_weighting\nimport scipy.fft, scipy.special",
-        "found = fed(BandEnergyAccumulator(len(x), rate))\n"
+        "found = fed(BandEnergyAccumulator(len(x), rate, x.shape[1]))\n"
         "found.band_mean_square(bands.Bands.octaves(3, np.arange(-17, -17 + len(mid))))\n"
-        "[found.through(lambda f: power_weighting(f, w)) for w in 'ABC']",
+        "[found.nodes @ power_weighting(found.frequencies, w) for w in 'ABC']",
     ),
     "scipy sosfilt": (
         "from scipy import signal",
@@ -225,7 +225,7 @@ def growth(rate: float) -> list[tuple[int, float, float]]:
         "from specan.dsp import bands\nfrom specan.dsp.band_energy import BandEnergyAccumulator\n"
         "rate, rows, left = float(sys.argv[1]), int(sys.argv[2]), int(float(sys.argv[3]) * float(sys.argv[1]))\n"
         "pool = np.random.default_rng(1).standard_normal((rows, 1 << 16))\n"
-        "start, energy = time.process_time(), BandEnergyAccumulator(rows, rate)\n"
+        "start, energy = time.process_time(), BandEnergyAccumulator(rows, rate, left)\n"
         "while left > 0:\n    energy.add(pool[:, :left])\n    left -= pool.shape[1]\n"
         "energy.result().band_mean_square(bands.Bands.octaves(3, np.arange(-17, 14)))\n"
         "print(time.process_time() - start)\n"

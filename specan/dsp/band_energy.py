@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,16 +18,17 @@ from specan.dsp.multirate import (
     LENGTH,
     LOWEST_PART,
     ROWS,
+    Decimator,
     Memory,
-    MultirateTransform,
-    PaddedTransform,
     Stage,
     fast_length,
     few_rows,
+    keep_freed_memory,
     low_pass,
     stages_of,
 )
-from specan.dsp.record_edges import CutEnergy, Fade, RecordEnds, SlowPart
+from specan.dsp.overlapped_blocks import OverlappedBlocks
+from specan.dsp.record_edges import CutEnergy, Fade, SlowPart
 from specan.dsp.weighting import Weighting, power_weighting
 from specan.dsp.windows import falling_step
 
@@ -159,123 +160,76 @@ class LagSpectrum:
         Number of channels.
     length : int
         L, an even number of samples.
-    buffers : complex array, shape (2, at least min(rows, 4), L + 1), optional
-        Memory to work in, which others may use between the calls.
     sparing : bool
         Whether to hold r and the samples of the last block in place of R and their transform: half the memory for
         three transforms in place of one.
-    at_ends : callable, optional
-        Given rows and what `energy` is more for the faded record (less where negative), once for each block that is
-        faded: it is linear in the lags, so these need not be held until the end.
 
     Examples
     --------
     >>> x = np.array([[1.0, 2.0, 0.0, -1.0]])
     >>> spectrum = LagSpectrum(1, 4)
-    >>> spectrum.add(slice(0, 1), x, np.fft.rfft(x, 8), 0)
-    >>> float(spectrum.energy()[0, 0].round(9)), float(x.sum()) ** 2
+    >>> spectrum.add(x, np.fft.rfft(x, 8), 0)
+    >>> float(spectrum.finish()[0][0, 0].round(9)), float(x.sum()) ** 2
     (4.0, 4.0)
     """
 
-    def __init__(
-        self,
-        rows: int,
-        length: int,
-        buffers: NDArray[np.complex128] | None = None,
-        *,
-        sparing: bool = False,
-        at_ends: Callable[[slice, NDArray[np.float64]], None] = lambda rows, energy: None,
-    ) -> None:
-        self.length, self._rows, self._sparing = length, rows, sparing
+    def __init__(self, rows: int, length: int = LENGTH, *, sparing: bool = False) -> None:
+        self.length, self._sparing = length, sparing
         self._sum: NDArray[Any] = np.zeros((rows, length + 1), dtype=np.float64 if sparing else np.complex128)
         self._previous: NDArray[Any] | None = None
         # What a fade takes away from the samples of the previous block.
         self._taken: NDArray[np.float64] | None = None
-        self._blocks = self._longest = self._half = 0
-        self._at_ends = at_ends
-        # Used again and again: fresh memory costs more than the arithmetic.
-        self._buffers = working_memory(rows, length) if buffers is None else buffers
+        self._blocks = self._half = self._count = self._longest = 0
 
     def add(
         self,
-        rows: slice,
         block: NDArray[np.float64],
         transform: NDArray[np.complex128],
         half: int,
         taken: NDArray[np.float64] | None = None,
         end: NDArray[np.complex128] | None = None,
-    ) -> None:
-        """Take some rows of the next block, shape (rows, at most L), those of all rows one after the other.
+    ) -> NDArray[np.float64] | None:
+        """Take the next block, shape (rows, at most L); what `finish` is more for a record that is faded here.
 
         `transform` is that of 2 L samples, shape (rows, L + 1), of which the block fills the half that `half` says.
         `taken` is what a fade takes away from the block, `end` the transform of that. Successive blocks are in
         alternate halves of the 2 L samples. That puts X_{b+1} after X_b without a factor, since the correlation is
         circular.
         """
-        if self._blocks:
-            self._correlate(rows, transform, end)
-        count = block.shape[1]
-        if self._previous is None:
+        more = self._correlate(transform, end) if self._blocks else None
+        if self._previous is None:  # used again: fresh memory costs more than the arithmetic
             self._previous = np.empty_like(self._sum)
-        if self._sparing:
-            self._previous[rows, :count], self._previous[rows, count:] = block, 0.0
-        else:
-            self._previous[rows] = transform
-        if taken is not None:
-            if self._taken is None:
-                self._taken = np.zeros((self._rows, self.length))
-            self._taken[rows, :count], self._taken[rows, count:] = taken, 0.0
-        if rows.stop < self._rows:
-            return
-        if taken is None:
-            self._taken = None
-        self._half, self._longest = half, count
+        self._count = block.shape[1] if self._sparing else transform.shape[1]
+        self._previous[:, : self._count] = block if self._sparing else transform
+        self._longest, self._taken, self._half = block.shape[1], None if taken is None else taken.copy(), half
         self._blocks += 1
-        if count < self.length and self._blocks > 1:  # the last one
-            self._close()
+        return more
 
-    @property
-    def closed(self) -> bool:
-        """Whether the last block has been seen, as it was shorter."""
-        return self._blocks > 1 and self._previous is None
-
-    def _close(self) -> None:
-        """Correlate the last block, and let go of it: what all rates hold together is large."""
-        for rows in few_rows(self._rows):
-            self._correlate(rows, None, None)
-        self._previous = self._taken = None
-
-    def _transformed(self, samples: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Transform of samples in the half of the previous block."""
-        padded = np.zeros((samples.shape[0], 2 * self.length))
-        padded[:, self._half * self.length :][:, : self.length] = samples[:, : self.length]
-        return np.fft.rfft(padded)
-
-    def _before(self, rows: slice) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+    def _before(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Transforms of the previous block and of what is taken away from it."""
         assert self._previous is not None
-        previous = self._previous[rows]
-        end = None if self._taken is None else self._transformed(self._taken[rows])
-        return self._transformed(previous) if self._sparing else previous, end
+        previous, half = self._previous, self._half
+        if self._sparing:
+            previous = transformed("previous", self._previous[:, : self._count], half, self.length)
+        return previous, None if self._taken is None else transformed("gone", self._taken, half, self.length)
 
     def _correlate(
-        self,
-        rows: slice,
-        following: NDArray[np.complex128] | None,
-        following_end: NDArray[np.complex128] | None,
-    ) -> None:
+        self, following: NDArray[np.complex128] | None, following_end: NDArray[np.complex128] | None
+    ) -> NDArray[np.float64] | None:
         """Add conj(X_b) (X_b + X_{b+1}); with Y = X - E what conj(Y_b) (Y_b + Y_{b+1}) is more."""
-        previous, end = self._before(rows)
-        product, conjugate = (buffer[: previous.shape[0]] for buffer in self._buffers)
+        previous, end = self._before()
+        product, conjugate = (
+            _memory.take(name, *previous.shape, _COMPLEX) for name in ("product", "conjugate")
+        )
         np.conjugate(previous, out=conjugate)
         if following is None:
             product[...] = previous
         else:
             np.add(previous, following, out=product)
         product *= conjugate
-        self._sum[rows] += self._lags(product) if self._sparing else product
+        self._sum += self._lags(product) if self._sparing else product
         if end is None and following_end is None:
-            return
+            return None
         total = np.zeros_like(previous)
         for other in (end, following_end):
             if other is not None:
@@ -290,29 +244,24 @@ class LagSpectrum:
             ):
                 if other is not None:
                     sum_up(total, np.multiply(conjugate, other, out=product), out=total)
-        self._at_ends(rows, self._energy_of(self._lags(total)))
+        return self._energy_of(self._lags(total))
 
     def _lags(self, cross: NDArray[np.complex128]) -> NDArray[np.float64]:
         return np.fft.irfft(cross)[:, : self.length + 1]
 
-    def energy(self, rows: slice = slice(None)) -> NDArray[np.float64]:
-        """Energy spectrum, shape (rows, L + 1), at m / (2 L) cycles a sample.
+    def finish(self) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+        """Energy spectrum, shape (rows, L + 1), at m / (2 L) cycles a sample, and what it is more with the last fade.
 
-        The sum over all 2 L lines, divided by 2 L, is the energy. Call it after the last block, once for each row.
-        Rounding leaves some 1e-17 of the energy in every band; where there is nothing else a line may be
-        negative.
+        The sum over all 2 L lines, divided by 2 L, is the energy. Call it once, after the last block. Rounding leaves
+        some 1e-17 of the energy in every band; where there is nothing else a line may be negative.
         """
-        if self._previous is not None and self._blocks == 1 and self._longest <= _UNTOUCHED * self.length:
+        if self._blocks == 1 and self._longest <= _UNTOUCHED * self.length:
             # All lags of the record lie where nothing is faded out: the squared transform is the same.
-            transform, end = self._before(rows)
+            transform, end = self._before()
             energy = _squared(transform)
-            if end is not None:
-                self._at_ends(rows, _squared(transform - end) - energy)
-            return energy
-        if self._previous is not None:
-            self._close()
-        lags = self._sum[rows].copy() if self._sparing else self._lags(self._sum[rows])
-        return self._energy_of(lags)
+            return energy, None if end is None else _squared(transform - end) - energy
+        more = self._correlate(None, None)
+        return self._energy_of(self._sum if self._sparing else self._lags(self._sum)), more
 
     def _energy_of(self, lags: NDArray[np.float64]) -> NDArray[np.float64]:
         lags *= _fade(self.length)
@@ -320,9 +269,18 @@ class LagSpectrum:
         return np.asarray(np.fft.rfft(symmetric).real)
 
 
-def working_memory(rows: int, length: int) -> NDArray[np.complex128]:
-    """What a `LagSpectrum` works in."""
-    return np.empty((2, min(rows, ROWS), length + 1), dtype=np.complex128)
+def transformed(
+    name: str, block: NDArray[np.float64], half: int, length: int = LENGTH
+) -> NDArray[np.complex128]:
+    """Transform of 2 `length` samples, of which a block fills a half; the next call of this name writes over it."""
+    samples = _memory.take("padded", len(block), 2 * length, _REAL)
+    samples[...] = 0.0
+    samples[:, half * length : half * length + block.shape[1]] = block
+    return np.fft.rfft(samples, out=_memory.take(f"{name} lines", len(block), length + 1, _COMPLEX))
+
+
+_REAL, _COMPLEX = np.dtype(np.float64), np.dtype(np.complex128)
+_memory = Memory()
 
 
 @lru_cache(maxsize=4)
@@ -441,16 +399,11 @@ def add_energy(
             np.multiply(transform.real, transform.real, out=lines)
             lines += np.multiply(transform.imag, transform.imag, out=padded[:, : points // 2 + 1])
             if stage.number == 0:
-                inner = 2.0 * np.add.reduce(lines[:, 1:-1], axis=1)
-                energy[rows] = (inner + lines[:, 0] + lines[:, -1]) / points
+                energy[rows] = total_energy(lines)
             _spread_of_short(stage, points, first).add(nodes[rows], lines)
             if not stage.last:
                 stream = _thinned(transform, count)
     return energy
-
-
-_REAL, _COMPLEX = np.dtype(np.float64), np.dtype(np.complex128)
-_memory = Memory()
 
 
 def _thinned(transform: NDArray[np.complex128], count: int) -> NDArray[np.float64]:
@@ -488,7 +441,7 @@ class EnergySpectrum:
         The constant part.
     n_samples, sampling_rate
         Of the record.
-    inner : ndarray, shape (channels, nodes), optional
+    inner : ndarray, shape (channels, nodes)
         The same as `nodes` without the two ends of the record; see `between_ends`.
     independent : float
         Samples of a record without a fade whose levels scatter as those of `inner`.
@@ -502,8 +455,8 @@ class EnergySpectrum:
     mean: NDArray[np.float64]
     n_samples: int
     sampling_rate: float
-    inner: NDArray[np.float64] | None = None
-    independent: float = 0.0
+    inner: NDArray[np.float64]
+    independent: float
     cut: Mapping[Weighting, NDArray[np.float64]] = field(default_factory=dict)
 
     def between_ends(self) -> EnergySpectrum:
@@ -514,7 +467,7 @@ class EnergySpectrum:
         squares without and with the fade (drift has no part in them), but by no more than the time that the fade
         takes away.
         """
-        return self if self.inner is None else replace(self, nodes=self.inner)
+        return replace(self, nodes=self.inner)
 
     @property
     def frequencies(self) -> NDArray[np.float64]:
@@ -535,15 +488,6 @@ class EnergySpectrum:
     def alternating_mean_square(self) -> NDArray[np.float64]:
         """Mean square about the mean, shape (channels,)."""
         return np.maximum(self.mean_square - np.square(self.mean), 0.0)
-
-    def through(
-        self, power_response: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-    ) -> NDArray[np.float64]:
-        """Mean square of each channel behind a filter of the given |H(f)|^2, f in Hz.
-
-        Exact for responses that are smooth on the scale of a 1/24 octave band.
-        """
-        return np.add.reduce(self.nodes * power_response(self.frequencies), axis=1)
 
     def band_mean_square(
         self, division: Bands, weights: NDArray[np.float64] | None = None
@@ -574,129 +518,118 @@ class EnergySpectrum:
         return np.where(result < floor, 0.0, result)
 
 
+class _AtRate:
+    """Some channels of a long record at one of its rates.
+
+    Attributes
+    ----------
+    gone : list of ndarray, shape (channels, LENGTH / 8), or None
+        What a fade takes away from the next samples; None where it is nothing.
+    """
+
+    def __init__(self, rows: int, stage: Stage, first: int) -> None:
+        self.blocks, self.half = OverlappedBlocks(LENGTH), 0
+        # Lower rates have few blocks, and what they hold counts as much.
+        self.lags: LagSpectrum | None = LagSpectrum(rows, sparing=stage.number > 0)
+        self.place = _spread(stage, first)
+        self.gone: list[NDArray[np.float64] | None] = []
+        self.thinned = None if stage.last else (Decimator(), Decimator())
+
+    def taken(self, count: int) -> NDArray[np.float64] | None:
+        """What is taken away from the next block."""
+        size = LENGTH // FACTOR
+        mine, self.gone = self.gone[: count // size], self.gone[count // size :]
+        some = next((piece for piece in mine if piece is not None), None)
+        if some is None:
+            return None
+        return np.concatenate([np.zeros_like(some) if piece is None else piece for piece in mine], axis=1)
+
+
 class BandEnergy:
-    """Collects the energy spectrum of a record from the blocks of a `MultirateTransform`.
+    """Collects the energy spectrum of a few channels of a long record.
 
     The energy that a filter lets through over a whole record, ring-out included, is by Parseval's theorem
     the sum of |X|^2 |H|^2 over one zero-padded transform of the record. This is that sum from blocks of
-    bounded length: see `LagSpectrum`. The stages share the frequencies by a smooth cross-over.
+    bounded length: see `LagSpectrum`. Lower rates take the low frequencies, with a smooth cross-over; what a fade takes
+    away goes the same way, where it is not zero.
 
     Parameters
     ----------
-    rows : int
-        Number of channels.
     sampling_rate : float
         In Hz.
-    n_samples : int, optional
-        Length of the record; without it there is no spectrum between its ends.
+    fade : Fade
+        Of the record.
+    first : int
+        Number of the first node.
+    nodes, inner : ndarray, shape (channels, nodes)
+        Where the energy of the record goes, and that of the faded record.
     """
 
-    def __init__(self, rows: int, sampling_rate: float, n_samples: int | None = None) -> None:
-        self.sampling_rate = sampling_rate
-        self._rows = rows
-        self._fade = None if n_samples is None else Fade.of(n_samples, sampling_rate)
-        self._ends = None if self._fade is None else RecordEnds(rows, self._fade)
-        self._count = 0
-        self._sum = np.zeros(rows)
-        self._spectra: dict[Stage, LagSpectrum] = {}
-        self._buffers, self._padded = working_memory(rows, LENGTH), PaddedTransform(rows)
-        self._first, count = node_range(sampling_rate)
-        self._nodes, self._energy = np.zeros((rows, count)), np.zeros(rows)
-        self._inner = np.zeros_like(self._nodes) if self._fade else None
-
-    def take(
+    def __init__(
         self,
-        stage: Stage,
-        rows: slice,
-        block: NDArray[np.float64],
-        transform: NDArray[np.complex128],
-        half: int,
+        sampling_rate: float,
+        fade: Fade,
+        first: int,
+        nodes: NDArray[np.float64],
+        inner: NDArray[np.float64],
     ) -> None:
-        """See some rows of the next block of a stage; see `specan.dsp.multirate.Consumer`."""
-        if stage.number == 0:
-            self._count += block.shape[1] if rows.start == 0 else 0
-            self._sum[rows] += transform[:, 0].real
-        if stage not in self._spectra:  # lower rates have few blocks, and what they hold counts as much
-            self._spectra[stage] = LagSpectrum(
-                self._rows,
-                LENGTH,
-                self._buffers,
-                sparing=stage.number > 0,
-                at_ends=partial(self._add_end, stage),
-            )
-        taken = end = None
-        if self._ends is not None:
-            taken = self._ends.of(stage, rows, block)
-            end = None if taken is None else self._padded(taken, half)
-            if not stage.last:
-                self._ends.decimate(stage, rows, end, half)
-        spectrum = self._spectra[stage]
-        spectrum.add(rows, block, transform, half, taken, end)
-        if spectrum.closed:
-            self._read(stage)
+        self._fade, self._nodes, self._inner = fade, nodes, inner
+        self._rates = [_AtRate(len(nodes), stage, first) for stage in stages_of(sampling_rate)]
+        self._position = 0
+        self.energy, self.total = np.zeros((2, len(nodes)))
 
-    def _read(self, stage: Stage) -> None:
-        """Bring a stage's lines to the nodes, and let go of them: those of all stages together are large."""
-        spectrum, place = self._spectra.pop(stage), _spread(stage, self._first)
-        for rows in few_rows(self._rows):
-            lines = spectrum.energy(rows)
-            if stage.number == 0:
-                self._energy[rows] = total_energy(lines)
-            place.add(self._nodes[rows], lines)
-            if self._inner is not None:
-                place.add(self._inner[rows], lines)
+    def add(self, samples: NDArray[np.float64], number: int = 0) -> None:
+        """Take the next samples of a rate, shape (channels, n), n of any size."""
+        for block in self._rates[number].blocks.feed(samples):
+            self._take(number, block)
 
-    def _add_end(self, stage: Stage, rows: slice, energy: NDArray[np.float64]) -> None:
-        assert self._inner is not None
-        _spread(stage, self._first).add(self._inner[rows], energy)
+    def finish(self) -> None:
+        """Take what is left after the last samples, at every rate."""
+        for number, at in enumerate(self._rates):
+            rest = at.blocks.rest
+            if rest is None:
+                return
+            if rest.shape[1]:
+                self._take(number, rest)
+            if at.thinned is not None:
+                self._pass_on(number + 1, *(thinned.rest for thinned in at.thinned))
+            self._read(number)
 
-    def result(self) -> EnergySpectrum:
-        """The energy spectrum; call it once, after the transform is finished."""
-        for stage in list(self._spectra):
-            self._read(stage)
-        return _found(
-            self._first,
-            self._nodes,
-            self._inner,
-            self._energy,
-            self._sum,
-            self._count,
-            self.sampling_rate,
-            self._fade,
-        )
+    def _pass_on(
+        self, number: int, samples: NDArray[np.float64] | None, gone: NDArray[np.float64] | None
+    ) -> None:
+        assert samples is not None
+        self._rates[number].gone.append(gone)
+        self.add(samples, number)
 
+    def _take(self, number: int, block: NDArray[np.float64]) -> None:
+        at, count = self._rates[number], block.shape[1]
+        taken = at.taken(count) if number else None
+        if number == 0 and self._fade.touches(self._position, count):
+            taken = block * (1.0 - self._fade.weights(self._position, count))
+        half, at.half = at.half, 1 - at.half
+        lines = transformed("block", block, half)
+        end = None if taken is None else transformed("end", taken, half)
+        if number == 0:
+            self._position += count
+            self.total += lines[:, 0].real
+        assert at.lags is not None
+        if (more := at.lags.add(block, lines, half, taken, end)) is not None:
+            at.place.add(self._inner, more)
+        if at.thinned is not None:
+            self._pass_on(number + 1, at.thinned[0].add(lines, half), at.thinned[1].add(end, half))
 
-def energy_of_short(
-    samples: NDArray[np.float64], sampling_rate: float, n_samples: int, fraction: int = 24
-) -> EnergySpectrum:
-    """What `BandEnergy` finds in all samples of a record of `n_samples`, at once; see `add_energy`."""
-    first, count = node_range(sampling_rate)
-    fade = Fade.of(n_samples, sampling_rate)
-    rows, n = samples.shape
-    nodes = np.zeros((2 * rows, count))
-    energy = add_energy(nodes[:rows], samples, sampling_rate, first, fraction)
-    add_energy(nodes[rows:], samples, sampling_rate, first, fraction, fade.weights(0, n))
-    total = np.add.reduce(samples, axis=1)
-    return _found(first, nodes[:rows], nodes[rows:], energy, total, n, sampling_rate, fade)
-
-
-def _found(
-    first: int,
-    nodes: NDArray[np.float64],
-    inner: NDArray[np.float64] | None,
-    energy: NDArray[np.float64],
-    total: NDArray[np.float64],
-    count: int,
-    sampling_rate: float,
-    fade: Fade | None,
-) -> EnergySpectrum:
-    """Sums over a record as means, the record between its ends scaled."""
-    n = max(count, 1)
-    found = EnergySpectrum(first, nodes / n, energy / n, total / n, count, sampling_rate)
-    if inner is None or fade is None:
-        return found
-    inner *= (_scale(nodes, inner, found.weights("A"), fade) / n)[:, None]
-    return replace(found, inner=inner, independent=fade.independent)
+    def _read(self, number: int) -> None:
+        """Bring the lines of a rate to the nodes, and let go of them: those of all rates together are large."""
+        at = self._rates[number]
+        assert at.lags is not None
+        (lines, more), at.lags = at.lags.finish(), None
+        if number == 0:
+            self.energy[...] = total_energy(lines)
+        at.place.add(self._nodes, lines)
+        for part in (lines, more):
+            if part is not None:
+                at.place.add(self._inner, part)
 
 
 def _scale(
@@ -723,8 +656,8 @@ class BandEnergyAccumulator:
         Number of channels.
     sampling_rate : float
         In Hz.
-    n_samples : int, optional
-        Length of the record; without it there is no spectrum between its ends.
+    n_samples : int
+        Length of the record.
     slow : SlowPart, optional
         A constant part that is taken off, and a drift that no band has.
     weighted : sequence of bool
@@ -734,7 +667,7 @@ class BandEnergyAccumulator:
     Examples
     --------
     >>> t = np.arange(48000) / 48000
-    >>> energy = BandEnergyAccumulator(1, 48000.0)
+    >>> energy = BandEnergyAccumulator(1, 48000.0, 48000)
     >>> energy.add(np.sin(2 * np.pi * 1000 * t)[None])
     >>> energy.result().band_mean_square(Bands.between(3, 1000.0, 1000.0)).round(3).tolist()
     [[0.5]]
@@ -744,21 +677,28 @@ class BandEnergyAccumulator:
         self,
         rows: int,
         sampling_rate: float,
-        n_samples: int | None = None,
+        n_samples: int,
         slow: SlowPart | None = None,
         *,
         weighted: Sequence[bool] = (),
     ) -> None:
-        self._rate, self._n_samples = sampling_rate, n_samples
+        self._rate, self._fade = sampling_rate, Fade.of(n_samples, sampling_rate)
         self._slow, self._taken = slow, 0
         self._weighted = np.array(weighted, dtype=np.bool_)
         self._cut = CutEnergy(sampling_rate) if self._weighted.any() else None
-        self._short: list[NDArray[np.float64]] | None = None
-        if n_samples is not None and n_samples <= LONGEST:
-            self._short = []
-            return
-        self._energy = BandEnergy(rows, sampling_rate, n_samples)
-        self._transform = MultirateTransform(rows, sampling_rate, self._energy)
+        self._first, count = node_range(sampling_rate)
+        self._nodes, self._inner = np.zeros((2, rows, count))
+        self._short: list[NDArray[np.float64]] | None = [] if n_samples <= LONGEST else None
+        # A few channels at a time: enough to share the twiddle factors, few enough to stay in the cache.
+        groups = [] if n_samples <= LONGEST else few_rows(rows)
+        self._groups = [
+            (
+                group,
+                BandEnergy(sampling_rate, self._fade, self._first, self._nodes[group], self._inner[group]),
+            )
+            for group in groups
+        ]
+        keep_freed_memory()
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""
@@ -766,35 +706,48 @@ class BandEnergyAccumulator:
             samples = samples - self._slow.constant[:, None]
             drift = self._slow.drift(self._taken, samples.shape[1])
             samples = samples if drift is None else samples - drift
-            self._taken += samples.shape[1]
+        self._taken += samples.shape[1]
         if self._cut is not None:
             self._cut.add(samples[self._weighted])
-        if self._short is None:
-            self._transform.add(samples)
-        else:
+        if self._short is not None:
             self._short.append(samples)
+        for group, energy in self._groups:
+            energy.add(samples[group])
 
     def result(self, fraction: int = 24) -> EnergySpectrum:
         """The energy spectrum for bands of 1/`fraction` octave and wider; call it once, after the last samples."""
-        if self._short is None or self._n_samples is None:
-            self._transform.finish()
-            found = self._energy.result()
-        else:
+        nodes, inner, n = self._nodes, self._inner, max(self._taken, 1)
+        energy, total = np.zeros((2, len(nodes)))
+        if self._short:
             samples = self._short[0] if len(self._short) == 1 else np.concatenate(self._short, axis=1)
-            self._short = []
-            found = energy_of_short(samples, self._rate, self._n_samples, fraction)
-        n = max(found.n_samples, 1)
+            self._short, total = [], np.add.reduce(samples, axis=1)
+            energy = add_energy(nodes, samples, self._rate, self._first, fraction)
+            factors = self._fade.weights(0, samples.shape[1])
+            add_energy(inner, samples, self._rate, self._first, fraction, factors)
+        for group, found in self._groups:
+            found.finish()
+            energy[group], total[group] = found.energy, found.total
+        inner *= (_scale(nodes, inner, node_weights(self._first, nodes.shape[1], "A"), self._fade) / n)[
+            :, None
+        ]
+        mean_square, mean = energy / n, total / n
         if self._slow is not None:  # a drift is in no band, but in the mean square of all
-            found = replace(
-                found,
-                mean_square=found.mean_square + self._slow.square / n,
-                mean=found.mean + self._slow.total / n,
-            )
+            mean_square, mean = mean_square + self._slow.square / n, mean + self._slow.total / n
         cut = {}
-        for name, energy in {} if self._cut is None else self._cut.result().items():
+        for name, behind in {} if self._cut is None else self._cut.result().items():
             cut[name] = np.zeros(self._weighted.size)
-            cut[name][self._weighted] = energy / n
-        return replace(found, cut=cut)
+            cut[name][self._weighted] = behind / n
+        return EnergySpectrum(
+            self._first,
+            nodes / n,
+            mean_square,
+            mean,
+            self._taken,
+            self._rate,
+            inner,
+            self._fade.independent,
+            cut,
+        )
 
 
 @lru_cache(maxsize=8)

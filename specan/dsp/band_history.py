@@ -716,7 +716,7 @@ class BandHistoryAccumulator:
             self._derivatives.any()
         ):  # an integrator rings for ever, and what is not filtered is differentiated
             filters = [replace(one, ringing=math.inf, identity=False) for one in filters]
-        stages = _stages(sampling_rate)
+        stages = stages_of(sampling_rate)
         at = [stage_for(one, stages, time_constant).number for one in filters]
         self._sections: list[Sections] = []
         self._store: list[NDArray[np.complex64]] = []
@@ -864,15 +864,6 @@ class BandHistoryAccumulator:
                 readings[:, k] = found
         with_cut = highest_with, mean_with, np.maximum(self._peaks.largest, self._peaks_with_cut.largest)
         return Histories(readings, highest, lowest, later, self._settled, mean, self._peaks.largest, with_cut)
-
-
-def _stages(sampling_rate: float) -> list[Stage]:
-    """The stages with the lead that `Sections` give them: the thinned stream is `LATE` samples behind."""
-    stages, lead = [], 0.0
-    for stage in stages_of(sampling_rate):
-        stages.append(replace(stage, lead=lead))
-        lead = (lead + LATE) / FACTOR
-    return stages
 
 
 def _differentiation(derivatives: NDArray[np.int64], rate: float, points: int) -> NDArray[np.complex128]:

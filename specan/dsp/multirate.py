@@ -7,12 +7,11 @@ import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.windows import falling_step
 
 FACTOR = 8
@@ -66,38 +65,31 @@ class Decimator:
     0 from `STOP` (times the new rate) on, so that nothing is aliased and no droop has to be divided
     out; between them it falls as an error function, so that it rings for less than half a block.
 
-    Parameters
+    Attributes
     ----------
-    rows : int
-        Number of channels.
-    length : int
-        L, samples of a block; the transforms given to `add` are over 2 L samples. A multiple of 16.
+    rest : ndarray, shape (rows, L / 8), optional
+        What the filter rings after the last block; None is zero.
     """
 
-    def __init__(self, rows: int, length: int) -> None:
-        self._low = length // FACTOR
-        self._response = low_pass(self._low)
-        self._pending = np.zeros((rows, self._low))
+    def __init__(self) -> None:
+        self._response = low_pass(LENGTH // FACTOR)
+        self.rest: NDArray[np.float64] | None = None
 
-    def add(
-        self, spectrum: NDArray[np.complex128], half: int, rows: slice = slice(None)
-    ) -> NDArray[np.float64]:
-        """Take the transform of the next block of some rows; return L / 8 samples of their decimated stream.
+    def add(self, spectrum: NDArray[np.complex128] | None, half: int) -> NDArray[np.float64] | None:
+        """Take the transform of the next block; return L / 8 samples of the decimated stream. None is zero.
 
-        `half` says in which half of the 2 L samples the block stands. The stream begins L / 16 of its
-        samples before the first block: there the filter rings already.
+        `half` says in which half of the 2 L samples the block stands. The stream begins L / 16 of its samples before
+        the first block: there the filter rings already.
         """
-        low = self._low
+        before, self.rest = self.rest, None
+        if spectrum is None:
+            return before
+        low = LENGTH // FACTOR
         filtered = np.fft.irfft(spectrum[:, : low + 1] * self._response, 2 * low)
         # The block's own samples stand from half * low on; half a block of ringing on either side.
         filtered = np.roll(filtered, low // 2 - half * low, axis=1)
-        complete = self._pending[rows] + filtered[:, :low]
-        self._pending[rows] = filtered[:, low:]
-        return complete
-
-    def rest(self) -> NDArray[np.float64]:
-        """The L / 8 samples in which the filter rings after the last block."""
-        return self._pending
+        self.rest = filtered[:, low:].copy()
+        return filtered[:, :low] if before is None else before + filtered[:, :low]
 
 
 LENGTH = 1 << 15
@@ -124,7 +116,7 @@ class Stage:
     rate : float
         In Hz.
     lead : float
-        Samples of this stage before the record's first one (decimation filters ring before it).
+        Samples of this stage before the record's first one in the streams of `Sections`.
     last : bool
         Whether no lower rate follows.
     """
@@ -152,114 +144,13 @@ def stages_of(sampling_rate: float) -> list[Stage]:
     stages, lead = [], 0.0
     for number in range(depth + 1):
         stages.append(Stage(number, sampling_rate / FACTOR**number, lead, number == depth))
-        lead = lead / FACTOR + LENGTH / (2 * FACTOR)
+        lead = (lead + LATE) / FACTOR
     return stages
 
 
 def few_rows(rows: int) -> list[slice]:
     """The rows in groups that are transformed together."""
     return [slice(top, min(top + ROWS, rows)) for top in range(0, rows, ROWS)]
-
-
-class Consumer(Protocol):
-    """What looks at the blocks of all stages."""
-
-    def take(
-        self,
-        stage: Stage,
-        rows: slice,
-        block: NDArray[np.float64],
-        transform: NDArray[np.complex128],
-        half: int,
-    ) -> None:
-        """See some rows of the next block of a stage, shape (rows, LENGTH), the last block of a stage shorter.
-
-        All rows of a block come one after the other, from the first one on. `transform` is that of 2 `LENGTH` samples,
-        shape (rows, LENGTH + 1), zero but for the block in the half that `half` says; successive blocks of a stage
-        alternate. The array is written over afterwards.
-        """
-        ...
-
-
-class MultirateTransform:
-    """Brings consecutive samples onto a fixed grid of blocks, transforms these, and thins them out.
-
-    Parameters
-    ----------
-    rows : int
-        Number of channels.
-    sampling_rate : float
-        In Hz.
-    consumer : Consumer
-    """
-
-    def __init__(
-        self,
-        rows: int,
-        sampling_rate: float,
-        consumer: Consumer,
-    ) -> None:
-        keep_freed_memory()
-        self.stages = stages_of(sampling_rate)
-        self._rows, self._consumer = rows, consumer
-        self._grids = [OverlappedBlocks(LENGTH) for _ in self.stages]
-        self._decimators: list[Decimator | None] = [None] * len(self.stages)
-        self._halves = [0] * len(self.stages)
-        self._padded = PaddedTransform(rows)
-
-    def add(self, samples: NDArray[np.float64]) -> None:
-        """Take the next samples, shape (channels, n), n of any size."""
-        self._pass_on(0, samples)
-
-    def finish(self) -> None:
-        """Take what is left after the last samples, on every stage."""
-        for number, grid in enumerate(self._grids):
-            low = None if grid.rest is None or not grid.rest.shape[1] else self._take(number, grid.rest)
-            self._grids[number] = OverlappedBlocks(LENGTH)
-            if low is not None:
-                self._pass_on(number + 1, low)
-            decimator, self._decimators[number] = self._decimators[number], None
-            if decimator is not None:
-                self._pass_on(number + 1, decimator.rest())
-
-    def _pass_on(self, number: int, samples: NDArray[np.float64]) -> None:
-        for block in self._grids[number].feed(samples):
-            low = self._take(number, block)
-            if low is not None:
-                self._pass_on(number + 1, low)
-
-    def _take(self, number: int, block: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Show a block to the consumer, and return it thinned out if there is a lower rate."""
-        stage, half = self.stages[number], self._halves[number]
-        self._halves[number] = 1 - half
-        low = None if stage.last else np.empty((self._rows, LENGTH // FACTOR))
-        for rows in few_rows(self._rows):
-            part = block[rows]
-            transform = self._padded(part, half)
-            self._consumer.take(stage, rows, part, transform, half)
-            if low is not None:
-                decimator = self._decimators[number] or Decimator(self._rows, LENGTH)
-                self._decimators[number] = decimator
-                low[rows] = decimator.add(transform, half, rows)
-        return low
-
-
-class PaddedTransform:
-    """Transforms of 2 `LENGTH` samples, of which a block fills the first or the second half, a few rows at a time.
-
-    The memory is used again: on fresh memory, a transform takes twice the time.
-    """
-
-    def __init__(self, rows: int) -> None:
-        self._samples = np.zeros((min(rows, ROWS), 2 * LENGTH))
-        self._lines = np.empty((min(rows, ROWS), LENGTH + 1), dtype=np.complex128)
-
-    def __call__(self, block: NDArray[np.float64], half: int) -> NDArray[np.complex128]:
-        """The lines of some rows; the next call writes over them."""
-        samples = self._samples[: block.shape[0]]
-        samples[...] = 0.0
-        samples[:, half * LENGTH : half * LENGTH + block.shape[1]] = block
-        return np.fft.rfft(samples, out=self._lines[: block.shape[0]])
 
 
 GRAIN = 1024

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.multirate import FACTOR, LENGTH, Decimator, Stage, fast_length
+from specan.dsp.multirate import fast_length
 from specan.dsp.weighting import WEIGHTINGS, WEIGHTINGS_RING, Weighting, sampled_weighting
 from specan.dsp.windows import falling_step
 
@@ -75,68 +75,6 @@ class Fade:
 @lru_cache(maxsize=4)
 def _rise(samples: int) -> NDArray[np.float64]:
     return 1.0 - falling_step(np.arange(samples, dtype=np.float64) + 0.5, 0.0, float(samples))
-
-
-class RecordEnds:
-    """What a fade takes away from the blocks of a `MultirateTransform`, on every stage: nothing but at the ends.
-
-    Parameters
-    ----------
-    rows : int
-        Number of channels.
-    fade : Fade
-    """
-
-    def __init__(self, rows: int, fade: Fade) -> None:
-        self._rows, self._fade, self._position = rows, fade, 0
-        self._decimators: dict[int, Decimator] = {}
-        self._pieces: dict[int, list[NDArray[np.float64] | None]] = {}
-        self._parts: dict[int, NDArray[np.float64] | None] = {}
-
-    def of(self, stage: Stage, rows: slice, block: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """What the fade takes away from some rows of a stage's next block; None where it takes nothing."""
-        count = block.shape[1]
-        if stage.number == 0:
-            first = self._position
-            self._position += count if rows.stop == self._rows else 0
-            return (
-                block * (1.0 - self._fade.weights(first, count)) if self._fade.touches(first, count) else None
-            )
-        if rows.start == 0:
-            self._parts[stage.number] = self._decimated(stage.number, count)
-        part = self._parts[stage.number]
-        if rows.stop == self._rows:
-            del self._parts[stage.number]
-        return None if part is None else part[rows]
-
-    def decimate(self, stage: Stage, rows: slice, spectrum: NDArray[np.complex128] | None, half: int) -> None:
-        """Thin out what was taken away from these rows, of which this is the transform."""
-        number = stage.number + 1
-        pieces = self._pieces.setdefault(number, [])
-        if rows.start == 0:
-            pieces.append(
-                self._rest(number) if spectrum is None else np.empty((self._rows, LENGTH // FACTOR))
-            )
-        if spectrum is not None:
-            decimator, piece = self._decimators.get(number) or Decimator(self._rows, LENGTH), pieces[-1]
-            self._decimators[number] = decimator
-            assert piece is not None
-            piece[rows] = decimator.add(spectrum, half, rows)
-
-    def _rest(self, number: int) -> NDArray[np.float64] | None:
-        decimator = self._decimators.pop(number, None)
-        return None if decimator is None else decimator.rest()
-
-    def _decimated(self, number: int, length: int) -> NDArray[np.float64] | None:
-        """The next samples of a stage; None where all are zero."""
-        size, pieces = LENGTH // FACTOR, self._pieces[number]
-        if len(pieces) * size < length:  # the end: the decimator still rings
-            pieces.append(self._rest(number))
-        mine, self._pieces[number] = pieces[: -(-length // size)], pieces[-(-length // size) :]
-        if all(piece is None for piece in mine):
-            return None
-        whole = [np.zeros((self._rows, size)) if piece is None else piece for piece in mine]
-        return np.concatenate(whole, axis=1)[:, :length]
 
 
 # Whatever went before the record, the weighting rings with a sum of its own decays. All of them are what it answers to

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.fft import next_fast_len, rfft
 
-from specan.dsp import bands
+from specan.dsp import band_energy, bands
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum, LagSpectrum
 from specan.dsp.bands import Bands
 from specan.dsp.multirate import LENGTH
@@ -40,8 +40,14 @@ def one_transform(samples: np.ndarray, rate: float, mid: np.ndarray, fraction: i
     return np.array(result)
 
 
+@pytest.fixture(autouse=True)
+def in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Short records are transformed at once; here they are taken as long ones are."""
+    monkeypatch.setattr(band_energy, "LONGEST", 0)
+
+
 def collected(samples: np.ndarray, rate: float = RATE, piece: int = 50000) -> EnergySpectrum:
-    accumulator = BandEnergyAccumulator(samples.shape[0], rate)
+    accumulator = BandEnergyAccumulator(samples.shape[0], rate, samples.shape[1])
     for first in range(0, samples.shape[1], piece):
         accumulator.add(samples[:, first : first + piece])
     return accumulator.result()
@@ -128,12 +134,8 @@ def test_a_record_has_the_spectrum_of_its_correlation(sparing: bool, counts: lis
     length, n = 64, sum(counts)
     x, taken = np.random.default_rng(5).standard_normal((2, 6, n))
     taken[:, 64 : max(n - 40, 64)] = 0.0  # the middle of a long record is not faded
-    ends, first = np.zeros((6, length + 1)), 0
-
-    def at_ends(rows: slice, energy: np.ndarray) -> None:
-        ends[rows] += energy
-
-    spectrum = LagSpectrum(6, length, sparing=sparing, at_ends=at_ends)
+    first, ends = 0, []
+    spectrum = LagSpectrum(6, length, sparing=sparing)
     for number, count in enumerate(counts):
         block, end = (part[:, first : first + count] for part in (x, taken))
         first += count
@@ -142,11 +144,9 @@ def test_a_record_has_the_spectrum_of_its_correlation(sparing: bool, counts: lis
             np.fft.rfft(np.pad(part, ((0, 0), (half * length, 2 * length - half * length - count))))
             for part in (block, end)
         )
-        for rows in (slice(0, 4), slice(4, 6)):
-            gone = (end[rows], lines_end[rows]) if end.any() else (None, None)
-            spectrum.add(rows, block[rows], lines[rows], half, *gone)
-    found = spectrum.energy()
-    for more, signal in ((0.0, x), (ends, x - taken)):
+        ends.append(spectrum.add(block, lines, half, *((end, lines_end) if end.any() else (None, None))))
+    found, last = spectrum.finish()
+    for more, signal in ((0.0, x), (sum(e for e in [*ends, last] if e is not None), x - taken)):
         lags = np.stack([np.correlate(row, row, "full")[n - 1 :] for row in signal])
         lags = np.pad(lags, ((0, 0), (0, length + 1)))[:, : length + 1]
         lags *= falling_step(np.arange(length + 1.0), 0.75 * length, length)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from specan.divisions import FRACTIONS
-from specan.dsp import bands
+from specan.dsp import band_energy, bands
 from specan.dsp.band_energy import BandEnergyAccumulator
 from specan.dsp.bands import Bands
 from specan.dsp.multirate import LENGTH
@@ -19,13 +19,21 @@ INDEX = bands.band_range(20.0, 20000.0, 3)
 
 
 def levels(samples: np.ndarray, pieces: list[int]) -> np.ndarray:
-    accumulator = BandEnergyAccumulator(samples.shape[0], RATE)
+    accumulator = BandEnergyAccumulator(samples.shape[0], RATE, samples.shape[1])
     for first, last in zip([0, *pieces], [*pieces, samples.shape[1]], strict=True):
         accumulator.add(samples[:, first:last])
     spectrum = accumulator.result()
     return np.concatenate(
         [spectrum.mean_square[:, None], spectrum.band_mean_square(Bands.octaves(3, INDEX))], axis=1
     )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def in_blocks():
+    """Short records are transformed at once; here they are taken as long ones are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(band_energy, "LONGEST", 0)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +68,7 @@ def test_levels_scale_with_the_signal_and_do_not_depend_on_when_it_comes(gain: f
 
 def test_bands_of_noise_add_up_to_the_whole() -> None:
     """White noise from 16 Hz to 16 kHz octaves: the bands' widths add up, whatever the fraction."""
-    accumulator = BandEnergyAccumulator(7, RATE)
+    accumulator = BandEnergyAccumulator(7, RATE, SAMPLES.shape[1])
     accumulator.add(SAMPLES)
     spectrum = accumulator.result()
     sums = [
