@@ -19,6 +19,7 @@ from specan.models.quantity import (
     Quantity,
     Reading,
     SettingError,
+    of_parameter,
     rig_statement,
 )
 from specan.units import base_unit, convert
@@ -47,7 +48,7 @@ def fields_from_functions(
     _check_names(named, known, starts)
     effects = [as_declared(effect) for effect in effects]
     shared = _shared(named, starts, effects)
-    quantities = {name: _of_parameter(name, starts[name]) for name in shared}
+    quantities = {name: of_parameter(name, starts[name]) for name in shared}
     for name, function in named.items():
         own = {p: starts[p] for p in _arguments(function) if p in starts and p not in shared}
         reads = tuple(a for a in _arguments(function) if a not in own)
@@ -158,13 +159,6 @@ def _shared(
     readers += [{*effect.reads, *effect.changes} for effect in effects]
     acted = {name for effect in effects for name in (*effect.reads, *effect.changes)}
     return [n for n in starts if n in acted or sum(n in names for names in readers) > 1]
-
-
-def _of_parameter(name: str, parameter: Parameter) -> Quantity:
-    def value(*, value: float) -> float:
-        return value
-
-    return Quantity(name, parameter.unit, parameter.doc or name, value, (), {"value": parameter})
 
 
 def _stated(observables: Mapping[str, Any]) -> dict[str, float]:

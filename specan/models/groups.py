@@ -17,7 +17,7 @@ import numpy as np
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Parameter
 from specan.models.from_function import Instead
-from specan.models.quantity import Condition, Quantity, SettingError
+from specan.models.quantity import Condition, Quantity, SettingError, of_parameter
 
 ModelT = TypeVar("ModelT", bound=Any)  # a `specan.models.model.Model`, which this module is a part of
 START = 0.1  # share of a parameter's range at which a fit begins to look for a difference
@@ -64,12 +64,11 @@ def with_groups(model: ModelT, axes: Sequence[str]) -> ModelT:
 def _set_apart(node: Quantity, model: Any) -> tuple[Quantity, dict[str, Quantity]]:
     """A quantity that reads its free parameters as quantities, and these."""
     chosen = {n: p for n, p in node.parameters.items() if not p.fixed}
-    alone = not node.reads and set(node.parameters) == {"value"}  # a quantity already
-    if alone or not chosen or not node.comparable:
+    if node.is_parameter or not chosen or not node.comparable:
         return node, {}
     taken = {*model.quantities, *model.conditions}
     names = {n: n if n not in taken else f"{node.name}_{n}" for n in chosen}
-    own = {new: _constant(new, chosen[old]) for old, new in names.items()}
+    own = {new: of_parameter(new, chosen[old]) for old, new in names.items()}
     kept = {n: p for n, p in node.parameters.items() if n not in chosen}
     count, old_names = len(node.reads), list(names)
 
@@ -79,13 +78,6 @@ def _set_apart(node: Quantity, model: Any) -> tuple[Quantity, dict[str, Quantity
     return replace(
         node, function=Instead(function, node.function), reads=(*node.reads, *names.values()), parameters=kept
     ), own
-
-
-def _constant(name: str, parameter: Parameter) -> Quantity:
-    def value(*, value: float) -> float:
-        return value
-
-    return Quantity(name, parameter.received_unit, parameter.doc or name, value, (), {"value": parameter})
 
 
 def grouped(model: ModelT, elements: Mapping[str, Sequence[str]]) -> ModelT:
@@ -111,7 +103,7 @@ def _expanded(model: ModelT, axis: str, names: tuple[str, ...]) -> ModelT:
     effects = {n: _effect_per(effect, axis, names) for n, effect in model.effects.items()}
     if len(names) > 1:
         for node in model.quantities.values():
-            if not node.reads and set(node.parameters) == {"value"} and not node.parameters["value"].per:
+            if node.is_parameter and not node.parameters["value"].per:
                 effect = _differs(node, axis, names)
                 effects.setdefault(effect.name, effect)
     return replace(

@@ -135,8 +135,20 @@ class Program:
         """What the function is made of: its text, the code of the functions in it, and what they take from outside."""
         return self.source, tuple(_outside(f) for f in self.functions.values())
 
-    def compiled(self, decorate: Callable[[Any], Any]) -> Any:
-        """The march, with every function of it decorated."""
+    @cached_property
+    def marches(self) -> tuple[Any, Any]:
+        """Runge-Kutta's method and the implicit one over all samples; with numba where effects are switched."""
+        if not self.switched:
+            return self._with(lambda function: function)
+        if self.identity not in _COMPILED:
+            made = self._with(_numba().njit)
+            n, d = len(self.states), len(self.drives)
+            on = np.ones(len(self.uses), bool)
+            made[0](np.arange(2.0), 1, np.ones((d, 2)), np.ones(len(self.parameters)), on, np.ones((n, 2)))
+            _COMPILED[self.identity] = made
+        return _COMPILED[self.identity]
+
+    def _with(self, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
         space: dict[str, Any] = {name: decorate(f) for name, f in self.functions.items()}
         exec(self.source, space)
         return _marches(decorate(space["rates"]), decorate)
@@ -161,6 +173,9 @@ def _outside(function: Any) -> Any:
     return code, tuple(v if isinstance(v, int | float | str) else id(v) for v in taken)
 
 
+_COMPILED: dict[Any, tuple[Any, Any]] = {}  # by what was compiled: a model that is loaded again is the same
+
+
 def _marches(rates: Any, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
     """Runge-Kutta's method and the implicit one over all samples."""
 
@@ -168,51 +183,38 @@ def _marches(rates: Any, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
         for k in range(drives.shape[0]):
             d[k] = drives[k, i] + (drives[k, i + 1] - drives[k, i]) * part
 
-    between = decorate(between)
+    def moved(s, h, slope, y):
+        for k in range(s.shape[0]):
+            y[k] = s[k] + h * slope[k]
+
+    between, moved = decorate(between), decorate(moved)
 
     def explicit(times, steps, drives, p, on, states):
-        s, d = np.empty_like(states[:, 0]), np.empty_like(drives[:, 0])
-        for k in range(s.shape[0]):
-            s[k] = states[k, 0]
-        y, k1, k2, k3, k4 = (
-            np.empty_like(s),
-            np.empty_like(s),
-            np.empty_like(s),
-            np.empty_like(s),
-            np.empty_like(s),
-        )
+        s, d = states[:, 0].copy(), drives[:, 0].copy()
+        y, k1, k2, k3, k4 = s.copy(), s.copy(), s.copy(), s.copy(), s.copy()
         for i in range(times.size - 1):
             h = (times[i + 1] - times[i]) / steps
             for j in range(steps):
                 between(drives, i, j / steps, d)
                 rates(s, d, p, on, k1)
-                for k in range(s.shape[0]):
-                    y[k] = s[k] + 0.5 * h * k1[k]
                 between(drives, i, (j + 0.5) / steps, d)
+                moved(s, 0.5 * h, k1, y)
                 rates(y, d, p, on, k2)
-                for k in range(s.shape[0]):
-                    y[k] = s[k] + 0.5 * h * k2[k]
+                moved(s, 0.5 * h, k2, y)
                 rates(y, d, p, on, k3)
-                for k in range(s.shape[0]):
-                    y[k] = s[k] + h * k3[k]
                 between(drives, i, (j + 1) / steps, d)
+                moved(s, h, k3, y)
                 rates(y, d, p, on, k4)
                 for k in range(s.shape[0]):
                     s[k] = s[k] + h / 6 * (k1[k] + 2 * k2[k] + 2 * k3[k] + k4[k])
-            for k in range(s.shape[0]):
-                states[k, i + 1] = s[k]
+            moved(s, 0.0, s, states[:, i + 1])
 
     def solve(matrix, right, found):
-        """Gauss's elimination with pivots."""
-        n = right.shape[0]
-        a = matrix.copy()
+        """Gauss's elimination with pivots: numba takes seconds to compile that of LAPACK."""
+        n, a = right.shape[0], matrix.copy()
+        moved(right, 0.0, right, found)
         for k in range(n):
-            found[k] = right[k]
-        for k in range(n):
-            best = k
-            for i in range(k + 1, n):
-                if abs(a[i, k]) > abs(a[best, k]):
-                    best = i
+            best = k + np.argmax(np.abs(a[k:, k]))
             for j in range(n):
                 a[k, j], a[best, j] = a[best, j], a[k, j]
             found[k], found[best] = found[best], found[k]
@@ -230,11 +232,9 @@ def _marches(rates: Any, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
 
     def implicit(times, steps, drives, p, on, states):
         n, gamma = states.shape[0], 1 / (2 + np.sqrt(2.0))
-        s, d, y, f0, f1 = np.empty(n), np.empty(drives.shape[0]), np.empty(n), np.empty(n), np.empty(n)
-        moved, right, k1, k2 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-        matrix = np.empty((n, n))
-        for k in range(n):
-            s[k] = states[k, 0]
+        s, d = states[:, 0].copy(), drives[:, 0].copy()
+        f0, f1, y, right, k1, k2 = s.copy(), s.copy(), s.copy(), s.copy(), s.copy(), s.copy()
+        matrix = np.eye(n)
         for i in range(times.size - 1):
             h = (times[i + 1] - times[i]) / steps
             for j in range(steps):
@@ -244,26 +244,23 @@ def _marches(rates: Any, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
                     kept = s[k]
                     step = 1e-7 * max(abs(kept), abs(h * f0[k]), 1e-12)
                     s[k] = kept + step
-                    rates(s, d, p, on, moved)
+                    rates(s, d, p, on, f1)
                     s[k] = kept
                     for m in range(n):
-                        matrix[m, k] = (1.0 if m == k else 0.0) - gamma * h * (moved[m] - f0[m]) / step
+                        matrix[m, k] = (1.0 if m == k else 0.0) - gamma * h * (f1[m] - f0[m]) / step
                 between(drives, i, (j + 0.01) / steps, d)
-                rates(s, d, p, on, moved)
+                rates(s, d, p, on, f1)
                 for k in range(n):
-                    right[k] = f0[k] + gamma * (moved[k] - f0[k]) / 0.01
+                    right[k] = f0[k] + gamma * (f1[k] - f0[k]) / 0.01
                 solve(matrix, right, k1)
                 between(drives, i, (j + 0.5) / steps, d)
-                for k in range(n):
-                    y[k] = s[k] + 0.5 * h * k1[k]
+                moved(s, 0.5 * h, k1, y)
                 rates(y, d, p, on, f1)
-                for k in range(n):
-                    right[k] = f1[k] - k1[k]
+                moved(f1, -1.0, k1, right)
                 solve(matrix, right, k2)
                 for k in range(n):
                     s[k] = s[k] + h * (k1[k] + k2[k])
-            for k in range(n):
-                states[k, i + 1] = s[k]
+            moved(s, 0.0, s, states[:, i + 1])
 
     return decorate(explicit), decorate(implicit)
 
@@ -277,78 +274,92 @@ def _numba() -> Any:
 
 
 class Solver:
-    """Marches of one model, whatever effects it has."""
+    """What marches a model: its compiled programs, and the method and steps that are enough.
+
+    Both are found for the first parameter values asked for with some effects and kept: all predictions of a fit come
+    by the same way, whose error is small against the noise.
+    """
 
     def __init__(self, model: Any) -> None:
         self.model = model
-        self._compiled: dict[Any, tuple[Program, Any] | None] = {}
+        self._programs: dict[Any, Program | None] = {}
         self._steps: dict[Any, tuple[bool, int]] = {}
 
-    def _fast(self, assembly: Evaluator) -> tuple[Program, Any] | None:
-        """A compiled march: of all effects at once, else of those of the assembly; None where it cannot be."""
+    def program(self, assembly: Evaluator) -> Program:
+        """One for all effects of the model, or for these; without numba, or where that fails, as it stands."""
         everything = self.model.assemble([e.name for e in self.model.effects.values() if not e.at])
         for key in (everything, assembly):
-            known = key.uses
-            if not set(assembly.uses) <= set(known):
+            if not set(assembly.uses) <= set(key.uses):
                 continue
-            if known not in self._compiled:
-                self._compiled[known] = _compile(key)
-            found = self._compiled[known]
+            if key.uses not in self._programs:
+                self._programs[key.uses] = _compile(key)
+            found = self._programs[key.uses]
             if found is not None:
                 return found
-        return None
+        return Program(assembly, switched=False)
 
     def march(
         self, assembly: Evaluator, times: Array, drives_of: Any, many: Sequence[Mapping[str, Any]]
     ) -> Array:
         """States over time for several sets of values, shape (states, times, sets)."""
-        fast = self._fast(assembly)
-        program = fast[0] if fast else Program(assembly, switched=False)
+        program = self.program(assembly)
         key = assembly.uses, times.size, float(times[-1] - times[0])
         known = self._steps.get(key)
         if known is None:  # of the effects at their defaults, whatever is asked for first
-            usual = [{n: v for n, v in many[0].items() if not ParameterName(n).owned_by(assembly.uses)}]
-            known = self._needed(self._run(assembly, program, fast, times, drives_of, usual))
+            usual = {n: v for n, v in many[0].items() if not ParameterName(n).owned_by(assembly.uses)}
+            known = self._needed(program, self._marching(program, assembly, times, drives_of, [usual]))
             if known is not None:
                 self._steps[key] = known
-        run = self._run(assembly, program, fast, times, drives_of, many)
-        return run(*(known or UNSETTLED), range(len(many)))
+        return self._marching(program, assembly, times, drives_of, many)(*(known or UNSETTLED))
 
-    def _run(
+    def _marching(
         self,
-        assembly: Evaluator,
         program: Program,
-        fast: Any,
+        assembly: Evaluator,
         times: Array,
         drives_of: Any,
         many: Sequence[Mapping[str, Any]],
-    ) -> _Run:
+    ) -> Callable[[bool, int], Array]:
+        """What marches from one set of inputs, starts and parameter values, for a method and its steps a sample."""
         drives, starts = drives_of(program.drives, program.states, many)
-        defaults = self.model.assemble(program.uses).defaults
-        values = np.array(
-            [
-                [float(v.get(n, assembly.defaults.get(n, defaults[n]))) for v in many]
-                for n in program.parameters
-            ]
-        ).reshape(len(program.parameters), len(many))
-        on = np.array([use in assembly.uses for use in program.uses])
-        return _Run(times, drives, values, on, starts, fast[1] if fast else None, program)
+        defaults = {**self.model.assemble(program.uses).defaults, **assembly.defaults}
+        values = np.array([[float(v.get(n, defaults[n])) for v in many] for n in program.parameters])
+        values = values.reshape(len(program.parameters), len(many))
+        on = np.array([use in assembly.uses for use in program.uses], bool)
 
-    def _needed(self, run: _Run) -> tuple[bool, int] | None:
+        def march(implicit: bool, steps: int) -> Array:
+            found = np.empty((len(program.states), times.size, len(many)))
+            found[:, 0] = starts
+            way = program.marches[int(implicit)]
+            with np.errstate(all="ignore"):
+                if not program.switched and not implicit:  # all sets as columns
+                    way(times, steps, drives, values, on, found)
+                else:
+                    for k in range(len(many)):
+                        states, own, given = map(
+                            np.ascontiguousarray, (found[:, :, k], values[:, k], drives[:, :, k])
+                        )
+                        way(times, steps, given, own, on, states)
+                        found[:, :, k] = states
+            found[~(np.abs(found) < RUNAWAY)] = np.nan
+            return found
+
+        return march
+
+    def _needed(self, program: Program, march: Callable[[bool, int], Array]) -> tuple[bool, int] | None:
         """Whether the implicit method is needed, and steps a sample; None where nothing settles at these values."""
-        allowed = self.model.rates.tolerances
+        allowed = np.array([self.model.rates.tolerances.get(n, 0.0) for n in program.states])
         for implicit in (False, True):
-            steps, last = 1, run(implicit, 1, [0])[:, :, 0]
-            change = size = np.full(len(run.program.states), np.inf)
+            steps, last = 1, march(implicit, 1)[:, :, 0]
+            excess = np.inf
             while steps < MOST_STEPS:
-                found = run(implicit, 2 * steps, [0])[:, :, 0]
-                change = np.sqrt(np.mean((found - last) ** 2, axis=1))
-                size = np.array([allowed.get(n, 0.0) for n in run.program.states])
-                size = np.where(size > 0, size, EXACT * np.sqrt(np.mean(found**2, axis=1))) + 1e-300
-                if np.all(change <= size):
+                found = march(implicit, 2 * steps)[:, :, 0]
+                change, size = (np.sqrt(np.mean(part**2, axis=1)) for part in (found - last, found))
+                excess = np.max(change / (np.where(allowed > 0, allowed, EXACT * size) + 1e-300))
+                if excess <= 1:
                     return implicit, steps
                 steps, last = 2 * steps, found
-            if np.all(change <= NEARLY * size):
+            if excess <= NEARLY:
                 return implicit, steps // 2
         return None
 
@@ -360,57 +371,13 @@ class Solver:
         return f"{name}, up to {most} steps a sample"
 
 
-def _compile(assembly: Evaluator) -> tuple[Program, Any] | None:
+def _compile(assembly: Evaluator) -> Program | None:
     numba = _numba()
     if numba is None:
         return None
     try:
         program = Program(assembly, switched=True)
-        if program.identity not in _COMPILED:
-            made = program.compiled(numba.njit)
-            n, d = len(program.states), max(len(program.drives), 1)
-            made[0](
-                np.arange(2.0), 1, np.ones((d, 2)), np.ones(max(len(program.parameters), 1)),
-                np.ones(max(len(program.uses), 1), bool), np.ones((n, 2)),
-            )  # fmt: skip
-            _COMPILED[program.identity] = made
+        program.marches  # noqa: B018 - compiles
     except (RequestError, numba.errors.NumbaError, TypeError, ZeroDivisionError):
         return None
-    return program, _COMPILED[program.identity]
-
-
-_COMPILED: dict[Any, Any] = {}  # by what was compiled: a model that is loaded again is the same
-
-
-class _Run:
-    """One set of inputs, starts and parameter values."""
-
-    def __init__(
-        self, times: Array, drives: Array, values: Array, on: Any, starts: Array, fast: Any, program: Program
-    ) -> None:
-        self.times, self.drives, self.values, self.starts = times, drives, values, starts
-        self.on, self.fast, self.program = on, fast, program
-
-    @cached_property
-    def _slow(self) -> Any:
-        return self.program.compiled(lambda function: function)
-
-    def __call__(self, implicit: bool, steps: int, sets: Sequence[int]) -> Array:
-        """States, shape (states, times, sets); not a number where they run away."""
-        chosen = list(sets)
-        found = np.empty((len(self.program.states), self.times.size, len(chosen)))
-        found[:, 0] = self.starts[:, chosen]
-        drives, values = self.drives[:, :, chosen], self.values[:, chosen]
-        with np.errstate(all="ignore"):
-            if self.fast is None and not implicit:
-                self._slow[0](self.times, steps, drives, values, self.on, found)
-            else:
-                march = (self.fast or self._slow)[int(implicit)]
-                on = self.on if self.on.size else np.ones(1, bool)
-                for k in range(len(chosen)):
-                    states = np.ascontiguousarray(found[:, :, k])
-                    own = np.ascontiguousarray(values[:, k]) if values.size else np.ones(1)
-                    march(self.times, steps, np.ascontiguousarray(drives[:, :, k]), own, on, states)
-                    found[:, :, k] = states
-            found[~(np.abs(found) < RUNAWAY)] = np.nan
-        return found
+    return program

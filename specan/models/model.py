@@ -15,7 +15,7 @@ from specan.models.from_function import PREFIX, as_declared, fields_from_functio
 from specan.models.groups import check_groups, with_groups
 from specan.models.measurement_kinds import Receivers, TableRules
 from specan.models.quantity import Condition, Frf, Observable, Quantity, RigStatement, rig_statement
-from specan.models.rates import Rates, State, parts_of_rates, start_of, stated_noise, tolerances, with_reads
+from specan.models.rates import Rates, State, fields_from_rates
 
 
 @dataclass(frozen=True)
@@ -389,27 +389,14 @@ class Model:
         >>> float(found["x"][-1].round(4))
         0.8647
         """
-        parts = parts_of_rates(functions, states, inputs, observables, units or {})
-        effects = [with_reads(effect) for effect in effects]
-        channels = parts.pop("inputs")
-        more = {
-            **{n: s.unit for n, s in states.items()},
-            **{n: s.unit for e in effects for n, s in e.states.items()},
-        }
-        asked = {n: Condition(n, unit, n) for n, unit in more.items()}
-        fields = fields_from_functions(
-            parts["functions"], {**parts["conditions"], **asked}, parts["observables"], parameters or {},
-            parts["units"], effects, stated_noise(observables),
-        )  # fmt: skip
-        fields["conditions"] = parts["conditions"]
-        fields["observables"] = {o.name: o for o in fields["observables"].values()}
-        fields["quantities"] |= {f"{n}_start": start_of(n, state) for n, state in states.items()}
-        first = functions[0]
-        rates = Rates(states, channels, tolerances(states, observables))
+        more = {"parameters": parameters or {}, "units": units or {}, "effects": effects}
         return cls(
-            name or name_of(first) or next(iter(observables)), title or title_of(first) or "a model of rates", **fields,
-            base_effects=tuple(base_effects), declared_units=True, rates=rates,
-        )  # fmt: skip
+            name or name_of(functions[0]) or next(iter(observables)),
+            title or title_of(functions[0]) or "a model of rates",
+            **fields_from_rates(functions, states, inputs, observables, more),
+            base_effects=tuple(base_effects),
+            declared_units=True,
+        )
 
     def assemble(self, uses: Iterable[Use | str] = ()) -> Assembly:
         """Switch effects on.

@@ -125,6 +125,11 @@ class Quantity:
     opaque: bool = False  # a solver's own object: nothing to compare or to add to
 
     @property
+    def is_parameter(self) -> bool:
+        """Whether it is nothing but a parameter."""
+        return not self.reads and set(self.parameters) == {"value"}
+
+    @property
     def comparable(self) -> bool:
         """Whether its values are numbers: no collection, no object of a solver."""
         return not (self.collection or self.opaque)
@@ -181,6 +186,16 @@ def quantity(
         )
 
     return make
+
+
+def of_parameter(name: str, parameter: Parameter, doc: str = "") -> Quantity:
+    """A quantity that is a parameter, so that effects can act on it and several functions read it."""
+
+    def value(*, value: float) -> float:
+        return value
+
+    doc = doc or parameter.doc or name
+    return Quantity(name, parameter.received_unit, doc, value, (), {"value": parameter})
 
 
 def constant(name: str, value: Any, unit: str, doc: str, axes: tuple[str, ...] = ()) -> Quantity:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,7 +13,9 @@ import numpy as np
 
 from specan.errors import RequestError
 from specan.models.effect import Effect, Parameter
-from specan.models.quantity import Condition, Observable, Quantity
+from specan.models.from_function import fields_from_functions
+from specan.models.loops import reached
+from specan.models.quantity import Condition, Observable, Quantity, constant, of_parameter, rig_statement
 from specan.units import is_compatible, scale_to
 
 if TYPE_CHECKING:
@@ -120,34 +123,18 @@ class WithStates:
     @cached_property
     def moved_by_states(self) -> frozenset[str]:
         """Quantities that depend on a state."""
-        moved: set[str] = set()
-        while True:
-            more = {
-                name
-                for name, (base, acting) in self._calls.items()
-                if name not in moved
-                and any(
-                    r in moved or r in self.states
-                    for call in (base, *(c for *_, c in acting))
-                    for r in call.reads
-                )
-            }
-            if not more:
-                return frozenset(moved)
-            moved |= more
+        readers = defaultdict(list)
+        for name, (base, acting) in self._calls.items():
+            for call in (base, *(c for *_, c in acting)):
+                for read in call.reads:
+                    readers[read].append(name)
+        return frozenset(reached([n for n in self.states if readers[n]], readers) - set(self.states))
 
     @cached_property
     def reached_from_rates(self) -> frozenset[str]:
         """Quantities that the rates depend on."""
-        waiting = ["d" + name for name, state in self.states.items() if state.rate is None]
-        waiting += [r for state in self.states.values() for r in state.reads if r in self._reads]
-        found: set[str] = set()
-        while waiting:
-            name = waiting.pop()
-            if name not in found:
-                found.add(name)
-                waiting += self._reads[name]
-        return frozenset(found)
+        read = ["d" + name for name, state in self.states.items() if state.rate is None]
+        return frozenset(reached([*read, *(r for s in self.states.values() for r in s.reads)], self._reads))
 
     def trajectories(
         self: Any, conditions: Mapping[str, Any], many: Sequence[Mapping[str, Any]]
@@ -178,20 +165,25 @@ class WithStates:
                 for k in range(len(many))
             ]
         solver = self.model.rates.solver(self.model)
-        found = solver.march(self, times, drives_of, many)
-        names = list(solver._fast(self)[0].states if solver._fast(self) else self.states)
+        found, names = solver.march(self, times, drives_of, many), solver.program(self).states
         return [{name: found[i, :, k] for i, name in enumerate(names)} for k in range(len(many))]
 
 
-def parts_of_rates(
+def fields_from_rates(
     functions: Sequence[Callable[..., Any]],
     states: Mapping[str, State],
     inputs: Mapping[str, Any],
     observables: Mapping[str, Any],
-    units: Mapping[str, str],
+    more: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """What `Model.from_function` is given for the functions of a model of rates."""
-    named = {f.__name__: f for f in functions}
+    """Fields of a model made of rates; `more` are parameters, units and effects as `fields_from_functions` takes them.
+
+    Raises
+    ------
+    RequestError
+        A state without a rate, an observable that is nothing known or in another unit.
+    """
+    named = {f.__name__ for f in functions}
     for name in states:
         if f"d{name}" not in named:
             raise RequestError(
@@ -199,99 +191,103 @@ def parts_of_rates(
                 expected=f"a function d{name}",
                 remedy="write one, and pass it",
             )
-    conditions: dict[str, Condition] = {
-        TIME: Condition(TIME, SECONDS, "Time since the recording began.", TIME, SECONDS, varies=False)
+    effects = [_with_reads(effect) for effect in more["effects"]]
+    units = {f"d{name}": f"{state.unit}/s" for name, state in states.items()} | more["units"]
+    channels = {name: f"{name}_channel" for name in inputs}
+    input_units = {name: given if isinstance(given, str) else given[0] for name, given in inputs.items()}
+    known = {name: state.unit for name, state in states.items()} | units | input_units
+    signals = {name: _signal(name, given, known) for name, given in observables.items()}
+    conditions = {
+        TIME: Condition(TIME, SECONDS, "Time since the recording began.", TIME, SECONDS, varies=False),
+        **{
+            channel: Condition(channel, known[n], f"Recorded {n}.", n, known[n], label=n)
+            for n, channel in channels.items()
+        },
+        **{
+            f"{n}_first": Condition(
+                f"{n}_first", known[n], f"First value of {n}.", f"{n}_first", known[n], 0.0, varies=False
+            )
+            for n, state in states.items()
+            if state.start == MEASURED
+        },
     }
-    units = {f"d{name}": f"{state.unit}/s" for name, state in states.items()} | dict(units)
-    made: list[Callable[..., Any]] = []
-    channels = {}
-    for name, given in inputs.items():
-        unit = given if isinstance(given, str) else given[0]
-        channel = f"{name}_channel"
-        conditions[channel] = Condition(channel, unit, f"Recorded {name}.", name, unit, label=name)
-        channels[name] = channel
-        units[name] = unit
-        made.append(_same(name, channel, f"The input {name}."))
-    known = {name: state.unit for name, state in states.items()} | units
-    for name in [name for name, state in states.items() if state.start == MEASURED]:
-        first = f"{name}_first"
-        conditions[first] = Condition(
-            first, known[name], f"First value of {name}.", first, known[name], 0.0, varies=False
+    others = [
+        *(_passed_on(n, known[n], f"The input {n}.", channel) for n, channel in channels.items()),
+        *(part for n, signal in signals.items() for part in _of_sensor(n, signal.unit, known[n])),
+    ]
+    asked = {
+        **{n: s.unit for e in effects for n, s in e.states.items()},
+        **{n: s.unit for n, s in states.items()},
+        **{node.name: node.unit for node in others},
+    }  # what the functions may read beside each other
+    fields = fields_from_functions(
+        functions, {**conditions, **{n: Condition(n, unit, n) for n, unit in asked.items()}}, {},
+        more["parameters"], units, effects, {},
+    )  # fmt: skip
+    measured = {
+        name: Observable(
+            name, f"{name}_measured", one.unit, f"{name} as it is measured.", column=one.channel or name,
+            column_unit=one.unit, kind=KIND,
         )
-    measured = {}
-    for name, given in observables.items():
-        signal = (
-            given if isinstance(given, Signal) else Signal(*(given if isinstance(given, tuple) else (given,)))
-        )
-        if name not in known:
-            raise RequestError(
-                f"the observable {name!r} is neither a state nor a quantity", remedy="give its unit in units="
-            )
-        if not is_compatible(known[name], signal.unit):
-            raise RequestError(
-                f"the observable {name!r} is in {signal.unit}", expected=f"a unit like {known[name]}"
-            )
-        there, scale = f"{name}_at_sensor", scale_to(known[name], signal.unit)
-        made.append(_same(there, name, f"{name} in the unit of its sensor.", scale))
-        made.append(_same(f"{name}_measured", there, f"{name} as it is measured."))
-        units[there] = signal.unit
-        measured[f"{name}_measured"] = Observable(
-            name, f"{name}_measured", signal.unit, f"{name} as it is measured.", column=signal.channel or name,
-            column_unit=signal.unit, kind=KIND,
-        )  # fmt: skip
-        units[f"{name}_measured"] = signal.unit
-    return {
-        "functions": (*functions, *made), "conditions": conditions, "units": units, "observables": measured,
-        "inputs": channels,
+        for name, one in signals.items()
     }  # fmt: skip
+    noise = {name: one.uncertainty for name, one in signals.items() if one.uncertainty is not None}
+    tolerances = {
+        name: 0.1 * sd * scale_to(signals[name].unit, states[name].unit)
+        for name, sd in noise.items()
+        if name in states
+    }
+    starts = [_start_of(name, state) for name, state in states.items()]
+    return fields | {
+        "conditions": conditions,
+        "observables": measured,
+        "quantities": fields["quantities"] | {node.name: node for node in (*others, *starts)},
+        "rig": rig_statement({"uncertainty": noise}, (), measured.values()),
+        "rates": Rates(states, channels, tolerances),
+    }
 
 
-def _same(name: str, of: str, doc: str, scale: float = 1.0) -> Callable[..., Any]:
-    """A function of one argument that gives it back, in another unit."""
-
-    def function(value: Any) -> Any:
-        return value * scale
-
-    function.__name__, function.__doc__ = name, doc
-    function.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [inspect.Parameter(of, inspect.Parameter.POSITIONAL_OR_KEYWORD)]
+def _signal(name: str, given: Any, known: Mapping[str, str]) -> Signal:
+    signal = (
+        given if isinstance(given, Signal) else Signal(*(given if isinstance(given, tuple) else (given,)))
     )
-    return lambda_by_name(function, of)
+    if name not in known:
+        raise RequestError(
+            f"the observable {name!r} is neither a state nor a quantity", remedy="give its unit in units="
+        )
+    if not is_compatible(known[name], signal.unit):
+        raise RequestError(
+            f"the observable {name!r} is in {signal.unit}", expected=f"a unit like {known[name]}"
+        )
+    return signal
 
 
-def lambda_by_name(function: Callable[..., Any], of: str) -> Callable[..., Any]:
-    """A function of one argument as one that takes it by its name, whatever that is."""
-
-    def by_name(*given: Any, **named: Any) -> Any:
-        return function(*given, *named.values())
-
-    by_name.__name__, by_name.__doc__ = function.__name__, function.__doc__
-    by_name.__signature__ = inspect.signature(function)  # type: ignore[attr-defined]
-    by_name.function = function  # type: ignore[attr-defined]
-    return by_name
+def _of_sensor(name: str, unit: str, from_unit: str) -> tuple[Quantity, Quantity]:
+    """What a sensor is given, and what it shows: faults of it act on the second."""
+    there = f"{name}_at_sensor"
+    return (
+        _passed_on(there, unit, f"{name} in the unit of its sensor.", name, scale_to(from_unit, unit)),
+        _passed_on(f"{name}_measured", unit, f"{name} as it is measured.", there),
+    )
 
 
-def start_of(name: str, state: State) -> Quantity:
+def _passed_on(name: str, unit: str, doc: str, of: str, scale: float = 1.0) -> Quantity:
+    return Quantity(name, unit, doc, lambda value: value * scale, (of,), {})
+
+
+def _start_of(name: str, state: State) -> Quantity:
     """The quantity that a state starts from."""
     doc = f"{name} when a recording begins."
     if isinstance(state.start, Parameter):
-        own = replace(
-            state.start, as_declared=True, unit=state.start.unit if state.start.unit != "1" else state.unit
-        )
-
-        def value(*, value: float) -> float:
-            return value
-
-        return Quantity(
-            f"{name}_start", state.unit, f"{name} when a recording begins.", value, (), {"value": own}
-        )
+        unit = state.unit if state.start.unit == "1" else state.start.unit
+        start = replace(state.start, as_declared=True, unit=unit)
+        return replace(of_parameter(f"{name}_start", start, doc), unit=state.unit)
     if state.start == MEASURED:
-        return Quantity(f"{name}_start", state.unit, doc, lambda first: first, (f"{name}_first",), {})
-    start = float(state.start)
-    return Quantity(f"{name}_start", state.unit, doc, lambda: start, (), {})
+        return _passed_on(f"{name}_start", state.unit, doc, f"{name}_first")
+    return constant(f"{name}_start", float(state.start), state.unit, doc)
 
 
-def with_reads(effect: Effect) -> Effect:
+def _with_reads(effect: Effect) -> Effect:
     """The effect with what the rates of its states read."""
     own = {
         name: state if state.reads or state.rate is None else replace(
@@ -300,21 +296,3 @@ def with_reads(effect: Effect) -> Effect:
         for name, state in effect.states.items()
     }  # fmt: skip
     return replace(effect, states=own)
-
-
-def stated_noise(observables: Mapping[str, Any]) -> dict[str, float]:
-    """Standard deviations of the channels' noise that are given."""
-    return {
-        n: g.uncertainty
-        for n, g in observables.items()
-        if isinstance(g, Signal) and g.uncertainty is not None
-    }
-
-
-def tolerances(states: Mapping[str, State], observables: Mapping[str, Any]) -> dict[str, float]:
-    """A tenth of the noise of states that are measured."""
-    return {
-        name: 0.1 * sd * scale_to(observables[name].unit, states[name].unit)
-        for name, sd in stated_noise(observables).items()
-        if name in states
-    }
