@@ -97,6 +97,16 @@ class FrequencyResponse(RecordingResult):
 
     dimensions = ("channel", "frequency_hz")
 
+    @property
+    def u_total_percent(self) -> Real:
+        """Standard uncertainty of the magnitude (channels, n): random and common parts in quadrature."""
+        return np.hypot(self.u_magnitude_percent, self.u_common_percent)
+
+    @property
+    def u_total_phase_deg(self) -> Real:
+        """The same of the phase."""
+        return np.hypot(self.u_phase_deg, self.u_common_phase_deg)
+
     def to_xarray(self) -> xr.Dataset:
         """As `Result.to_xarray`, with the complex transfer functions as ``H``."""
         return super().to_xarray().assign(H=(self.dimensions, self.response))
@@ -151,8 +161,7 @@ class FrequencyResponse(RecordingResult):
             f"RMS), {counted(len(f), 'line')} {spacing:.4g} Hz apart, {counted(self.n_blocks, 'block')} "
             f"({self.n_effective:.0f} independent)"
         )
-        u_percent = np.hypot(self.u_magnitude_percent, self.u_common_percent)
-        u_phase = np.hypot(self.u_phase_deg, self.u_common_phase_deg)
+        u_percent, u_phase = self.u_total_percent, self.u_total_phase_deg
         one_unit = self.units[0] if len(set(self.units)) == 1 else ""
         rows = []
         for row, (name, unit, magnitude) in enumerate(zip(self.channels, self.units, self.magnitude)):

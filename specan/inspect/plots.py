@@ -76,10 +76,18 @@ def styles_of(panels: tuple[Panel, ...]) -> Styles:
     return {name: (k % n, 0 if many else k // n) for name, k in numbered(panels).items()}
 
 
-class HarmonicCursor:
-    """Lines at a frequency and its multiples, along one `dimension`: "height" or "width"."""
+class Spectral:
+    """A figure over frequency: lines at the cursor and its multiples, along one `dimension`: "height" or "width".
 
-    def __init__(self, sheet: Any, dimension: str, colour: str = "#808894") -> None:
+    Attributes
+    ----------
+    sheet : bokeh figure
+    per_hertz : float
+        What 1 Hz is on the axis, such as an order.
+    """
+
+    def __init__(self, sheet: Any, dimension: str = "height", colour: str = "#808894") -> None:
+        self.sheet, self.per_hertz, self._dimension = sheet, 1.0, dimension
         self._spans = [
             Span(dimension=dimension, line_color=colour, line_dash="dashed", line_width=1, visible=False)
             for _ in range(_HARMONICS)
@@ -88,16 +96,20 @@ class HarmonicCursor:
         for span in self._spans:
             sheet.add_layout(span)
 
-    def show(self, frequency: float | None, harmonics: bool) -> None:
+    def cursor(self, frequency: float | None, harmonics: bool) -> None:
         """Move the lines, or hide them."""
         for number, span in enumerate(self._spans, 1):
             span.visible = frequency is not None and (number == 1 or harmonics)
-            span.tags = [(frequency or 1.0) * number]  # what is not dragged there
+            span.tags = [(frequency or 1.0) * number * self.per_hertz]  # what is not dragged there
             span.location = span.tags[0]
             span.line_alpha = 0.9 if number == 1 else 0.45
 
+    def frequency_at(self, event: Any) -> float:
+        """Of a click; left of zero there is none."""
+        return max(float(event.x if self._dimension == "height" else event.y), 1e-6) / self.per_hertz
 
-class PanelPlot:
+
+class PanelPlot(Spectral):
     """The figure of one panel; its curves are exchanged as a whole.
 
     Parameters
@@ -148,7 +160,7 @@ class PanelPlot:
         self.sheet.toolbar.update(active_scroll=wheel, logo=None, autohide=True, visible=like is None)
         # Figures under one another have their frames in line: the toolbar is inside, three lines of label fit.
         self.sheet.update(min_border_left=88, min_border_right=12, toolbar_inner=True)
-        self._cursor = HarmonicCursor(self.sheet, "height")
+        super().__init__(self.sheet)
         if hertz:
             hertz_axis(self.sheet.xaxis[0])
             self.sheet.xgrid.ticker = self.sheet.xaxis[0].ticker
@@ -221,14 +233,6 @@ class PanelPlot:
             else text
         )
 
-    def cursor(self, frequency: float | None, harmonics: bool) -> None:
-        """Lines at a frequency and its multiples."""
-        self._cursor.show(frequency, harmonics)
-
-    def frequency_at(self, event: Any) -> float:
-        """Of a click."""
-        return float(event.x)
-
 
 def _line(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Through its points, or along its steps."""
@@ -263,13 +267,13 @@ class Plots:
 
     Parameters
     ----------
-    made : callable
+    made : callable, optional
         Called with each figure that is made.
     **options
         Of `PanelPlot`.
     """
 
-    def __init__(self, made: Callable[[PanelPlot], None] = lambda plot: None, **options: Any) -> None:
+    def __init__(self, made: Callable[[PanelPlot], None] | None = None, **options: Any) -> None:
         self._options, self._made = options, made
         self.plots: dict[tuple[int, int], PanelPlot] = {}
         self.first = self._plot(0, 3)
@@ -282,7 +286,8 @@ class Plots:
         if key not in self.plots:
             like = self.first if self.plots else None
             self.plots[key] = PanelPlot(share, like=like, **self._options)
-            self._made(self.plots[key])
+            if self._made is not None:
+                self._made(self.plots[key])
         return self.plots[key]
 
     def draw(self, drawing: Drawing) -> None:
@@ -300,7 +305,7 @@ class Plots:
         self.first.sheet.title.text = plain(drawing.facts[0])
 
 
-class HeatMap:
+class HeatMap(Spectral):
     """A picture of levels, of one share of the height; `options` are of `bokeh.plotting.figure`."""
 
     def __init__(self, grows: int, name: str, x_range: Any = None, hertz: bool = False) -> None:
@@ -311,6 +316,7 @@ class HeatMap:
             grows, tools="pan,box_zoom,wheel_zoom,reset,save", x_range=x_range or Range1d(0, 1),
             y_range=Range1d(20, 20000), y_axis_type="log" if hertz else "linear", min_border_left=88,
         )  # fmt: skip
+        super().__init__(self.sheet, "width", "#ffffff")
         self.picture = self.sheet.image(
             "image", "x", "y", "dw", "dh", source=self._source, color_mapper=self._colours
         )

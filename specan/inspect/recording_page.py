@@ -52,6 +52,7 @@ from specan.result import RecordingResult
 if TYPE_CHECKING:
     from bokeh.document import Document
 
+TABS = (OctaveTab, FftTab, FrfTab, LevelsTab, SpectrogramTab, OrdersTab, InfoTab)
 FIRST_CHANNELS = 4  # on screen when nothing else is said
 _LEFT, _RIGHT = 214, 270  # px
 _GROWS = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
@@ -81,15 +82,7 @@ class RecordingPage:
         self.work = Work(document, self._told, self._failed)
         self.drawing = Work(document, self._told, self._failed)
         view = self.view
-        self.tabs: dict[str, Tab] = {
-            tab.name: tab
-            for tab in (
-                OctaveTab(opened, view, self.change), FftTab(opened, view, self.change),
-                FrfTab(opened, view, self.change), LevelsTab(opened, view, self.change),
-                SpectrogramTab(opened, view, self.change), OrdersTab(opened, view, self.change),
-                InfoTab(opened, view, self.change),
-            )
-        }  # fmt: skip
+        self.tabs: dict[str, Tab] = {kind.name: kind(opened, view, self.change) for kind in TABS}
         self.found: Found = []
         self.waveform = WaveformView(opened, view, self._moved, self._chosen)
         self._moving = False
@@ -304,7 +297,7 @@ class RecordingPage:
         for figure in tab.figures:
             figure.cursor(view.cursor, view.harmonics)
         rows = []
-        if view.cursor is not None and self.found:
+        if view.cursor is not None and self.found and tab.figures:
             count = 10 if view.harmonics else 1
             rows = [r for k in range(1, count + 1) for r in tab.at(self.found, k * view.cursor)]
         hint = notice("Click into a figure: the values at that frequency are shown here.")

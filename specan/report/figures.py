@@ -39,8 +39,8 @@ FIGURES = {
 }
 
 
-def figure_of(result: Any, view: str = "", **options: Any) -> Figure:
-    """The figure of a result.
+def description_of(result: Any, view: str = "", **options: Any) -> Any:
+    """What the figure of a result shows, as panels or pictures; of some results the figure itself.
 
     Raises
     ------
@@ -55,7 +55,12 @@ def figure_of(result: Any, view: str = "", **options: Any) -> Figure:
             expected="one of " + ", ".join(FIGURES),
             remedy="use its data frame",
         )
-    drawn = draw(result, **options)
+    return draw(result, **options)
+
+
+def figure_of(result: Any, view: str = "", **options: Any) -> Figure:
+    """The figure of a result; see `description_of`."""
+    drawn = description_of(result, view, **options)
     figure = figure_of_panels(drawn) if isinstance(drawn, Drawing) else drawn
     if said := getattr(result, "settings", {}).get("calibration"):
         remark(figure, f"Calibration: {said}")

@@ -41,14 +41,14 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     The band is twice the standard uncertainty, random and common parts in quadrature.
     """
     f, level = found.frequency_hz, found.level_dB
-    relative = 2 * np.hypot(found.u_magnitude_percent, found.u_common_percent) / 100
+    relative = 2 * found.u_total_percent / 100
     known = np.where(relative <= _KNOWN, level, np.nan)
     low, high = band_about(level, relative)
     labels = [f"Magnitude / dB re 1 {unit}" for unit in found.units]
     panels = level_panels(labels, found.channels, f, level, _DYNAMICS_DB, decisive=known, low=low, high=high)
     # A wrapped phase gets a gap where it jumps, not a vertical line.
     phases = found.unwrapped_phase_deg if unwrapped else np.array([with_gaps(row) for row in found.phase_deg])
-    turn = 2 * np.hypot(found.u_phase_deg, found.u_common_phase_deg)
+    turn = 2 * found.u_total_phase_deg
     named = list(zip(found.channels, phases, turn, found.coherence, strict=True))
     curves = tuple(Curve(name, f, phase, phase - reach, phase + reach) for name, phase, reach, _ in named)
     panels.append(Panel("Phase / degrees", curves, share=2, leads=False, phase=not unwrapped, kind="thin"))

@@ -6,8 +6,7 @@ from bokeh.models import Div, ScrollBox
 
 from specan.data.recording import Recording
 from specan.inspect.look import notice, sheet
-from specan.inspect.opened import Opened
-from specan.inspect.tabs.tab import Change, Found, Tab, Tell
+from specan.inspect.tabs.tab import Found, Tab, Tell
 from specan.inspect.view import View
 from specan.report.contents import sheets
 
@@ -15,13 +14,15 @@ _LONGEST, _MOST = 300, 300  # characters of a cell, and rows of a table that are
 
 
 class InfoTab(Tab):
-    """Headers only; nothing is computed."""
+    """Headers only; nothing is computed, and all of it is shown when the page opens."""
 
-    name, title = "info", "Info"
+    name, title, tip = "info", "Info", None
 
-    def __init__(self, opened: Opened, view: View, change: Change) -> None:
-        super().__init__(opened, view, change)
-        content = Div(text="<hr>".join(map(_of, opened.recordings)), sizing_mode="stretch_width", name="info")
+    def add_controls(self, view: View) -> None:
+        """The tables."""
+        content = Div(
+            text="<hr>".join(map(_of, self.opened.recordings)), sizing_mode="stretch_width", name="info"
+        )
         self.body = [
             ScrollBox(child=content, sizing_mode="stretch_both", styles={"flex": "1 1 0", "min-height": "0"})
         ]
@@ -29,9 +30,6 @@ class InfoTab(Tab):
     def compute(self, view: View, tell: Tell) -> Found:
         """Nothing."""
         return []
-
-    def draw(self, found: Found, view: View) -> None:
-        """All of it was shown when the page opened."""
 
 
 def _of(recording: Recording) -> str:
