@@ -242,6 +242,15 @@ def folded(title: str, content: str) -> str:
     return f"<details><summary>{escape(title)}</summary>{content}</details>"
 
 
+def bar(part: float, colour: str = "var(--accent)") -> str:
+    """A bar of a part of 1."""
+    return (
+        '<span style="display:inline-block;width:60px;height:7px;background:var(--line);border-radius:3px">'
+        f'<span style="display:block;width:{60 * min(part, 1.0):.0f}px;height:7px;background:{colour};'
+        'border-radius:3px"></span></span>'
+    )
+
+
 def notice(text: str, kind: str = "") -> str:
     """A line of text; a warning stands out."""
     colour = {"error": "#c0392b", "busy": "var(--accent)"}.get(kind, "var(--soft)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ from specan.report.panels import FEW, Curve, Drawing, Panel, Picture, numbered
 
 _DASHES = ("solid", "dashed", "dotted", "dotdash")
 _HARMONICS = 10
+_MARKS = 3  # lines across a panel at most
 _PALE = "#9aa3ad"
 _ROWS, _COLUMNS = 220, 800  # of a picture
 Styles = Mapping[str, tuple[int, int]]  # name of a curve to numbers of its colour and dash; others are pale
@@ -149,13 +151,16 @@ class PanelPlot(Spectral):
         self._glyph = self.sheet.multi_line(
             "x", "y", source=self.source, line_color="colour", line_dash="dash", line_width=1.3, line_alpha="alpha"
         )  # fmt: skip
-        self._dots = ColumnDataSource({"x": [], "y": [], "colour": []}, name="dots")
-        self.sheet.scatter("x", "y", source=self._dots, color="colour", size=3)
+        self._dots = ColumnDataSource({name: [] for name in ("x", "y", "colour", "name")}, name="dots")
+        self._dotted = self.sheet.scatter("x", "y", source=self._dots, color="colour", size=3)
+        self._marks = [Span(dimension="width", line_width=1, visible=False) for _ in range(_MARKS)]
+        for mark in self._marks:
+            self.sheet.add_layout(mark)
         wheel = WheelZoomTool(dimensions="width")
         tips = [("", "@name"), (tip[0], "$snap_x{0.[0000]}"), (tip[1], "$snap_y{0.00[00]}")]
         self.sheet.add_tools(
             PanTool(), BoxZoomTool(), wheel, CrosshairTool(line_alpha=0.4), ResetTool(), SaveTool(),
-            HoverTool(renderers=[self._glyph], line_policy="nearest", tooltips=tips),
+            HoverTool(renderers=[self._glyph, self._dotted], line_policy="nearest", tooltips=tips),
         )  # fmt: skip
         self.sheet.toolbar.update(active_scroll=wheel, logo=None, autohide=True, visible=like is None)
         # Figures under one another have their frames in line: the toolbar is inside, three lines of label fit.
@@ -184,7 +189,7 @@ class PanelPlot(Spectral):
             "y": [y for (_, y), _ in banded],
             "colour": [hue for _, hue in banded],
         }
-        lines = [_line(c) for c in curves] if shown.kind != "dots" else []
+        lines = [_line(c) for c in curves] if shown.kind in ("line", "thin") else []
         self.source.data = {
             "x": [x for x, _ in lines],
             "y": [np.where(np.isfinite(y), y, np.nan) for _, y in lines],
@@ -193,21 +198,33 @@ class PanelPlot(Spectral):
             "name": [plain(c.name) for c in curves[: len(lines)]],
             "alpha": [alpha if c.name in styles else 0.35 for c in curves[: len(lines)]],
         }
+        dotted = shown.kind in ("dots", "rows")
         dots = [
-            (points, hue)
+            (*points, hue, c.about or (c.name,) * len(points[0]))
             for c, hue in zip(curves, hues)
-            if (points := (c.x, c.y) if shown.kind == "dots" else c.dots) is not None
+            if (points := (c.x, c.y) if dotted else c.dots) is not None
         ]
         self._dots.data = {
-            "x": np.concatenate([x for (x, _), _ in dots] or [np.empty(0)]),
-            "y": np.concatenate([y for (_, y), _ in dots] or [np.empty(0)]),
-            "colour": [hue for (x, _), hue in dots for _ in range(len(x))],
+            "x": np.concatenate([x for x, *_ in dots] or [np.empty(0)]),
+            "y": np.concatenate([y for _, y, *_ in dots] or [np.empty(0)]),
+            "colour": [hue for x, _, hue, _ in dots for _ in range(len(x))],
+            "name": [plain(text) for *_, about in dots for text in about],
         }
+        self._dotted.glyph.size = 6 if shown.kind == "rows" else 3
+        firsts = np.cumsum([0, *(len(x) for x, *_ in dots)]).tolist() if dotted else range(len(curves))
         self._legend.items = [
-            LegendItem(label={"value": plain(c.name)}, renderers=[self._glyph], index=k)
-            for k, c in enumerate(curves)
+            LegendItem(
+                label={"value": plain(c.name)},
+                renderers=[self._dotted if dotted else self._glyph],
+                index=first,
+            )
+            for first, c in zip(firsts, curves)
             if shown.leads and c.name in styles
         ]
+        for mark, place in zip_longest(self._marks, shown.marks[:_MARKS]):
+            mark.update(
+                visible=place is not None, location=place or 0.0, line_dash="dashed" if place else "solid"
+            )
         self.label(shown.label)
         axis = self.sheet.yaxis[0]
         if shown.phase:  # ticks at halves, quarters and eighths of a turn
@@ -277,6 +294,7 @@ class Plots:
         self._options, self._made = options, made
         self.plots: dict[tuple[int, int], PanelPlot] = {}
         self.first = self._plot(0, 3)
+        self._span = (0.0, 0.0)
         self.body = column(
             self.first.sheet, sizing_mode="stretch_both", styles={"flex": "3 1 0", "min-height": "0"}
         )
@@ -290,9 +308,9 @@ class Plots:
                 self._made(self.plots[key])
         return self.plots[key]
 
-    def draw(self, drawing: Drawing) -> None:
+    def draw(self, drawing: Drawing, styles: Styles | None = None) -> None:
         """Exchange everything."""
-        shown, styles = [], styles_of(drawing.panels)
+        shown, styles = [], styles_of(drawing.panels) if styles is None else styles
         for number, one in enumerate(drawing.panels):
             plot, last = self._plot(number, one.share), number == len(drawing.panels) - 1
             plot.draw(one, styles)
@@ -301,7 +319,9 @@ class Plots:
             shown.append(plot.sheet)
         if self.body.children != shown:
             self.body.children = shown
-        self.first.span(*drawing.span)
+        if drawing.span != self._span:
+            self._span = drawing.span
+            self.first.span(*drawing.span)
         self.first.sheet.title.text = plain(drawing.facts[0])
 
 

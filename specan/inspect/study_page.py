@@ -29,14 +29,13 @@ from specan.inspect.look import (
     whole_width,
 )
 from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
-from specan.inspect.study_views.errors import FailingMap, Staircase
-from specan.inspect.study_views.places import PlacesView
+from specan.inspect.study_views.errors import failing_map, history_bars
 from specan.inspect.study_views.ranking import Ranking, Uses
 from specan.inspect.trial import KeptStudy, Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Tell, Work
 from specan.report import study_sheets
-from specan.report.figures_study import figure_compare
+from specan.report.figures_study import figure_comparison
 from specan.study.edit import Change, add_effect
 from specan.study.verdict import Diagnosis, headline, reason
 from specan.units import printed_unit
@@ -82,9 +81,9 @@ class StudyPage:
         self.agreement = agreement_of(self.study)
         self.link = BrowserLink()
         self.view, refused = self._first_view()
-        self.places = self._follow_microphones()
-        self.map = FailingMap(self.study)
-        self.staircase = Staircase()
+        self._follow_microphones()
+        self.steps = Div(text="", name="steps", sizing_mode="stretch_width")
+        self.map = Div(text="", name="map", sizing_mode="stretch_width")
         self._lay_out()
         document.on_session_destroyed(self._closed)
         self._show_study()
@@ -97,16 +96,12 @@ class StudyPage:
         except RequestError as fault:
             return StudyView(), str(fault)
 
-    def _follow_microphones(self) -> list[PlacesView]:
-        """Keep the chosen receivers in the address; a click on one in its place chooses it."""
-        views = []
+    def _follow_microphones(self) -> None:
+        """Keep the chosen receivers in the address."""
         for part in self.agreement:
             if isinstance(part, TransferAgreement):
                 part.choose(self.view.microphone)
                 part.changed = lambda chosen: self._write_address(microphone=chosen)
-                if self.study.model.receivers is not None:
-                    views.append(PlacesView(self.study, part.choose))
-        return views
 
     def _dressed(self, part: Any) -> Any:
         self.dress.put_on(part)
@@ -137,9 +132,15 @@ class StudyPage:
             self.reason, row(self.accept, self.again), width=_SIDE + 12, sizing_mode="stretch_height", styles=PANEL,
             stylesheets=[whole_width("560px")],
         )  # fmt: skip
-        self._top = row(
-            self.staircase.body, sizing_mode="stretch_both",
-            styles=_share(4), stylesheets=[on_phone(STACKED, FIGURES)],
+        shares = ((self.steps, 1), (self.map, 1))
+        top = row(
+            *(
+                ScrollBox(
+                    child=part, sizing_mode="stretch_both", styles=_share(share), stylesheets=[whole_width("240px")]
+                )
+                for part, share in shares
+            ),
+            sizing_mode="stretch_both", styles=_share(3), stylesheets=[on_phone(STACKED)],
         )  # fmt: skip
         bottom = row(
             *(part.body for part in self.agreement),
@@ -150,7 +151,7 @@ class StudyPage:
         self._bottom = bottom
         self._middle = column(
             story,
-            self._top,
+            top,
             sizing_mode="stretch_both",
             styles={**grows, "gap": "4px"},
             stylesheets=[whole_width("auto")],
@@ -169,9 +170,7 @@ class StudyPage:
                 styles={"padding": "0 8px 6px", "box-sizing": "border-box"},
             )
         )  # fmt: skip
-        fields = [*(part.body for part in self.places), *self.map.body]
-        self._top_fields = fields
-        self.dress.put_on(*self.document.roots, bottom, *fields)
+        self.dress.put_on(*self.document.roots, bottom)
         self.document.title = f"{title} - specan"
 
     def _header(self, title: str) -> Any:
@@ -190,7 +189,7 @@ class StudyPage:
         study = self.kept.current()
 
         def draw(tell: Tell) -> bytes:
-            figure_compare(study).savefig(stream, format=kind, dpi=150)
+            figure_comparison(study).savefig(stream, format=kind, dpi=150)
             return stream.getvalue()
 
         self.status.begin("Drawing the figure")
@@ -222,12 +221,11 @@ class StudyPage:
     # --- showing ----------------------------------------------------------------------------------
 
     def _show(self, trial: Trial) -> None:
-        for part in (*self.agreement, *self.places):
+        for part in self.agreement:
             part.show(trial)
         if self._bottom not in self._middle.children:  # there is something to show now
-            self._top.children = [self.staircase.body, *self._top_fields]
             self._middle.children = [*self._middle.children, self._bottom]
-        self.map.show(trial)
+        self.map.text = failing_map(trial.where, self.study.data.known)
         before = {} if self.now is None or not trial.uses else {e.observable: e for e in self.now.errors}
         rows = [
             [
@@ -236,7 +234,8 @@ class StudyPage:
             ]
             for e in trial.errors
         ]  # fmt: skip
-        self.staircase.tried(trial.name, trial.errors[0].as_error() if trial.uses else None)
+        error = trial.errors[0].as_error() if trial.uses else None
+        self.steps.text = history_bars(self.study.history.steps, trial.name, error)
         parameters = sheet(["Parameter", "value", "95 %", "unit", ""], trial.parameters)
         errors = sheet(["Observable", "values", "RMS error", "relative", "before"], rows)
         self.trial.text = folded("Parameters and errors", errors + parameters)
@@ -245,7 +244,7 @@ class StudyPage:
         effects = ", ".join(self.study.model_effects) or f"none, {self.study.model.words.ideal}"
         self.heading.text = f"<b>{notice(self.study.model.title)}</b><br>{notice(f'Effects: {effects}')}"
         steps = self.study.history.steps
-        self.staircase.show(steps)
+        self.steps.text = history_bars(steps)
         found = study_sheets.history(steps)
         self.history.text = folded("History", sheet(found.header, found.rows))
 

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 from specan.report.figure_style import (
-    COLOURS,
     band_about,
     heading,
     legend_below,
     level_limits,
     new_figure,
     octave_axis,
-    phase_axis,
     styled,
     with_gaps,
 )
+from specan.report.panels import Curve, Drawing, Panel, draw_panels, joined
 from specan.report.study_words import state_of
 from specan.study.observation.frf import FrfObservation
 from specan.units import printed_unit
@@ -32,14 +31,13 @@ if TYPE_CHECKING:
 
 MOST_CHANNELS = 3  # columns of the figure: those that the model misses most
 _DYNAMICS_DB = 70.0
-BAND: dict[str, Any] = {"color": "0.6", "alpha": 0.6, "linewidth": 0}
 
 
 @styled
 def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
     """Magnitude and phase of one channel, or of those that the model misses most, and the difference of the levels.
 
-    The grey band is two standard uncertainties of the measurement to either side; what is common to all lines of a
+    The band is two standard uncertainties of the measurement to either side; what is common to all lines of a
     channel (its place, its calibration) and the declared discrepancy of the model are in it.
     """
     observation = study.problem.observations[0]
@@ -47,21 +45,20 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
     found = measured_transfer(observation, study.problem.plain(study.shown.theta)[0])
     chosen = found.by_misfit()[:MOST_CHANNELS] if channel is None else [_number(found, channel)]
     unit = study.model.observables[str(observation.observable[0])].unit
+    drawings = [response_drawing(found, row, unit) for row in chosen]
     figure = new_figure(6.4, max(1.2 + 3.0 * len(chosen), 5.6))
     grid = figure.subplots(
         3, len(chosen), sharex=True, sharey="row", squeeze=False, height_ratios=[3, 2, 1.5]
     )
-    for row, axes in zip(chosen, grid.T, strict=True):
-        _draw(found, row, axes)
-    used = np.isfinite(found.measured[chosen]).any(axis=0)
-    octave_axis(grid[-1, 0], float(found.frequency_hz[used].min()), float(found.frequency_hz[used].max()))
-    grid[0, 0].set_ylim(*level_limits(level_dB(found.measured[chosen]), _DYNAMICS_DB))
-    grid[0, 0].set_ylabel(f"Magnitude / dB re 1 {printed_unit(unit)}")
-    phase_axis(grid[1, 0])
-    grid[2, 0].set_ylabel("Model -\nmeasured / dB")
-    error = np.abs(found.error_dB[chosen])
-    reach = float(np.clip(np.nanquantile(error, 0.98), 1.0, 20.0))
-    grid[2, 0].set_ylim(-reach, reach)
+    for drawing, row, axes in zip(drawings, chosen, grid.T, strict=True):
+        draw_panels(axes, drawing.panels)
+        axes[0].set_title(found.channels[row])
+        axes[2].set_xlabel(drawing.x_label)
+    for axes, panel in zip(grid[:, 0], joined(drawings).panels, strict=True):
+        axes.set_ylim(*(panel.limits or axes.get_ylim()))
+    for axes in grid.flat:
+        axes.label_outer()
+    octave_axis(grid[-1, 0], *drawings[0].span)
     legend_below(figure, grid[0, 0])
     figure.align_ylabels(grid[:, 0])
     plural = study.model.receivers.plural if study.model.receivers else "channels"
@@ -85,29 +82,39 @@ def _number(found: MeasuredTransfer, channel: str) -> int:
     return found.channels.index(channel)
 
 
-def draw_response(found: MeasuredTransfer, row: int, level: Any, phase: Any) -> None:
-    """Level with its band and phase of one channel, measured and model."""
-    f, (low, high) = found.frequency_hz, found.band_dB()
-    level.fill_between(f, low[row], high[row], label="measured, 95 %", **BAND)
-    lines = (("measured", found.measured, "0.15", "-"), ("model", found.model, COLOURS[1], "--"))
-    for text, response, colour, dash in lines:
-        level.plot(f, level_dB(response[row]), color=colour, linestyle=dash, linewidth=1.0, label=text)
-        shown = with_gaps(phase_deg(response[row]))
-        phase.plot(f, shown, color=colour, linestyle=dash, linewidth=1.0)
+def response_drawing(
+    found: MeasuredTransfer, row: int, unit: str, before: MeasuredTransfer | None = None, of: str = ""
+) -> Drawing:
+    """Magnitude, phase and difference of the levels of one channel; `before` is what the model was.
+
+    The names of the curves begin with `of`. Bands are two standard uncertainties, about what was measured and about no
+    error.
+    """
+    f, (low, high), level = found.frequency_hz, found.band_dB(), level_dB(found.measured[row])
+    phase, reach = with_gaps(phase_deg(found.measured[row])), 2 * found.u_phase_deg[row]
+    measured, model, was = (f"{of} {what}".lstrip() for what in RESPONSES)
+    levels = [Curve(measured, f, level, low[row], high[row])]
+    phases = [Curve(measured, f, phase, phase - reach, phase + reach)]
+    errors = [
+        Curve(measured, f, np.where(np.isfinite(level), 0.0, np.nan), low[row] - level, high[row] - level)
+    ]
+    for name, one in ((model, found), (was, before)):
+        if one is not None:
+            levels.append(Curve(name, f, level_dB(one.model[row])))
+            phases.append(Curve(name, f, with_gaps(phase_deg(one.model[row]))))
+            errors.append(Curve(name, f, one.error_dB[row]))
+    end = float(np.clip(np.nanquantile(np.abs(found.error_dB[row]), 0.98), 1.0, 20.0))
+    used = f[np.isfinite(found.measured).any(axis=0)]
+    panels = (
+        Panel(f"Magnitude / dB re 1 {printed_unit(unit)}", tuple(levels), level_limits(level, _DYNAMICS_DB)),
+        Panel("Phase / degrees", tuple(phases), share=2, leads=False, phase=True),
+        Panel("Model - measured / dB", tuple(errors), (-end, end), share=2, leads=False),
+    )
+    ends = float(used.min()), float(used.max())
+    return Drawing(found.name, ("",), "Frequency / Hz", panels, hertz=True, x_limits=ends)
 
 
-def _draw(found: MeasuredTransfer, row: int, axes: Any) -> None:
-    draw_response(found, row, axes[0], axes[1])
-    f, (low, high), band = found.frequency_hz, found.band_dB(), BAND
-    reach, phase = 2 * found.u_phase_deg[row], with_gaps(phase_deg(found.measured[row]))
-    axes[1].fill_between(f, phase - reach, phase + reach, **band)
-    level = level_dB(found.measured[row])
-    axes[2].fill_between(f, low[row] - level, high[row] - level, **band)
-    axes[2].plot(f, found.error_dB[row], color=COLOURS[1], linewidth=0.9)
-    axes[0].set_title(found.channels[row])
-    axes[2].set_xlabel("Frequency / Hz")
-
-
+RESPONSES = ("measured", "model", "model before")
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 

@@ -48,6 +48,8 @@ class Curve:
         Ends of a band about it, such as 95 %.
     dots : tuple of array, or None
         Places and values of further points in its colour.
+    about : tuple of str
+        What the page says of each point under the mouse.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Curve:
     low: Real | None = None
     high: Real | None = None
     dots: tuple[Real, Real] | None = None
+    about: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -75,8 +78,10 @@ class Panel:
         It has a legend, and of many channels it decides which have a colour; the panels below follow.
     phase : bool
         A whole turn, with ticks at quarters.
-    kind : {"line", "dots", "thin"}
-        Of many curves a range is drawn; of "thin" ones, such as phases, all of them in grey.
+    kind : {"line", "dots", "rows", "thin"}
+        Of many curves a range is drawn; of "thin" ones, such as phases, all of them in grey. "rows" are larger dots.
+    marks : tuple of float
+        Where thin lines run across.
     """
 
     label: str
@@ -86,6 +91,7 @@ class Panel:
     leads: bool = True
     phase: bool = False
     kind: str = "line"
+    marks: tuple[float, ...] = ()
 
     @property
     def values(self) -> Real | None:
@@ -249,6 +255,8 @@ def draw_panels(sheet: Sequence[Axes], panels: Sequence[Panel]) -> None:
     numbers = numbered(panels)
     for axes, panel in zip(sheet, panels, strict=True):
         many = len(panel.curves) > FEW
+        for place in panel.marks:
+            axes.axhline(place, color="0.6", linewidth=0.8, linestyle="--" if place else "-", zorder=1.2)
         if many and panel.kind == "line" and (values := panel.values) is not None:
             draw_range(axes, panel.curves[0].x, values)
         for curve in sorted(panel.curves, key=lambda c: numbers.get(c.name, len(numbers))):
@@ -275,8 +283,15 @@ def _draw(axes: Axes, panel: Panel, curve: Curve, style: dict[str, Any]) -> None
             values, curve.x, baseline=-999.0 if filled else None, fill=filled, alpha=0.45 if filled else 1.0,
             label=label, **style,
         )  # fmt: skip
-    elif panel.kind == "dots":
-        axes.plot(curve.x, curve.y, ".", color=style["color"], markersize=3)
+    elif panel.kind in ("dots", "rows"):
+        axes.plot(
+            curve.x,
+            curve.y,
+            ".",
+            color=style["color"],
+            markersize=3 + 3 * (panel.kind == "rows"),
+            label=label,
+        )
     else:
         marker = "." if curve.x.size < _SPARSE else ""
         axes.plot(curve.x, curve.y, label=label, linewidth=1.0, marker=marker, **style)

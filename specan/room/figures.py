@@ -13,16 +13,15 @@ from specan.report.figure_style import (
     legend_above,
     new_figure,
     octave_axis,
-    phase_axis,
     styled,
 )
-from specan.report.figures_study_frf import draw_response, measured_transfer
+from specan.report.figures_study_frf import measured_transfer, response_drawing
+from specan.report.panels import draw_panels
 from specan.report.residual_map import axis_text
 from specan.report.study_words import state_of
 from specan.room.model.field_map import FieldMap
 from specan.room.wall_impedance.surface_impedance import ALL, Impedance, WallBand
 from specan.study.localisation.frf_errors import FrfErrors
-from specan.units import printed_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -167,14 +166,12 @@ def _curves(level: Axes, phase: Axes, study: Study, errors: FrfErrors, shown: in
     observation = study.problem.observations[number]
     predicted = study.problem.plain(study.shown.theta)[number]
     found = measured_transfer(observation, predicted)  # type: ignore[arg-type]
-    draw_response(found, shown, level, phase)
-    unit = study.model.observables["frf"].unit
-    level.set_ylabel(f"|H| / dB re 1 {printed_unit(unit)}")
+    drawing = response_drawing(found, shown, study.model.observables["frf"].unit)
+    draw_panels([level, phase], drawing.panels[:2])
     legend_above(level)
-    phase_axis(phase)
-    phase.set_xlabel("Frequency / Hz")
+    phase.set_xlabel(drawing.x_label)
     for axes in (level, phase):
-        octave_axis(axes, float(found.frequency_hz.min()), float(found.frequency_hz.max()))
+        octave_axis(axes, *drawing.span)
     level.tick_params(labelbottom=False)
 
 

@@ -1,5 +1,6 @@
 """Parts of the page of a study that need no browser."""
 
+import re
 import shutil
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ pytest.importorskip("bokeh")
 
 from specan.errors import InputError, RequestError
 from specan.inspect.plots import outline
-from specan.inspect.study_views.errors import FailingMap, Staircase
+from specan.inspect.study_views.errors import failing_map, history_bars
 from specan.inspect.study_views.ranking import Ranking, uses_of
 from specan.inspect.trial import KeptStudy, as_it_is, candidates_of, try_effects
 from specan.inspect.work import Heard, Superseded
@@ -274,24 +275,25 @@ def test_a_tried_effect_stands_beside_the_model_as_it_is_and_the_measurement():
         return [np.concatenate([scaled.real.ravel(), scaled.imag.ravel()])]
 
     view.show(Tried(problem, stacked([1.0, 2.0])))
+    magnitude, _, error = (view.plots.plots[key] for key in sorted(view.plots.plots))
 
     def names():
-        return list(view.magnitude.source.data["name"])
+        return list(magnitude.source.data["name"])
 
     # The microphone that the model misses most is shown first; its name is text.
     assert view.microphones.value == ["0/Mic <b>2</b>"]
     assert names() == ["Mic <b>2</b> measured", "Mic <b>2</b> model"]
-    level = view.magnitude.source.data["y"]
+    level = magnitude.source.data["y"]
     assert level[1] - level[0] == pytest.approx(20 * np.log10(2) * np.ones(40))
-    low, high = (f(view.magnitude._shades.data["y"][0]) for f in (np.nanmin, np.nanmax))
+    low, high = (f(magnitude._shades.data["y"][0]) for f in (np.nanmin, np.nanmax))
     assert low == pytest.approx(20 * np.log10(5 * 0.98))
     assert high == pytest.approx(20 * np.log10(5 * 1.02))
     view.show(Tried(problem, stacked([1.0, 1.0]), ("leak@x0",)))
     assert names()[1:] == ["Mic <b>2</b> model", "Mic <b>2</b> model before"]
-    assert view.error.source.data["y"][0] == pytest.approx(np.zeros(40), abs=1e-12)
-    assert view.error.source.data["y"][1] == pytest.approx(20 * np.log10(2) * np.ones(40))
+    assert error.source.data["y"][1] == pytest.approx(np.zeros(40), abs=1e-12)
+    assert error.source.data["y"][2] == pytest.approx(20 * np.log10(2) * np.ones(40))
     view.show(Tried(problem, stacked([1.0, 3.0]), ("scatterer",)))  # before is still the model as it is
-    assert view.error.source.data["y"][1] == pytest.approx(20 * np.log10(2) * np.ones(40))
+    assert error.source.data["y"][2] == pytest.approx(20 * np.log10(2) * np.ones(40))
     view.microphones.value = ["0/Mic 1", "0/Mic <b>2</b>"]
     assert len(names()) == 6
     view.show(Tried(problem, stacked([1.0, 1.0])))
@@ -301,7 +303,7 @@ def test_a_tried_effect_stands_beside_the_model_as_it_is_and_the_measurement():
 # --- figures --------------------------------------------------------------------------------------
 
 
-def test_the_staircase_names_steps_shortly_and_in_full_under_the_mouse():
+def test_the_history_names_steps_and_has_bars_in_proportion():
     def error(value):
         return {"metric": "RMS_of_frf", "value": value, "unit": "Pa*s/m"}
 
@@ -309,27 +311,29 @@ def test_the_staircase_names_steps_shortly_and_in_full_under_the_mouse():
         return Step(number, action, (), *map(error, errors), None, None, {}, {}, effect)
 
     steps = [step(0, "new", "", 1.12, 0.7), step(1, "add", "wall-impedance@z1", 0.015, 0.013)]
-    shown = Staircase()
-    shown.show(steps)
-    shown.tried("panel-resonance@z1", error(0.5))
-    groups = list(dict.fromkeys(name for name, _ in shown.sheet.x_range.factors))
-    assert groups == ["0\nnew", "1\nadd", "try"]
-    bars = shown._bars.data
-    assert bars["about"] == ["0 new"] * 2 + ["1 add wall-impedance@z1"] * 2 + ["try panel-resonance@z1"]
-    assert bars["text"] == ["1.12", "0.7", "0.015", "0.013", "0.5"]
-    shown.tried("", None)
-    assert len(shown._bars.data["top"]) == 4
+    shown = history_bars(steps, "panel-resonance@z1", error(0.5))
+    rows = re.findall(r"<tr>(.*?)</tr>", shown)[1:]
+    texts = [re.findall(r">([^<>]+)<", row) for row in rows]
+    assert [[part.strip() for part in row] for row in texts] == [
+        ["0 new", "1.12", "0.7"],
+        ["1 add wall-impedance@z1", "0.015", "0.013"],
+        ["try panel-resonance@z1", "0.5"],
+    ]
+    longest, shortest = (
+        int(w) for w in re.findall(r"block;width:(\d+)px;height:7px;background:#0072B2", shown)[:2]
+    )
+    assert longest > 50 * max(shortest, 1) / 2
+    assert "try" not in history_bars(steps)
 
 
 def test_the_map_says_that_nothing_is_significant(directory):
     study = Study(directory)
-    shown = FailingMap(study)
-    trial = as_it_is(study)
-    assert trial.where is not None
-    marked = np.zeros(trial.where.z.shape, dtype=bool)
-    shown.show(replace(trial, where=replace(trial.where, significant=marked)))
-    assert shown.sheet.title.text == "No significant deviation of the model"
+    found = as_it_is(study).where
+    assert found is not None
+    marked = np.zeros(found.z.shape, dtype=bool)
+    assert "no significant deviation" in failing_map(replace(found, significant=marked), True)
     marked[0, 0] = True
-    shown.show(replace(trial, where=replace(trial.where, significant=marked)))
-    assert "framed: significant" in shown.sheet.title.text
-    assert sorted(shown._cells.data["width"])[-2:] == [0.5, 1.5]
+    shown = failing_map(replace(found, significant=marked), True)
+    assert "framed: significant" in shown
+    assert shown.count("outline:2px") == 1
+    assert shown.count("outline:1px") == np.isfinite(found.z).sum() - 1

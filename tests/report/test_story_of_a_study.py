@@ -51,10 +51,11 @@ def test_a_change_is_drawn_before_and_after(story, heading_text):
         e["value"] for kind in ("fit_error", "held_out_error") for e in (getattr(s, kind) for s in steps)
     ]
     for axes, one in ((before, study), (after, change.study)):
-        drawn = np.concatenate([line.get_ydata() for line in axes.lines[1:]])
+        points = [line for line in axes.lines if line.get_marker() == "."]  # not the lines across
+        drawn = np.concatenate([line.get_ydata() for line in points])
         residual = one.problem.predictions(one.shown.theta)[0] - one.problem.observations[0].measured
         np.testing.assert_allclose(np.sort(drawn), np.sort(residual))
-        at = np.concatenate([line.get_xdata() for line in axes.lines[1:]])
+        at = np.concatenate([line.get_xdata() for line in points])
         # where they were read, not at the mean of a level
         assert set(np.round(at, 6)) <= {float(row["speed_rpm"]) for row in table}
         assert len(set(np.round(at, 6))) > 20

@@ -10,7 +10,7 @@ from typing import Any
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, Select
 
-from specan.inspect.look import notice, sheet
+from specan.inspect.look import bar, notice, sheet
 from specan.inspect.plots import plain
 from specan.models import Use
 from specan.models.effect import ParameterName
@@ -141,11 +141,7 @@ class Ranking:
         """The error that is left, as a number and as a part of the error now, and the probability."""
         part = min(ranked.error_after / self._now, 1.0) if self._now else 0.0
         numbers = f"<b>{ranked.error_after:.3g}</b> &nbsp;{percent(ranked.probability)}"
-        return (
-            f'<small style="white-space:nowrap">{numbers}</small>'
-            f'<div style="width:100px;height:5px;background:var(--line);border-radius:3px">'
-            f'<div style="width:{100 * part:.0f}px;height:5px;background:var(--accent);border-radius:3px"></div></div>'
-        )
+        return f'<small style="white-space:nowrap">{numbers}</small><br>{bar(part)}'
 
     def _new_line(self, uses: Uses) -> Any:
         name = " with ".join(uses)

@@ -1,0 +1,122 @@
+"""Rows of measured tables beside a model: what is left of each, over one operating variable and coloured by another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from specan.models import Model
+from specan.report.panels import Curve, Panel
+from specan.report.residual_map import axis_text, map_axes
+from specan.study.comparison import readings
+from specan.study.observation import Variable
+from specan.study.observation.table import TableObservation
+from specan.units import axis_label
+
+MOST_COLOURS = 6  # levels that get a colour each
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of one or several tables.
+
+    Attributes
+    ----------
+    frame : DataFrame
+        Level of each operating variable that varies; ``observable``, ``measured``, ``model`` and ``u``.
+    read : DataFrame
+        Operating variables as they were read: beside their level where a brake misses its set value.
+    axes : tuple of str
+        Operating variables that vary, the best abscissa first; the number of the row where none does.
+    known : bool
+        Whether the uncertainties are known.
+    variables : mapping
+        Words and units of the operating variables.
+    units : mapping of str to str
+        Of the observables.
+    """
+
+    frame: pd.DataFrame
+    read: pd.DataFrame
+    axes: tuple[str, ...]
+    known: bool
+    variables: Mapping[str, Variable]
+    units: Mapping[str, str]
+
+    def of(self, observable: str) -> Rows:
+        """Those of one observable, in one unit."""
+        mine = self.frame["observable"] == observable
+        return replace(self, frame=self.frame[mine], read=self.read[mine])
+
+    def panel(self, kind: str, x: str, hue: str) -> Panel:
+        """A point for each row, over `x` and in the colour of its level of `hue`.
+
+        `kind` is ``z``, in standard uncertainties, ``residual``, or ``pair``: what the model says.
+        """
+        frame, first = self.frame, str(self.frame["observable"].iloc[0])
+        left = frame["model"] - frame["measured"]
+        reach = 2 * float(frame["u"].median()) if self.known else 0.0
+        values, marks, label = {
+            "z": (
+                left / frame["u"],
+                (-2.0, 0.0, 2.0),
+                f"(Model - measured) / {'sigma' if self.known else '1 % of it'}",
+            ),
+            "residual": (
+                left,
+                tuple({-reach, 0.0, reach}),
+                axis_label(f"Model - measured {first}", self.units[first]),
+            ),
+            "pair": (frame["model"], (), axis_label(first.capitalize(), self.units[first])),
+        }[kind]
+        named = {name: axis_text(name, self.variables) for name in self.axes}
+        about = [
+            ", ".join(
+                f"{named.get(n, n)} {v:.5g}" if isinstance(v, float) else str(v) for n, v in row.items()
+            )
+            for row in frame.assign(z=left / frame["u"]).to_dict("records")
+        ]
+        curves = [
+            Curve(text, self.read[x].to_numpy()[at], values.to_numpy()[at], about=tuple(about[k] for k in at))
+            for text, at in self.groups(hue)
+        ]
+        return Panel(label, tuple(curves), kind="rows", marks=marks)
+
+    def groups(self, hue: str) -> Iterator[tuple[str, NDArray[np.int64]]]:
+        """Text and rows of each level of a variable; many levels go into classes of even counts."""
+        values = self.frame[hue].reset_index(drop=True)
+        numbers = values.dtype.kind in "fiu"
+        if numbers and values.nunique() > MOST_COLOURS:
+            values = pd.qcut(values, MOST_COLOURS, duplicates="drop")
+        for level, at in values.groupby(values, observed=True).groups.items():
+            text = f"{level.left:.4g} to {level.right:.4g}" if isinstance(level, pd.Interval) else level
+            yield f"{text:g}" if isinstance(text, float) else str(text), np.asarray(at)
+
+
+def table_rows(
+    model: Model, tables: Sequence[TableObservation], predicted: Sequence[NDArray[np.float64]], known: bool
+) -> Rows:
+    """Rows of tables with what a model predicts for each."""
+    names = [n for n in tables[0].labels if n != "measurement" and all(n in o.labels for o in tables)]
+    levels, read = (
+        pd.concat([pd.DataFrame({name: of(o, name) for name in names}) for o in tables], ignore_index=True)
+        for of in (lambda o, name: o.labels[name], lambda o, name: readings(model, o, name))
+    )
+    values = [
+        pd.DataFrame({"observable": o.observable, "measured": o.measured, "model": p, "u": o.sigma})
+        for o, p in zip(tables, predicted, strict=True)
+    ]
+    frame = pd.concat([levels, pd.concat(values, ignore_index=True)], axis=1)
+    axes = map_axes({name: levels[name].to_numpy() for name in names})
+    axes = sorted(
+        axes, key=lambda name: levels[name].dtype.kind not in "fiu"
+    )  # no axis over names if there is another
+    if not axes:
+        axes, read = ["row"], pd.DataFrame({"row": np.arange(len(frame), dtype=float)})
+        frame = frame.assign(row=read["row"])
+    units = {name: observable.unit for name, observable in model.observables.items()}
+    return Rows(frame, read, tuple(axes), known, tables[0].variables, units)
