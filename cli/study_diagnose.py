@@ -92,8 +92,7 @@ def _print(found: Diagnosis, directory: Path) -> None:
     for remark in found.remarks:
         click.echo(f"But: {remark}.")
     if found.residual_law is not None:
-        what = "What the model lacks" if found.verdict == "unknown-effect" else "What is left"
-        click.echo(f"{what} goes like {found.residual_law.text.lstrip('~ ')}.")
+        click.echo(f"With this law it would fit better: {found.residual_law.text_with_values}.")
     _print_pulls(found)
     if found.next_measurement:
         click.echo("")

@@ -8,7 +8,7 @@ from specan.models.check import check_effect, conditions_over_limits
 from specan.models.effect import Effect, Parameter, Use, effect
 from specan.models.evaluation import Evaluation, varying
 from specan.models.measurement_kinds import Completed, Receivers, TableFault, TableRules
-from specan.models.model import Assembly, LawSpace, Model, Nuisance, Words
+from specan.models.model import Assembly, Model, Nuisance, Words
 from specan.models.quantity import (
     Condition,
     Frf,
@@ -24,7 +24,7 @@ from specan.models.quantity import (
 from specan.models.rates import Signal, State
 
 __all__ = [
-    "Assembly", "Completed", "Condition", "Effect", "Evaluation", "Frf", "LawSpace", "Model", "Nuisance", "Observable",
+    "Assembly", "Completed", "Condition", "Effect", "Evaluation", "Frf", "Model", "Nuisance", "Observable",
     "Parameter", "Quantity", "Reading", "Receivers", "RigStatement", "SettingError", "Signal", "State", "TableFault",
     "TableRules", "Use", "Words", "check_effect", "conditions_over_limits", "constant", "effect", "quantity",
     "rig_statement", "varying",

@@ -14,7 +14,7 @@ from specan.models.evaluation import Evaluator
 from specan.models.from_function import PREFIX, as_declared, fields_from_functions, name_of, title_of
 from specan.models.groups import check_groups, with_groups
 from specan.models.measurement_kinds import Receivers, TableRules
-from specan.models.quantity import Condition, Frf, Observable, Quantity, RigStatement, rig_statement
+from specan.models.quantity import Condition, Observable, Quantity, RigStatement, rig_statement
 from specan.models.rates import Rates, State, fields_from_rates
 
 
@@ -32,22 +32,6 @@ class Nuisance:
     prior_sd: float
     source: str = ""
     per_recording: bool = False
-
-
-@dataclass(frozen=True)
-class LawSpace:
-    """Where a law is looked for when something unknown is missing.
-
-    Attributes
-    ----------
-    quantity : str
-        Quantity that the unknown would add to.
-    variables : mapping
-        ``{symbol: name}`` of the positive quantities or conditions that it may be a power of.
-    """
-
-    quantity: str
-    variables: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -106,8 +90,8 @@ class Model:
         What it tells a kind of measurement of its own: ``{kind: statement}``, which only that kind's module reads.
     settings : mapping
         The checked rig file, for the model's own simulation and figures; a study never reads it.
-    law : LawSpace, optional
-        Where a law is looked for when something unknown is missing.
+    law : str
+        Quantity on which a law is looked for when something unknown is missing, beside those of the observables.
     unsuited : mapping
         Effects that such models know and this rig rules out: ``{name: reason}``.
     notes : tuple of str
@@ -138,7 +122,7 @@ class Model:
     receivers: Receivers | None = None
     for_kinds: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
-    law: LawSpace | None = None
+    law: str = ""
     unsuited: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     declared_units: bool = False
@@ -241,7 +225,6 @@ class Model:
         effects: Sequence[Effect] = (),
         base_effects: Sequence[str] = (),
         uncertainty: Mapping[str, float] | None = None,
-        law: LawSpace | None = None,
         groups: Sequence[str] = (),
         name: str = "",
         title: str = "",
@@ -276,9 +259,6 @@ class Model:
             Those that a new study begins with.
         uncertainty : mapping, optional
             What ``[uncertainty]`` of a rig file may hold, see `specan.models.quantity.rig_statement`.
-        law : LawSpace, optional
-            Where a law is looked for when something unknown is missing; by default what the first observable lacks,
-            over all conditions that have limits above zero.
         groups : sequence of str, optional
             Columns of names, ``("specimen",)``: a parameter declared ``Parameter(..., per="specimen")`` has one value
             for each, and of every other one it is asked whether it differs.
@@ -320,11 +300,8 @@ class Model:
         first = next(iter(observables))
         name = name or name_of(function) or first
         title = title or title_of(function) or first
-        if law is None and not isinstance(observables[first], Frf):
-            positive = [n for n, (low, _) in fields["rig"].limits.items() if low >= 0]
-            law = LawSpace(first, {n: n for n in positive}) if positive else None
         made = cls(
-            name, title, **fields, base_effects=tuple(base_effects), law=law, declared_units=True,
+            name, title, **fields, base_effects=tuple(base_effects), declared_units=True,
             words=Words(discrepancy_of=fields["observables"][first].quantity.replace("_", " ")),
         )  # fmt: skip
         made = with_groups(made, [groups] if isinstance(groups, str) else groups)

@@ -223,7 +223,7 @@ def _fitted(
     proposed = ProposedLaw(
         name=name,
         file=file,
-        text=_text(law),
+        text=law.text,
         quantity=law.quantity,
         parameters=parameters_of(refit),
         delta_bic=law.delta_bic,
@@ -243,15 +243,6 @@ def name_of(law: Law) -> str:
     """
     words = [f"{f.family}-{f.variable}" for f in law.formula.factors]
     return re.sub(r"[^a-z0-9]+", "-", "law-" + "-".join(words).lower()).strip("-")
-
-
-def _text(law: Law) -> str:
-    product = " x ".join(f"({f.text})" if f.text.endswith(" - 1") else f.text for f in law.formula.factors)
-    return (
-        f"{law.quantity} x (1 + size x {product})"
-        if law.formula.scales
-        else f"{law.quantity} + size x {product}"
-    )
 
 
 _FILE = '''"""A law that was found in the residuals: give it its physical name and its plausible range."""
@@ -301,7 +292,7 @@ def source_of(law: Law, name: str, tried: int) -> str:
         acts="scales" if law.formula.scales else "adds_to",
         quantity=law.quantity,
         arguments="\n".join(f"    {argument}," for argument in [*reads, "*", *parameters]),
-        text=_text(law),
+        text=law.text,
         result=result,
         numpy="import numpy as np\n\n" if "np." in result else "",
     )

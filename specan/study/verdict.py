@@ -15,9 +15,9 @@ from specan.result import Result, counted
 from specan.study.estimation.fit import intervals_95, profile_interval
 from specan.study.estimation.left_out import left_out_errors
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
+from specan.study.selection.law_search import Law
 from specan.study.selection.pulls import Pull
 from specan.study.selection.refits import Refit
-from specan.study.selection.residual_law import ResidualLaw
 
 
 def placed(effects: Sequence[str], at: Mapping[str, Sequence[str]]) -> list[str]:
@@ -249,7 +249,7 @@ class Diagnosis(Result):
     lack_of_fit: LackOfFit | None = None
     model_discrepancy_percent: float = 0.0
     fails_at: tuple[Mapping[str, Any], ...] = ()
-    residual_law: ResidualLaw | None = None
+    residual_law: Law | None = None
     smallest_visible: Mapping[str, Mapping[str, Any] | None] = field(default_factory=dict)
     not_testable: Mapping[str, str] = field(default_factory=dict)
     next_measurement: tuple[Mapping[str, Any], ...] = ()
@@ -305,9 +305,7 @@ class Diagnosis(Result):
             "lack_of_fit": dict.fromkeys(names) if lack is None else lack,
             "model_discrepancy_percent": self.model_discrepancy_percent,
             "fails_at": self.fails_at,
-            "residual_law": None
-            if law is None
-            else {"text": law.text, "exponents": law.exponents, "low": law.low, "high": law.high},
+            "residual_law": law and {"text": law.text_with_values, "quantity": law.quantity},
             "smallest_visible": self.smallest_visible,
             "not_testable": self.not_testable,
             "next_measurement": self.next_measurement,

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
+from specan.study.estimation.fit import misfit_p_value
 from specan.study.estimation.left_out import blocks, left_out_score
 from specan.study.estimation.linear import Projection
-from specan.study.selection.significance import lack_of_fit_probability
 
 
 def test_lack_of_fit_allows_for_a_noise_that_is_itself_estimated():
     rng = np.random.default_rng(7)
     chi2 = rng.chisquare(40, 20_000) / (rng.chisquare(15, 20_000) / 15)
-    p = np.array([lack_of_fit_probability(c, 40, 15) for c in chi2[:5000]])
+    p = np.array([misfit_p_value(c, 40, 15) for c in chi2[:5000]])
     assert np.mean(p < 0.05) == pytest.approx(0.05, abs=0.01)
 
 

@@ -5,7 +5,6 @@ import pytest
 
 from specan.models import (
     Condition,
-    LawSpace,
     Model,
     Nuisance,
     Observable,
@@ -121,7 +120,7 @@ class Toy:
             base_effects=("line",),
             nuisances=nuisances,
             rig=RigStatement(limits={"x": (0.1, 4.0), "z": (-1.0, 1.5)}, discrepancy_percent=0.5),
-            law=LawSpace("heat", {"x": "x"}),
+            law="heat",
         )  # fmt: skip
 
     def observation(self, values, **more):

@@ -1,10 +1,13 @@
-"""Laws of chi-square and of F, central and not, as the tests of a verdict ask for them."""
+"""Chi-square and F, and which of many tests are significant."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 
@@ -40,3 +43,19 @@ def quantile(chance: float, dof: float, noise_dof: float = math.inf) -> float:
     # scipy's inverse of F takes the probability below, which is one where that above is small.
     share = float(special.betaincinv(noise_dof / 2, dof / 2, chance))
     return noise_dof * (1 - share) / (dof * share) if share > 0 else math.inf
+
+
+def discoveries(p_values: Sequence[float], level: float) -> NDArray[np.bool_]:
+    """Which hypotheses fall at a false discovery rate, whatever the dependence between them.
+
+    The rule of Benjamini and Yekutieli (2001, Annals of Statistics 29:1165). What is not a number is not significant.
+
+    Examples
+    --------
+    >>> discoveries([1e-6, 0.2, 0.9], 0.05).tolist()
+    [True, False, False]
+    """
+    from scipy.stats import false_discovery_control
+
+    p = np.nan_to_num(np.asarray(p_values, dtype=float), nan=1.0)
+    return false_discovery_control(p, method="by") <= level if p.size else np.zeros(0, dtype=bool)

@@ -24,9 +24,9 @@ from specan.study.localisation.localise import localise
 from specan.study.localisation.mistaken_set_up import undeclared_shifts
 from specan.study.selection.doubtful_data import rows_of_two_kinds
 from specan.study.selection.initial_fit import about_itself
+from specan.study.selection.law_search import likeliest_law
 from specan.study.selection.pulls import pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
-from specan.study.selection.residual_law import residual_law
 from specan.study.verdict import (
     LEAST_TOLD,
     Diagnosis,
@@ -106,7 +106,7 @@ class _Telling:
         error = self.try_to("the error", lambda: error_fall(base, best if sets else base), None)
         law = None
         if kind == "unknown-effect":
-            law = self.try_to("a law of what is left", lambda: residual_law(base), None)
+            law = self.try_to("a law of what is left", lambda: likeliest_law(base), None)
         proposals = self.try_to("what to measure next", lambda: self._next(kind, fails_at), ())
         rows = self.try_to("the table of what was tried", self._ranking, ())
         visible = self.try_to(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Model
+from specan.study.estimation.distributions import discoveries
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.prediction_error import LEAST_SHARE, LeftOut
 from specan.study.estimation.problem import Problem
@@ -32,7 +33,6 @@ from specan.study.localisation.localise import (
 )
 from specan.study.observation import Array, Variable
 from specan.study.observation.frf import FrfObservation
-from specan.study.selection.significance import benjamini_yekutieli
 
 MOST_SENTENCES = 3  # that are told
 NEAR_MODE = (
@@ -314,7 +314,7 @@ def _block(
 def _trends(cells: Cells, problem: Problem, variables: Mapping[str, Variable]) -> tuple[Trend, ...]:
     names = ["third_octave_hz", *(["channel"] if len(cells.channels) > 1 else [])]
     p = [misfit_p_value(*cells.fall(name), problem.noise_dof) for name in names]
-    passed = benjamini_yekutieli(p, LEVEL)
+    passed = discoveries(p, LEVEL)
     found = [Trend(n, v, bool(ok), "", variables[n].words) for n, v, ok in zip(names, p, passed, strict=True)]
     return tuple(sorted(found, key=lambda t: t.p_value))
 

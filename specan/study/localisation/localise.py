@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.study.estimation.distributions import discoveries
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.linear import orthonormal
 from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
 from specan.study.observation import KINDS, Variable, kind_named, variable_named
-from specan.study.selection.significance import benjamini_yekutieli
 
 LEVEL = 0.05  # false discovery rate
 CLEAR = 3.0  # |z| from which a mean error is named
@@ -267,7 +267,7 @@ def by_blocks(problem: Problem, best: Fit) -> Localisation:
 
 def tested(blocks: Sequence[Block]) -> list[Block]:
     """The blocks, told which of them are significant among all."""
-    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
+    passed = discoveries([b.p_value for b in blocks], LEVEL)
     return [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
 
 
@@ -336,7 +336,7 @@ def _trends(
         basis = orthonormal(algebra.columns(dummies), 1e-6)
         fall = float(np.sum((basis.T @ algebra.projected) ** 2))
         raw.append((name, misfit_p_value(fall, basis.shape[1], algebra.problem.noise_dof)))
-    passed = benjamini_yekutieli([p for _, p in raw], LEVEL)
+    passed = discoveries([p for _, p in raw], LEVEL)
     return [
         Trend(
             name,

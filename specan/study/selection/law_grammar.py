@@ -149,6 +149,10 @@ def _size(s: Spread) -> tuple[str, str]:
     return (f"np.abs({s.name})", f"|{s.name}|") if s.negative else (s.name, s.name)
 
 
+def _with_unit(value: float, unit: str) -> str:
+    return f"{value:.6g}" if unit == "1" else f"{value:.6g} {unit}"
+
+
 def _power(s: Spread, exponents: Sequence[float]) -> Factor:
     """A power of the magnitude; no negative one where it is zero."""
     usable = tuple(e for e in exponents if e > 0 or not s.zero)
@@ -156,7 +160,7 @@ def _power(s: Spread, exponents: Sequence[float]) -> Factor:
     size, shown = _size(s)
     return Factor(
         "power", s.name, shape, lambda x, e: (np.abs(x) / s.middle) ** e,
-        f"({size} / {s.middle:.6g}) ** {shape.name}", f"({shown} / {s.middle:.6g} {s.unit})^{shape.name}",
+        f"({size} / {s.middle:.6g}) ** {shape.name}", f"({shown} / {_with_unit(s.middle, s.unit)})^{shape.name}",
     )  # fmt: skip
 
 

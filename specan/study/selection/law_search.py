@@ -66,6 +66,25 @@ class Law:
     held_out_gain: float
     delta_bic: float = 0.0
 
+    @property
+    def text(self) -> str:
+        """The formula, its shapes by their names."""
+        product = " x ".join(
+            f"({f.text})" if f.text.endswith(" - 1") else f.text for f in self.formula.factors
+        )
+        scaled = f"{self.quantity} x (1 + size x {product})"
+        return scaled if self.formula.scales else f"{self.quantity} + size x {product}"
+
+    @property
+    def text_with_values(self) -> str:
+        """The same with the fitted values."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        found = self.text.replace("+ size", f"{self.size:+.3g}{unit}".replace("+", "+ ").replace("-", "- "))
+        for shape, value in zip(self.formula.shapes, self.shapes, strict=True):
+            own = "" if shape.unit == "1" else f" {shape.unit}"
+            found = found.replace(shape.name, f"{value:.3g}{own}")
+        return found
+
 
 @dataclass(frozen=True)
 class LawSearch:
@@ -140,6 +159,15 @@ def search_laws(start: Refit) -> LawSearch:
     return LawSearch(tuple(laws[:MOST_LAWS]), p_value, len(scans), max(0, len(laws) - MOST_LAWS))
 
 
+def likeliest_law(start: Refit) -> Law | None:
+    """The first law for what a model leaves of tables; None where there is none."""
+    if start.problem.n_data < LEAST_ROWS or not all(
+        isinstance(o, TableObservation) for o in start.problem.observations
+    ):
+        return None
+    return next(iter(search_laws(start).laws), None)
+
+
 def _variables(start: Refit) -> tuple[dict[str, Array], list[Spread]]:
     """Operating variables of all rows, and those of them that vary."""
     observations = start.problem.observations
@@ -171,7 +199,7 @@ def _targets(start: Refit) -> Iterator[Target]:
     problem, model = start.problem, start.problem.assembly.model
     measured = {str(name) for o in problem.observations for name in set(o.observable.tolist())}  # type: ignore[attr-defined]
     names = [model.observables[name].quantity for name in sorted(measured)]
-    names += [model.law.quantity] if model.law is not None else []
+    names += [model.law] if model.law else []
     for name in dict.fromkeys(names):
         target = target_named(start, name)
         if target is not None:

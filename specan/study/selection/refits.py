@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, wraps
-from typing import Any, TypeVar
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.estimation.continuation import ENOUGH, continuation_fit
+from specan.study.estimation.distributions import tail
 from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.levenberg_marquardt import (
     STALL_TOLERANCE,
@@ -28,12 +29,10 @@ from specan.study.estimation.problem import Problem
 from specan.study.selection.either_sign import of_either_sign
 from specan.study.selection.score_test import Scored, row_weights
 from specan.study.selection.signatures import with_rows_of
-from specan.study.selection.significance import lack_of_fit_probability
 
 Array = NDArray[np.float64]
 
 EffectSet = frozenset[Use]
-Found = TypeVar("Found")
 
 POOR_FIT = 1.5  # reduced chi-square above which a base is too far from the data to set out from
 FORM_TOLERANCE = 0.2  # share of its signature to which the equation of an effect is trusted
@@ -119,7 +118,7 @@ class Refit:
     @property
     def lack_of_fit(self) -> float:
         """Probability that a right model leaves this much."""
-        return lack_of_fit_probability(self.lack_of_fit_chi2, self.dof, self.problem.noise_dof)
+        return tail(self.lack_of_fit_chi2 / self.dof, self.dof, self.problem.noise_dof)
 
     def bic(self, dispersion: float) -> float:
         """Chi-square in units of `dispersion` plus the price of the added parameters."""
@@ -128,20 +127,6 @@ class Refit:
     def promised(self, item: Scored) -> float:
         """Change of BIC that a signature promises."""
         return -item.chi2_reduction / self.dispersion + item.count * float(np.log(self.problem.n_effective))
-
-
-def kept_with_refit(find: Callable[[Refit], Found]) -> Callable[[Refit], Found]:
-    """The function, whose result is worked out once for a refit, is kept in it and goes with it."""
-
-    @wraps(find)
-    def ask(refit: Refit) -> Found:
-        kept, name = vars(refit), f"_{find.__name__}"
-        if name not in kept:
-            kept[name] = find(refit)
-        found: Found = kept[name]
-        return found
-
-    return ask
 
 
 @dataclass(eq=False)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from specan.models.catalogue import effects_in
 from specan.models.measurement_kinds import Completed, TableFault, TableRules
-from specan.models.model import LawSpace, Model, Nuisance, Words
+from specan.models.model import Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, RigStatement, SettingError
 from specan.units import convert
 from specan.worm_gear.model.bearings import bearing_quantities, force_quantities
@@ -99,7 +99,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         words=WORDS,
         table_rules=table_rules(settings.gear.z_wheel / settings.gear.z_worm),
         settings={"rig": settings.model_dump()},
-        law=LawSpace("power_loss", {"T": "output_torque", "n": "worm_speed", "nu": "kinematic_viscosity"}),
+        law="power_loss",
     )
 
 
