@@ -103,7 +103,7 @@ def test_what_fails_beside_a_verdict_is_a_remark(tmp_path, monkeypatch) -> None:
     def fails(*given, **more):
         raise ValueError("need at least one array to concatenate")
 
-    for name in ("pulls", "localise", "error_fall", "rows_of_two_kinds"):
+    for name in ("pulls", "localise", "error_fall"):
         monkeypatch.setattr(telling, name, fails)
     x = np.repeat(np.linspace(1, 10, 10), 3)
     found = diagnose(problem(tmp_path, model(offset), x, 2 * x + 1.5))

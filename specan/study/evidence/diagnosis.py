@@ -22,7 +22,6 @@ from specan.study.evidence.judgement import (
 )
 from specan.study.localisation.localise import localise
 from specan.study.localisation.mistaken_set_up import undeclared_shifts
-from specan.study.selection.doubtful_data import rows_of_two_kinds
 from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.law_search import likeliest_law
 from specan.study.selection.pulls import pulls, shown, what_would_tell
@@ -265,7 +264,6 @@ class _Telling:
     def _remarks(self) -> list[str]:
         base, best = self.base, self._best.best
         remarks = [
-            ("rows without load", lambda: rows_of_two_kinds(base)),
             ("the scatter beside its uncertainty", lambda: too_good(base)),
             ("faults of the data", self._fault),
             ("the fit of the base", lambda: not_settled(base)),
