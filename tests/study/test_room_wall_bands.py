@@ -134,7 +134,7 @@ def test_other_effects_of_the_study_are_fitted_beside_the_walls(model):
     truth[5] += lining(found.mid_hz)
     z = np.stack([(found.beta - truth).real, (found.beta - truth).imag]) / spread
     assert np.sqrt(np.mean(z[..., inside] ** 2)) < 1.6
-    assert np.abs(found.beta[5] - truth[5])[inside][1:].max() < 0.02
+    assert np.abs(found.beta[5] - truth[5])[inside][1:].max() < 0.03  # of 0.08, by four microphones
     assert found.covariance.shape == (2 * size, 2 * size)
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from specan.errors import RequestError
 from specan.models.catalogue import effects_in
@@ -108,7 +109,7 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
     sun, ring = set_meshes(gear)
     module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))
     turns = repeat_turns(gear)
-    per_turn = _smooth(2 * (HARMONICS * gear.z_ring + max(16, gear.z_ring // 2)))
+    per_turn = next_fast_len(2 * (HARMONICS * gear.z_ring + max(16, gear.z_ring // 2)), real=True)
     if turns * per_turn > MOST_SAMPLES:
         raise RequestError(
             f"the teeth meet again only after {turns} turns of the carrier",
@@ -179,19 +180,6 @@ def _distance(rig: Rig, places: Any, per_turn: int, turns: int) -> Any:
     one = 2 * np.pi * np.arange(per_turn) / per_turn
     sensors = np.radians(rig.sensors.acc_angle_deg)
     return np.tile(one + places[None, :, None] - sensors[:, None, None], turns)
-
-
-def _smooth(least: int) -> int:
-    """The next number without prime factors above five: Fourier transforms of such a length are quick."""
-    number = least
-    while True:
-        rest = number
-        for prime in (2, 3, 5):
-            while rest % prime == 0:
-                rest //= prime
-        if rest == 1:
-            return number
-        number += 1
 
 
 def _waves(teeth: int, turn: Any) -> Any:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.planetary_gear.model.rig import Gear, Rig
+from specan.planetary_gear.model.rig import Gear, Pair, Rig
 from specan.planetary_gear.model.rig import Rotors as Known
-
-if TYPE_CHECKING:
-    from specan.planetary_gear.model.rig import Gear, Pair
 
 Real = NDArray[np.float64]
 
@@ -72,12 +68,7 @@ def external_mesh(
     a = centre_distance or module * (z1 + z2) / 2
     angle = working_pressure_angle(z1 + z2, module, pressure_angle, a)
     one, two = (_Wheel(0.0, z1, 1, module, pressure_angle), _Wheel(a, z2, 1, module, pressure_angle))
-    pitch = math.pi * module * math.cos(pressure_angle)
-    length = one.reach + two.reach - a * math.sin(angle)
-    # Contact begins at the driven gear's tip and ends at the driver's.
-    before = _tip_gap(two, one, angle, 0.05 * pitch, external=True)
-    after = _tip_gap(one, two, angle, 0.05 * pitch, external=True)
-    return Mesh(pitch, length / pitch, angle, before, after)
+    return _mesh(one, two, angle, one.reach + two.reach - a * math.sin(angle), external=True)
 
 
 def internal_mesh(
@@ -98,11 +89,7 @@ def internal_mesh(
         raise RequestError(
             f"a ring of {z_ring} teeth has tips inside its base circle", remedy="take more teeth"
         )
-    pitch = math.pi * module * math.cos(pressure_angle)
-    length = planet.reach - ring.reach + a * math.sin(angle)
-    before = _tip_gap(ring, planet, angle, 0.05 * pitch, external=False)
-    after = _tip_gap(planet, ring, angle, 0.05 * pitch, external=False)
-    return Mesh(pitch, length / pitch, angle, before, after)
+    return _mesh(planet, ring, angle, planet.reach - ring.reach + a * math.sin(angle), external=False)
 
 
 class _Wheel:
@@ -113,6 +100,15 @@ class _Wheel:
         self.base = module * teeth * math.cos(pressure_angle) / 2
         self.tip = module * (teeth + 2 * side) / 2
         self.reach = math.sqrt(max(self.tip**2 - self.base**2, 0.0))
+        self.pitch = math.pi * module * math.cos(pressure_angle)
+
+
+def _mesh(driver: _Wheel, driven: _Wheel, angle: float, length: float, *, external: bool) -> Mesh:
+    """Contact begins at the driven gear's tip and ends at the driver's, after a path of that length."""
+    pitch = driver.pitch
+    before = _tip_gap(driven, driver, angle, 0.05 * pitch, external=external)
+    after = _tip_gap(driver, driven, angle, 0.05 * pitch, external=external)
+    return Mesh(pitch, length / pitch, angle, before, after)
 
 
 def _tip_gap(tip: _Wheel, other: _Wheel, angle: float, step: float, *, external: bool) -> float:
@@ -223,22 +219,6 @@ def check_assembly(gear: Gear) -> None:
             )
 
 
-def contact_stiffness(z1: int, z2: int, module: float, pressure_angle: float, modulus: float) -> float:
-    """Stiffness K of the contact of two cylinders at the pitch point, N/m^1.5 (the article's equation 5).
-
-    K = 4/3 sqrt(R) E*, with R = d1 cos(a_t) tan(a_t') / (2 cos(b_b)) i / (1 + i) for straight teeth.
-
-    Examples
-    --------
-    >>> k = contact_stiffness(24, 21, 2e-3, math.radians(20), 1.154e11)
-    >>> round(k / 1e3**1.5 / 1e5, 2)  # in 1e5 N/mm^1.5
-    3.01
-    """
-    ratio = z2 / z1
-    radius = module * z1 * math.cos(pressure_angle) * math.tan(pressure_angle) / 2 * ratio / (1 + ratio)
-    return 4.0 / 3.0 * math.sqrt(radius) * modulus
-
-
 def pair_mesh(pair: Pair) -> Mesh:
     """The mesh of a gear pair."""
     mesh = external_mesh(
@@ -262,8 +242,6 @@ def set_meshes(gear: Gear) -> tuple[Mesh, Mesh]:
 
 
 def _with_ratio(mesh: Mesh, ratio: float | None) -> Mesh:
-    from dataclasses import replace
-
     return mesh if ratio is None else replace(mesh, contact_ratio=ratio)
 
 

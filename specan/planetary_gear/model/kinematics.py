@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.model import Model
-from specan.planetary_gear.model.geometry import mesh_phases
+from specan.planetary_gear.model.geometry import mesh_phases, planet_angles
 from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.model.rig import Gear, Rig
 
@@ -61,10 +61,7 @@ def mesh_line_strength(gear: Gear, orders: NDArray[np.int64]) -> NDArray[np.floa
     >>> mesh_line_strength(article, np.arange(63, 70)).round(6).tolist()
     [1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]
     """
-    from specan.planetary_gear.model.geometry import planet_angles
-
-    places = planet_angles(gear)
-    return np.abs(np.exp(1j * np.outer(orders, places)).mean(axis=1))
+    return np.abs(np.exp(1j * np.outer(orders, planet_angles(gear))).mean(axis=1))
 
 
 def kind_of_phasing(gear: Gear) -> str:
@@ -92,18 +89,10 @@ def kind_of_phasing(gear: Gear) -> str:
 
 # Part of the uncertainty of the answer to unlike planets that differs between recordings; the whole is common to all.
 OF_A_RECORDING = 0.5
-MULTIPLES = (
-    1,
-    2,
-    3,
-)  # of the sun's turns that are looked at: a runout's, and two that tell it from pitch errors
-HEARD = (
-    -2,
-    -1,
-    0,
-    1,
-    2,
-)  # passages beside an order: third powers of a Hann window leave a twentieth at three
+# Of the sun's turns that are looked at: a runout's, and two that tell it from pitch errors.
+MULTIPLES = (1, 2, 3)
+# Passages beside an order: third powers of a Hann window leave a twentieth at three.
+HEARD = (-2, -1, 0, 1, 2)
 
 
 def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDArray[np.float64]:

@@ -91,10 +91,8 @@ def without_pull(forces):
     apart = np.flatnonzero(forces.reshape(-1, forces.shape[-1]).min(axis=0) < 0)
     if not apart.size:
         return forces
-    found, some = (
-        forces.copy(),
-        np.take(forces, apart, axis=-1),
-    )  # not [..., apart]: sums would go across memory
+    found = forces.copy()
+    some = np.take(forces, apart, axis=-1)  # not [..., apart]: sums would go across memory
     whole = np.maximum(some.sum(axis=-2, keepdims=True), 0.0)
     for _ in range(forces.shape[-2]):  # each round takes out meshes that part, at the latest all but one
         some = np.maximum(some, 0.0)

@@ -17,13 +17,10 @@ if TYPE_CHECKING:
 
 Real = NDArray[np.float64]
 
-RIM_STIFFNESS = (
-    1.0e9  # N/m: radial stiffness of the ring's rim below a planet, of the order of that of its housing
-)
+# N/m: radial stiffness of the ring's rim below a planet, of the order of that of its housing.
+RIM_STIFFNESS = 1.0e9
 TACHO_V = 5.0
-_DUTY = {
-    1: 0.1
-}  # part of a turn that a pulse lasts where there is one a turn; half of a pulse's pitch otherwise
+SHORT = 0.1  # part of a turn that a pulse lasts where there is one a turn; half of a pulse's pitch otherwise
 # Second derivative by central differences of the eighth order (Fornberg, Math. Comp. 51 (1988) 699, table 1).
 _SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
 
@@ -129,7 +126,7 @@ def tacho_channel(name: str, angle: Real, pulses: int) -> SimulatedChannel:
     phase = angle / (2 * np.pi) * pulses
     step = np.gradient(phase)
     inside = phase % 1.0
-    duty = _DUTY.get(pulses, 0.5)
+    duty = SHORT if pulses == 1 else 0.5
     rise = np.clip(np.where(inside < 0.5 + duty / 2, inside, inside - 1.0) / step + 0.5, 0.0, 1.0)
     fall = np.clip((inside - duty) / step + 0.5, 0.0, 1.0)
     volts = TACHO_V * np.where(inside > 0.5 + duty / 2, rise, rise - fall)

@@ -27,16 +27,17 @@ BESIDE_BAND = 0.03  # of the ends of the band: modes so near beside it may move 
 SOUND_SPEED = 343.2  # m/s, at 20 degrees Celsius (ISO 9613-1): which modes there are needs no better one
 
 
+SHIFT = Parameter(
+    0.0, "1", min=-3.0, max=3.0, fixed=True, per="mode", doc="of each mode, in standard uncertainties"
+)
+
+
 @quantity(unit="1")
 def mode_shift(
     mode_shift_sd,
     *,
-    frequency=Parameter(
-        0.0, "1", min=-3.0, max=3.0, fixed=True, per="mode", doc="of each mode, in standard uncertainties"
-    ),
-    damping=Parameter(
-        0.0, "1", min=-3.0, max=3.0, fixed=True, per="mode", doc="of each mode, in standard uncertainties"
-    ),
+    frequency=SHIFT,
+    damping=SHIFT,
 ):
     """Relative changes of each mode's natural frequency and of its decay rate, array (2, modes)."""
     return np.stack([size * value for size, value in zip(mode_shift_sd, (frequency, damping), strict=True)])

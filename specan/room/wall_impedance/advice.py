@@ -14,7 +14,7 @@ import numpy as np
 from specan.models.measurement_kinds import Places
 from specan.room.model.places import with_microphones
 from specan.room.wall_impedance.surface_impedance import Impedance
-from specan.room.wall_impedance.wall_admittance import USE, Point, Space, free_walls
+from specan.room.wall_impedance.wall_admittance import WallFit, WallProblem
 from specan.study.design.receiver_places import (
     by_receiver,
     few_lines,
@@ -85,13 +85,13 @@ def advise(found: Impedance) -> tuple[Advice, ...]:
     goal = _Goal.of(found)
     if not goal.places.size:
         return ()
-    space, state = found.fit.space, found.fit.state
-    jacobian = space.jacobian(state)
+    problem, theta = found.fit.problem, found.fit.at(found.fit.beta)
+    jacobian = problem.jacobian(theta)
     known = jacobian.T @ jacobian
-    receivers = space.assembly.model.receivers
+    receivers = problem.assembly.model.receivers
     places = receivers.places if receivers else None
-    further = () if places is None else (_further_microphones(space, state, known, goal, places),)
-    return (*further, _covered_wall(space, state, known, goal))
+    further = () if places is None else (_further_microphones(problem, theta, known, goal, places),)
+    return (*further, _covered_wall(found.fit, known, goal))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,10 +130,12 @@ class _Goal:
         return tuple(name for name, ok in zip(self.names, enough, strict=True) if ok)
 
 
-def _further_microphones(space: Space, state: Point, known: Array, goal: _Goal, where: Places) -> Advice:
+def _further_microphones(
+    problem: WallProblem, theta: Array, known: Array, goal: _Goal, where: Places
+) -> Advice:
     """One place after the other, each the best beside those that are taken."""
     places = where.free()
-    each = information_at(space, state, places)
+    each = information_at(problem, theta, places)
     chosen: list[int] = []
     for _ in range(min(MICROPHONES, len(places))):
         left = [k for k in range(len(places)) if k not in chosen]
@@ -144,28 +146,29 @@ def _further_microphones(space: Space, state: Point, known: Array, goal: _Goal, 
     return Advice("positions", taken, "", goal.reached(known), len(goal.names))
 
 
-def information_at(space: Space, state: Point, places: Array) -> list[Array]:
+def information_at(problem: WallProblem, theta: Array, places: Array) -> list[Array]:
     """Information matrix that a microphone at each place would bring."""
-    model, names = with_microphones(space.problem.assembly.model, places)
-    problem = replace(space.problem, assembly=model.assemble(space.problem.assembly.uses))
-    assembly = model.with_effect(free_walls).assemble({*problem.assembly.uses, USE})
-    wider = replace(space, problem=problem, assembly=assembly)
-    seen = wider.uncertain(planned(space.observations[0], names), state)
-    parts = by_receiver(seen, seen.whiten(wider.slopes(seen, state)))
+    model, names = with_microphones(problem.assembly.model, places)
+    wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
+    parts = by_receiver(*_seen(wider, planned(problem.first, names), theta))
     return [part.T @ part for part in parts]
 
 
-def _covered_wall(space: Space, state: Point, known: Array, goal: _Goal) -> Advice:
+def _seen(problem: WallProblem, observation: Any, theta: Array) -> tuple[Any, Array]:
+    """What would be measured, with its errors in the field of theta, and its whitened derivatives."""
+    seen = problem.uncertain(observation, theta)
+    return seen, seen.whiten(problem.over([seen]).sensitivities(theta)[0])
+
+
+def _covered_wall(fit: WallFit, known: Array, goal: _Goal) -> Advice:
     """A wall behind a rigid board takes nothing: what changes was its own."""
     tried = []
-    bands = len(space.mid_hz)
-    few = few_lines(space.observations[0])
-    for number, wall in enumerate(space.walls):
-        beta = state.beta.copy()
+    bands = len(fit.mid_hz)
+    few = few_lines(fit.problem.first)
+    for number, wall in enumerate(fit.walls):
+        beta = fit.beta.copy()
         beta[number] = 0.0
-        covered = replace(state, beta=beta)
-        seen = space.uncertain(few, covered)
-        slopes = seen.whiten(space.slopes(seen, covered))
+        _, slopes = _seen(fit.problem, few, fit.at(beta))
         for part in (0, 1):
             first = goal.own + part * beta.size + number * bands
             slopes[:, first : first + bands] = 0.0

@@ -13,16 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import ComputationError, RequestError, SpecanError
-from specan.models import Assembly, Parameter, Use, effect
+from specan.errors import ComputationError, RequestError
+from specan.models import Parameter, Use, effect
+from specan.models.model import Model
+from specan.models.quantity import constant
 from specan.room.model.known_walls import with_nothing_stated
-from specan.study.estimation.continuation import down_weighted
+from specan.study.estimation.continuation import continuation_fit
+from specan.study.estimation.fit import describe
+from specan.study.estimation.levenberg_marquardt import NotSettledError, descend
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.frf import FrfObservation
@@ -34,24 +37,27 @@ SPREAD = 1.0  # standard deviation of what an admittance may be before anything 
 START = 0.03  # softer than most walls: peaks are wide, and a fit finds its way
 CRUDE_SPREAD = 0.1
 STEP = 1e-4  # of an admittance, for its derivative
-LONGEST = 0.1  # that one step may change an admittance by
-SETTLED = 1.0  # fall of chi-square below which a fit has ended; the quadratic about it does the rest
 LEAST = -0.5  # real part: a wall that gives energy is not a wall, but the centre of an interval may lie there
-MOST_STEPS = 25
+NEAR = 1e-4  # of chi-square that a step may still promise where a descent is given up
 ROUNDS = 2  # of fit and of linearising the common errors about it
 
 
-@effect("free-walls", adds_to="wall_admittance", neutral={"spectrum": 0.0})
+@effect("free-walls", adds_to="wall_admittance", neutral={"conductance": 0.0, "susceptance": 0.0})
 def free_walls(
     frequency,
+    free_band_hz,
     *,
-    spectrum=Parameter(0.0, "1", lower=-np.inf, upper=np.inf, fixed=True, doc="array (walls, lines)"),
+    conductance=Parameter(START, "1", lower=LEAST, upper=np.inf, per="wall_band", doc="rho c / Z, real"),
+    susceptance=Parameter(0.0, "1", lower=-np.inf, upper=np.inf, per="wall_band", doc="rho c / Z, imaginary"),
 ):
-    """The admittance of all walls, line by line."""
-    return spectrum
+    """The admittance of all walls in all third octaves."""
+    beta = np.asarray(conductance + 1j * susceptance).reshape(-1, len(free_band_hz))
+    return beta @ spline_basis(frequency, free_band_hz)
 
 
 USE = Use("free-walls")
+REAL, IMAGINARY = "free-walls.conductance", "free-walls.susceptance"
+CENTRES = {REAL: START, IMAGINARY: 0.0}  # of the priors
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +77,8 @@ class WallFit:
         The other parameters that were fitted.
     reduced_chi2 : float
         The covariance is widened by it where it exceeds one.
-    space, state : Space, Point
-        What was fitted, and where; to go on from.
+    problem : WallProblem
+        What was fitted, to go on from.
     """
 
     walls: tuple[str, ...]
@@ -82,8 +88,7 @@ class WallFit:
     theta: Array
     names: tuple[str, ...]
     reduced_chi2: float
-    space: Space
-    state: Point
+    problem: WallProblem
 
     def of(self, wall: int, band: int) -> tuple[complex, Array]:
         """Admittance of one wall in one band, and the covariance (2, 2) of its real and imaginary part."""
@@ -91,20 +96,9 @@ class WallFit:
         both = [place, place + self.beta.size]
         return complex(self.beta[wall, band]), self.covariance[np.ix_(both, both)]
 
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """A point in the space that is fitted over: the problem's own parameters, and the admittances."""
-
-    theta: Array
-    beta: Complex
-
-    def moved(self, step: NDArray[np.floating]) -> Point:
-        """Further by a step."""
-        own, size = self.theta.size, self.beta.size
-        change = step[own : own + size] + 1j * step[own + size :]
-        beta = self.beta + change.reshape(self.beta.shape)
-        return Point(self.theta + step[:own], np.maximum(beta.real, LEAST) + 1j * beta.imag)
+    def at(self, beta: Complex) -> Array:
+        """Theta of `problem` with these admittances."""
+        return np.concatenate([self.theta, beta.real.ravel(), beta.imag.ravel()])
 
 
 def wall_fit(
@@ -131,43 +125,55 @@ def wall_fit(
         The fit does not converge.
     """
     say = progress or (lambda text: None)
-    space = Space.of(problem, start or {})
-    state = space.beginning()
+    free = WallProblem.of(problem)
+    known = {n: v for n, v in (start or {}).items() if n not in free.priors}
     say("a first fit on few lines")
-    state = space.crude().descend(state)
+    crude = replace(free, priors={**free.priors, **_priors(CRUDE_SPREAD)})
+    theta = free.start(continuation_fit(crude, [known]))
     for _ in range(ROUNDS):
-        space = space.linearised(state)
+        free = replace(free, observations=tuple(free.uncertain(o, theta) for o in free.observations))
         say("all lines, with everything that is uncertain")
-        state = space.descend(state)
-    return space.result(state)
+        theta = _lowest(free, theta)
+    best = describe(free, theta)
+    own = len(best.theta) - 2 * len(free.walls) * len(free.mid_hz)
+    real, imaginary = best.theta[own:].reshape(2, len(free.walls), -1)
+    return WallFit(
+        free.walls,
+        free.mid_hz,
+        real + 1j * imaginary,
+        best.covariance[own:, own:] * max(best.reduced_chi2, 1.0),
+        best.theta[:own],
+        best.names[:own],
+        best.reduced_chi2,
+        free,
+    )
+
+
+def _priors(spread: float) -> dict[str, tuple[float, float]]:
+    return {name: (centre, spread) for name, centre in CENTRES.items()}
+
+
+def _lowest(problem: Problem, theta: Array) -> Array:
+    try:
+        return descend(problem, theta).theta
+    except NotSettledError as fault:
+        reached = fault.reached
+        left = reached.residual - reached.jacobian @ np.linalg.lstsq(reached.jacobian, reached.residual)[0]
+        if reached.chi2 - left @ left > NEAR * reached.chi2:
+            raise ComputationError(
+                "the fit of the walls does not converge",
+                remedy="look whether the rig file describes the room, with specan study compare",
+            ) from None
+        return reached.theta  # a valley that bends: the quadratic about the place does the rest
 
 
 @dataclass(frozen=True, eq=False)
-class Space:
-    """The problem without its walls, and a basis for them.
-
-    Attributes
-    ----------
-    problem : Problem
-        Its admittance is held at nothing.
-    assembly : Assembly
-        With `free_walls`.
-    mid_hz : array
-    spread : float
-        Standard deviation of the prior of real and imaginary part.
-    first : array
-        Where the other parameters start.
-    """
-
-    problem: Problem
-    assembly: Assembly
-    mid_hz: Array
-    spread: float
-    first: Array
+class WallProblem(Problem):
+    """A problem whose walls are free; they are the last elements of theta, all real parts, then all imaginary ones."""
 
     @classmethod
-    def of(cls, problem: Problem, start: Mapping[str, Any]) -> Space:
-        """Take what a problem says of its walls out of it."""
+    def of(cls, problem: Problem) -> WallProblem:
+        """Take what a problem says of its walls out of it, and free them."""
         model = problem.assembly.model
         if "wall_admittance" not in model.quantities:
             raise RequestError(
@@ -181,170 +187,73 @@ class Space:
             if set(model.effects[use.name].changes) <= {"wall_admittance", "wall_data_error"}:
                 problem = without(problem, use)
         problem = problem.holding({"wall_admittance.common": 0.0})
-        model = with_nothing_stated(model)  # what is estimated can then be held against it
-        problem = replace(problem, assembly=model.assemble(problem.assembly.uses))
-        assembly = model.with_effect(free_walls).assemble({*problem.assembly.uses, USE})
-        known = {n: v for n, v in start.items() if n not in problem.priors}
         lines = np.concatenate([o.conditions["frequency"] for o in problem.observations])
-        return cls(problem, assembly, third_octaves(lines.min(), lines.max()), SPREAD, problem.start(known))
+        model = with_free_walls(model, third_octaves(lines.min(), lines.max()))
+        return cls(
+            model.assemble({*problem.assembly.uses, USE}),
+            problem.observations,
+            (*problem.free, *CENTRES),
+            problem.values,
+            {**problem.priors, **_priors(SPREAD)},
+            problem.domains,
+            problem.links,
+            problem.nuisances,
+            problem.unheld,
+        )
 
     @property
-    def observations(self) -> tuple[FrfObservation, ...]:
-        """Recordings."""
-        return self.problem.observations  # type: ignore[return-value]
+    def first(self) -> Any:
+        """The first recording, as transfer functions."""
+        return self.observations[0]
 
     @property
     def walls(self) -> tuple[str, ...]:
         """Names of the walls."""
         return tuple(self.assembly.model.axes["wall"])
 
-    def beginning(self) -> Point:
-        """All walls alike, everything else as certified."""
-        return Point(self.first, np.full((len(self.walls), len(self.mid_hz)), START, dtype=complex))
+    @property
+    def mid_hz(self) -> Array:
+        """Exact mid-band frequencies of the third octaves."""
+        return np.asarray(self.assembly.model.quantities["free_band_hz"]())
 
-    def values(self, observation: FrfObservation, state: Point) -> dict[str, Any]:
-        """SI values of all parameters as an observation sees them."""
-        spectrum = state.beta @ self._basis(observation)
-        values = self.problem.seen_by(observation, self.problem.values_at(state.theta))
-        return {**values, "free-walls.spectrum": spectrum}
+    def uncertain(self, observation: Any, theta: Array) -> Any:
+        """With its common errors where they act on the field of theta."""
+        return observation.about(self.assembly, self.seen_by(observation, self.values_at(theta)))
 
-    def _basis(self, observation: FrfObservation) -> Array:
-        return spline_basis(observation.conditions_at_nodes["frequency"], self.mid_hz)
-
-    # --- residual and derivative ------------------------------------------------------------------
-
-    def residual(self, state: Point) -> Array:
-        """Whitened differences of all recordings, then of the priors."""
-        parts = [
-            o.whiten(o.predict(self.assembly, self.values(o, state)) - o.measured) for o in self.observations
+    def sensitivities(self, theta: Array, steps: Array | None = None, order: int = 2) -> list[Array]:
+        """Derivatives of the predictions; those by the walls from one evaluation a wall."""
+        values = self.values_at(theta)
+        others = replace(self, free=self.free[: -len(CENTRES)], values=values)
+        by_others = Problem.sensitivities(others, theta[: len(others.names)])
+        return [
+            np.column_stack([own, *self._by_walls(o, self.seen_by(o, values))])
+            for o, own in zip(self.observations, by_others, strict=True)
         ]
-        return np.concatenate([*parts, self.prior(state)])
 
-    def prior(self, state: Point) -> Array:
-        """What goes against certificates, and against the wide prior of the admittances."""
-        centred = (state.beta - START) / self.spread
-        own = [(state.theta[k] - mean) / sd for k, (mean, sd) in self._certified.items()]
-        return np.concatenate([own, centred.real.ravel(), centred.imag.ravel()])
-
-    def jacobian(self, state: Point) -> Array:
-        """Derivative of `residual`."""
-        parts = [o.whiten(self.slopes(o, state)) for o in self.observations]
-        free = 2 * state.beta.size
-        certified = np.zeros((len(self._certified), state.theta.size + free))
-        for row, (k, (_, sd)) in enumerate(self._certified.items()):
-            certified[row, k] = 1 / sd
-        wide = np.eye(free, state.theta.size + free, k=state.theta.size) / self.spread
-        return np.concatenate([*parts, certified, wide])
-
-    @cached_property
-    def _certified(self) -> dict[int, tuple[float, float]]:
-        """Place in theta of everything with a certificate, with its mean and standard uncertainty."""
-        owners = [name.whole for name in self.problem.names]
-        return {k: self.problem.priors[o] for k, o in enumerate(owners) if o in self.problem.priors}
-
-    def slopes(self, observation: FrfObservation, state: Point) -> Array:
-        """Derivative of an observation's prediction by theta, by real parts, by imaginary parts."""
-        here = self.values(observation, state)
-        basis = self._basis(observation)
-        changes: list[tuple[str, Any, float]] = []
-        for wall in range(len(self.walls)):
-            moved = here["free-walls.spectrum"].copy()
-            moved[wall] += STEP
-            changes.append(("free-walls.spectrum", moved, STEP))
-        for k, scale in enumerate(self.problem.scale):
-            theta = state.theta.copy()
-            theta[k] += 1e-3 * scale
-            name = self.problem.names[k].whole
-            value = self.problem.seen_by(observation, self.problem.values_at(theta))[name]
-            changes.append((name, value, 1e-3 * scale))
-        many = [here, *({**here, name: value} for name, value, _ in changes)]
-        quantity = observation.quantity
-        found = (
-            e[quantity]
-            for e in self.assembly.evaluate_many(observation.conditions_at_nodes, many, [quantity])
-        )
-        centre = next(found)
-        slopes = [(one - centre) / step for one, (_, _, step) in zip(found, changes, strict=True)]
-        by_line, others = slopes[: len(self.walls)], slopes[len(self.walls) :]
-        walls = [observation.folding(slope * shape) for slope in by_line for shape in basis]
-        own = [observation.folding(slope) for slope in others]
-        columns = [*own, *walls, *(1j * c for c in walls)]
-        return np.stack([rows_of(observation, c) for c in columns], axis=1)
-
-    # --- descent ----------------------------------------------------------------------------------
-
-    def descend(self, state: Point) -> Point:
-        """Levenberg-Marquardt steps, none longer than `LONGEST` in any admittance."""
-        residual, damping = self.residual(state), 1e-4
-        cost = float(residual @ residual)
-        for _ in range(MOST_STEPS):
-            jacobian = self.jacobian(state)
-            normal, slope = jacobian.T @ jacobian, jacobian.T @ residual
-            while True:
-                step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), slope)
-                step *= min(1.0, LONGEST / np.max(np.abs(step[state.theta.size :])))
-                tried = state.moved(step)
-                after = self._tried(tried)
-                fall = cost - (np.inf if after is None else float(after @ after))
-                if fall > 0 or damping > 1e8:
-                    break
-                damping = 10 * max(damping, 1e-7)
-            if after is None or fall <= 0:
-                return state
-            state, residual, cost, damping = tried, after, cost - fall, damping / 30
-            if fall < SETTLED:
-                return state
-        if fall > 1e-4 * cost:
-            raise ComputationError(
-                "the fit of the walls does not converge",
-                remedy="look whether the rig file describes the room, with specan study compare",
-            )
-        return state
-
-    def _tried(self, state: Point) -> Array | None:
-        try:
-            found = self.residual(state)
-        except SpecanError:  # walls for which the room has no clear modes: a shorter step
-            return None
-        return found if np.all(np.isfinite(found)) else None
-
-    def crude(self) -> Space:
-        """The same on few lines, seen without windows, all equally uncertain."""
-        return replace(self, problem=down_weighted(self.problem), spread=CRUDE_SPREAD)
-
-    def linearised(self, state: Point) -> Space:
-        """The same with places, calibration and discrepancy as they act on the field that was found."""
-        return replace(self, problem=self.problem.over([self.uncertain(o, state) for o in self.observations]))
-
-    def uncertain(self, observation: FrfObservation, state: Point) -> FrfObservation:
-        """With its common errors where they act on the field that was found."""
-        return observation.about(self.assembly, self.values(observation, state))
-
-    def result(self, state: Point) -> WallFit:
-        """The quadratic about a minimum: its centre may lie where a wall would give energy."""
-        jacobian, residual = self.jacobian(state), self.residual(state)
-        covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian))
-        step = -covariance @ (jacobian.T @ residual)
-        own, size = state.theta.size, state.beta.size
-        change = step[own : own + size] + 1j * step[own + size :]
-        n = self.problem.n_effective
-        reduced = float(residual @ residual) / max(n + len(self.problem.priors) - own, 1.0)
-        return WallFit(
-            self.walls,
-            self.mid_hz,
-            state.beta + change.reshape(state.beta.shape),
-            covariance[own:, own:] * max(reduced, 1.0),
-            state.theta + step[:own],
-            self.problem.names,
-            reduced,
-            self,
-            state,
-        )
+    def _by_walls(self, observation: Any, here: Mapping[str, Any]) -> list[Array]:
+        basis = spline_basis(observation.conditions_at_nodes["frequency"], self.mid_hz)
+        steps = STEP * np.repeat(np.eye(len(self.walls)), len(basis), axis=1)
+        many = [here, *({**here, REAL: here[REAL] + step} for step in steps)]
+        evaluated = self.assembly.evaluate_many(observation.conditions_at_nodes, many, [observation.quantity])
+        centre, *moved = (one[observation.quantity] for one in evaluated)
+        slopes = [
+            observation.folding((one - centre) / STEP * shape)[observation.kept]
+            for one in moved
+            for shape in basis
+        ]
+        return [np.concatenate([s.real, s.imag]) for s in (*slopes, *(1j * s for s in slopes))]
 
 
-def rows_of(observation: FrfObservation, response: Complex) -> Array:
-    """A response (microphones, lines) as the observation's rows."""
-    return np.concatenate([response.real[observation.kept], response.imag[observation.kept]])
+def with_free_walls(model: Model, mid_hz: Array) -> Model:
+    """The model with walls of which nothing is stated, free in bands: what is found can be held against statements."""
+    bare = with_nothing_stated(model)
+    bands = constant("free_band_hz", mid_hz, "Hz", "Third octaves in which walls are free.")
+    names = tuple(f"{wall} {f:.4g} Hz" for wall in model.axes["wall"] for f in mid_hz)
+    return replace(
+        bare,
+        quantities={**bare.quantities, "free_band_hz": bands},
+        axes={**bare.axes, "wall_band": names},
+    ).with_effect(free_walls)
 
 
 def third_octaves(low_hz: float, high_hz: float) -> Array:

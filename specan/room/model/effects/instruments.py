@@ -4,7 +4,8 @@ import numpy as np
 
 from specan.models import Parameter, effect
 
-_AWAY = 0.1  # m, domain of a displacement
+AWAY = Parameter(0.005, "m", min=-0.05, max=0.05, lower=-0.1, upper=0.1, doc="along that axis")
+LATE = Parameter(2e-5, "s", min=-1e-3, max=1e-3, lower=-2e-3, upper=2e-3, doc="lateness")
 
 
 @effect(
@@ -19,9 +20,9 @@ _AWAY = 0.1  # m, domain of a displacement
 )
 def microphone_position(
     *,
-    dx=Parameter(0.005, "m", min=-0.05, max=0.05, lower=-_AWAY, upper=_AWAY, doc="along x"),
-    dy=Parameter(0.005, "m", min=-0.05, max=0.05, lower=-_AWAY, upper=_AWAY, doc="along y"),
-    dz=Parameter(0.005, "m", min=-0.05, max=0.05, lower=-_AWAY, upper=_AWAY, doc="along z"),
+    dx=AWAY,
+    dy=AWAY,
+    dz=AWAY,
 ):
     """One microphone reads the pressure of another place; most at the nodal planes, more with frequency."""
     return np.array([dx, dy, dz])
@@ -54,9 +55,7 @@ def microphone_gain(
     reference="a factor exp(-j w tau); a skew is common to the channels of a card",
     instrument=True,
 )
-def microphone_delay(
-    *, delay=Parameter(2e-5, "s", min=-1e-3, max=1e-3, lower=-2e-3, upper=2e-3, doc="of a card")
-):
+def microphone_delay(*, delay=LATE):
     """A card starts late: the phase of its microphones falls in proportion to frequency; levels do not change."""
     return delay
 
@@ -86,9 +85,7 @@ def vibrometer_gain(
     reference="a factor exp(-j w tau)",
     instrument=True,
 )
-def vibrometer_delay(
-    *, delay=Parameter(2e-5, "s", min=-1e-3, max=1e-3, lower=-2e-3, upper=2e-3, doc="lateness")
-):
+def vibrometer_delay(*, delay=LATE):
     """The demodulator delays the velocity: every microphone seems early, by a phase proportional to frequency."""
     return delay
 

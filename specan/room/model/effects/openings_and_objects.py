@@ -19,12 +19,17 @@ END = Parameter(
 # volume, of a square prism twice as long 1.36: DNV-RP-H103, 2011, table A-2; ball 1.5, ellipsoid 1.21: Lamb, 114),
 # which 8 % of the coefficient here make of a ball; its radius of gyration is 4 % larger (an edge a^2 / 12, a half axis
 # a^2 / 5, of the same volume).
-_FLOW, _SIZE = 0.08, 0.04
+FLOW = Parameter(
+    1.0, "1", min=0.8, max=1.3, doc="air taken along that axis, over an ellipsoid's", fixed=True, spread=0.08
+)
+_SIZE = 0.04
 # Pa s/m. Friction of an opening 2 to 4 cm wide at 150 Hz is 0.3, its radiation outside 1 to 9 from 150 to 450 Hz
 # (Ingard, J. Acoust. Soc. Am. 25, 1953: sqrt(2 eta rho w) / 2 times 2 + 2 l / a; rho c (k a)^2 / 2).
 _OF_RESISTANCE = 4.0
 ACROSS = Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's first edge")
 ALONG = Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's second edge")
+PLACE = Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge")
+LENGTH = Parameter(1.0, "1", min=0.5, max=2.0, lower=0.2, upper=5.0, doc="along that axis, over volume^(1/3)")
 
 
 @effect(
@@ -110,20 +115,14 @@ def scatterer(
     room_dimensions,
     *,
     volume=Parameter(1e-3, "m^3", min=1e-4, max=1e-2, lower=0.0, upper=2e-2, doc="of the object"),
-    x=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
-    y=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
-    z=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
-    length_x=Parameter(1.0, "1", min=0.5, max=2.0, lower=0.2, upper=5.0, doc="along x, over volume^(1/3)"),
-    length_y=Parameter(1.0, "1", min=0.5, max=2.0, lower=0.2, upper=5.0, doc="along y, over volume^(1/3)"),
-    flow_x=Parameter(
-        1.0, "1", min=0.8, max=1.3, doc="air taken along, over an ellipsoid's", fixed=True, spread=_FLOW
-    ),
-    flow_y=Parameter(
-        1.0, "1", min=0.8, max=1.3, doc="air taken along, over an ellipsoid's", fixed=True, spread=_FLOW
-    ),
-    flow_z=Parameter(
-        1.0, "1", min=0.8, max=1.3, doc="air taken along, over an ellipsoid's", fixed=True, spread=_FLOW
-    ),
+    x=PLACE,
+    y=PLACE,
+    z=PLACE,
+    length_x=LENGTH,
+    length_y=LENGTH,
+    flow_x=FLOW,
+    flow_y=FLOW,
+    flow_z=FLOW,
     size=Parameter(
         1.0, "1", min=0.9, max=1.2, doc="radius of gyration over an ellipsoid's", fixed=True, spread=_SIZE
     ),

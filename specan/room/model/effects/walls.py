@@ -107,6 +107,11 @@ def panel_resonance(
     return coverage * density * sound_speed / impedance
 
 
+ERROR = Parameter(
+    1.0, "1", min=-3.0, max=3.0, lower=-30.0, upper=30.0, per="octave", doc="in standard uncertainties"
+)
+
+
 @effect(
     "wall-data",
     adds_to="wall_data_error",
@@ -120,12 +125,8 @@ def wall_data(
     frequency,
     octave_hz,
     *,
-    conductance=Parameter(
-        1.0, "1", min=-3.0, max=3.0, lower=-30.0, upper=30.0, per="octave", doc="in standard uncertainties"
-    ),
-    susceptance=Parameter(
-        1.0, "1", min=-3.0, max=3.0, lower=-30.0, upper=30.0, per="octave", doc="in standard uncertainties"
-    ),
+    conductance=ERROR,
+    susceptance=ERROR,
 ):
     """A wall is not as the rig file states, by so many standard uncertainties in each octave."""
     parts = (np.broadcast_to(part, np.shape(octave_hz)) for part in (conductance, susceptance))

@@ -4,6 +4,7 @@ import numpy as np
 
 from specan.models import Parameter, effect
 from specan.worm_gear.model.bearings import RPM, WHEEL, WORM, without_load
+from specan.worm_gear.model.effects.oil import SUPPLY
 from specan.worm_gear.model.rig import K_Z
 
 CATALOGUE = 1.84e-9  # SKF's coefficient of inlet shear heating
@@ -18,11 +19,7 @@ SHARE = Parameter(0.3, "1", min=0.0, max=1.0, doc="of the viscous loss without l
     neutral={"scale": 0.0},
     reference="SKF model for the frictional moment (catalogue 10000 EN 2013, pp. 97-112)",
 )
-def bearing_friction(
-    bearing_moment,
-    *,
-    scale=Parameter(1.0, "1", min=0.3, max=1.5, lower=0.0, upper=4.0, doc="measured over catalogue moment"),
-):
+def bearing_friction(bearing_moment, *, scale=SCALE):
     """Balls roll in oil and slide a little in their grooves.
 
     The SKF model gives the moment of each bearing from its radial and axial load, the speed and the viscosity:
@@ -43,12 +40,7 @@ def bearing_friction(
     reference="Palmgren: M0 = 1e-7 f0 (nu n)^(2/3) d_m^3, M1 = f1 P1 d_m with f1 = z (P0/C0)^0.55 (Harris, Rolling "
     "Bearing Analysis; SKF General Catalogue 1989; ISO/TR 14179-2), f0 = 2 in an oil bath, z = 0.0009",
 )
-def palmgren_bearings(
-    bearing_load_moment,
-    bearing_oil_moment,
-    *,
-    scale=SCALE,
-):
+def palmgren_bearings(bearing_load_moment, bearing_oil_moment, *, scale=SCALE):
     """Balls roll in oil and slide a little in their grooves, as Palmgren measured them.
 
     A published form of the same part as `bearing-friction`, not an effect beside it: one moment
@@ -67,11 +59,7 @@ def palmgren_bearings(
     reference="ISO/TR 14179-1: load-dependent moment f1 P1 d_m with f1 = 0.0006 to 0.0009 (P0/C0)^0.55 for deep groove "
     "ball bearings; what the oil in the bearings takes is not separated from the churning",
 )
-def iso_bearings(
-    bearing_load_moment,
-    *,
-    scale=SCALE,
-):
+def iso_bearings(bearing_load_moment, *, scale=SCALE):
     """Balls slide a little in their grooves, the more the higher the load.
 
     A published form of the same part as `bearing-friction`, not an effect beside it: proportional to the load to the
@@ -186,16 +174,7 @@ def starvation(
     *,
     strength=Parameter(1.0, "1", min=0.3, max=3.0, lower=0.0, upper=50.0, doc="K_rs over 3e-8"),
     share=SHARE,
-    level_exponent=Parameter(
-        1.0,
-        "1",
-        min=0.0,
-        max=3.0,
-        lower=-1.0,
-        upper=6.0,
-        doc="power of the standard oil level over the actual",
-        needs=("oil_level",),
-    ),
+    level_exponent=SUPPLY,
 ):
     """Each ball pushes the oil aside, and the next ball arrives before the oil has flowed back.
 

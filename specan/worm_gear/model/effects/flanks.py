@@ -3,7 +3,7 @@
 import numpy as np
 
 from specan.models import Parameter, effect
-from specan.worm_gear.model.effects.oil import REFERENCE_VISCOSITY
+from specan.worm_gear.model.effects.oil import REFERENCE_VISCOSITY, SUPPLY
 from specan.worm_gear.model.power import power_step
 
 REFERENCE_LOAD = 4e4  # N/m: 45 N*m on a wheel of 90 mm and 25 mm width
@@ -146,10 +146,7 @@ def mesh_starvation(
         doc="power of speed over viscosity with which the supplied film thins: 0 constant, 0.5 thrown off in a turn",
     ),
     sharpness=Parameter(3.0, "1", min=2.0, max=5.0, lower=1.0, upper=10.0, doc="g of the transition", fixed=True),
-    level_exponent=Parameter(
-        1.0, "1", min=0.0, max=3.0, lower=-1.0, upper=6.0, doc="power of the oil level in the oil supplied",
-        needs=("oil_level",),
-    ),
+    level_exponent=SUPPLY,
 ):  # fmt: skip
     """The worm throws off the oil that the next tooth needs.
 

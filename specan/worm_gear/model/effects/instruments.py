@@ -5,6 +5,9 @@ import numpy as np
 from specan.models import Parameter, effect
 
 STILL = 0.02  # share of the largest torque that counts as a change
+GAIN = Parameter(
+    0.3, "percent", min=-1.0, max=1.0, lower=-20.0, upper=20.0, doc="indicated over true, less 1"
+)
 
 
 @effect(
@@ -46,12 +49,8 @@ def torque_zero_error(
 )
 def torque_gain_error(
     *,
-    input=Parameter(
-        0.3, "percent", min=-1.0, max=1.0, lower=-20.0, upper=20.0, doc="indicated over true, less 1"
-    ),
-    output=Parameter(
-        0.3, "percent", min=-1.0, max=1.0, lower=-20.0, upper=20.0, doc="indicated over true, less 1"
-    ),
+    input=GAIN,
+    output=GAIN,
 ):
     """A torque sensor reads some parts in a thousand too high.
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from specan.models import Parameter, effect
-from specan.worm_gear.model.effects.oil import REFERENCE_VISCOSITY
+from specan.worm_gear.model.effects.oil import IDLE_TORQUE, REFERENCE_VISCOSITY
 
 REFERENCE_SPEED = 157.07963267948966  # rad/s: 1500 rpm
 LEVEL_EXPONENT = Parameter(
@@ -163,9 +163,7 @@ def brake_drag(
     brake_coupled,
     *,
     drag=Parameter(0.5, "N*m", min=0.05, max=3.0, lower=0.0, upper=20.0, doc="at the output, in runs without load"),
-    idle_torque=Parameter(
-        2.0, "N*m", min=0.5, max=5.0, doc="output torque below which a run counts as idle", fixed=True
-    ),
+    idle_torque=IDLE_TORQUE,
 ):  # fmt: skip
     """The brake or its belt drags in runs that count as idle, and no sensor measures it.
 

@@ -5,6 +5,13 @@ import numpy as np
 from specan.models import Parameter, effect
 
 REFERENCE_VISCOSITY = 1e-4  # m^2/s
+SUPPLY = Parameter(
+    1.0, "1", min=0.0, max=3.0, lower=-1.0, upper=6.0, doc="power of the oil level in the oil supplied",
+    needs=("oil_level",),
+)  # fmt: skip
+IDLE_TORQUE = Parameter(
+    2.0, "N*m", min=0.5, max=5.0, doc="output torque below which a run counts as idle", fixed=True
+)
 
 
 @effect(
@@ -61,9 +68,7 @@ def thermal_lag(
         doc="time constant",
         needs=("elapsed_time",),
     ),
-    idle_torque=Parameter(
-        2.0, "N*m", min=0.5, max=5.0, doc="output torque below which a run counts as idle", fixed=True
-    ),
+    idle_torque=IDLE_TORQUE,
 ):
     """The mesh and the bearings follow the oil sump late, and runs without load find them at another temperature.
 
