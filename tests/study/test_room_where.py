@@ -13,8 +13,6 @@ from specan.room.model.places import mode_names
 from specan.study.design.operating_points import explore, propose
 from specan.study.design.receiver_places import _separations, _views, best_places
 from specan.study.estimation.fit import fit
-from specan.study.estimation.prediction_error import LeftOut
-from specan.study.localisation.by_band_and_channel import Cells
 from specan.study.localisation.frf_errors import assurance, curve_errors
 from specan.study.localisation.localise import localise
 from specan.study.observation.correlated_errors import CommonErrors
@@ -100,28 +98,6 @@ def test_a_true_model_fails_nowhere(model):
         problem, best = located(model, recorded(model, seed=seed))
         flagged += bool(localise(problem, best).fails_at)
     assert flagged <= 1  # one room in twenty may be flagged
-
-
-def test_sums_over_cells_are_what_the_whole_residual_says(model):
-    """The chi-square of a set of cells, by the algebra of whole rows."""
-    seen = recorded(model, lambda h: 1.02 * h)
-    slope = np.gradient(seen.response, FREQUENCY, axis=1)
-    seen = replace(seen, modal=0.05 * slope[..., None] * np.array([1, 1j]))
-    problem, best = located(model, seen)
-    algebra = LeftOut(problem, best)
-    cells = Cells(algebra)
-    channels, bands = [1, 4], [0, 3]
-    o = problem.observations[0]
-    names = [cells.channels[m] for m in channels]
-    rows = np.isin(o.labels["channel"], names) & np.isin(o.labels["third_octave_hz"], cells.bands[bands])
-    real, imaginary = np.split(algebra.predicted, 2)
-    turned = np.concatenate([-imaginary, real])
-    columns = algebra.columns(
-        np.stack([np.where(rows, part, 0.0) for part in (algebra.predicted, turned)], axis=1)
-    )
-    along = columns.T @ algebra.projected
-    expected = along @ np.linalg.solve(columns.T @ columns, along)
-    assert cells.statistic(channels, bands) == (pytest.approx(expected, rel=1e-6), 2.0)
 
 
 def test_levels_carry_the_uncertainty_that_their_errors_have(model):
