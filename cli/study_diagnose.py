@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opt
-from specan_cli.output import Verb, draw_beside, emit_json, plot_option, say, show_sheets, table
+from specan_cli.output import Verb, draw_beside, emit_json, plot_option, show_sheets, table
 from specan_cli.study import open_study, probability, study_options, told
 
 if TYPE_CHECKING:
@@ -48,36 +48,12 @@ def command(
     specan study diagnose my_study --plot ranking.png
     """
     study = open_study(directory, effects)
-    try:
-        found = study.diagnose(progress=told(), jobs=jobs)
-    except KeyboardInterrupt as stopped:
-        _say_stopped(stopped, directory)
-        raise
+    found = study.diagnose(progress=told(), jobs=jobs)
     if as_json:
         emit_json(found.to_dict())
     else:
         _print(found, directory)
     draw_beside(found, plot)
-
-
-def _say_stopped(stopped: KeyboardInterrupt, directory: Path) -> None:
-    """What had been found; the exit code of an interrupted command follows."""
-    from specan.study.diagnose import Stopped
-    from specan.study.study import STOPPED
-
-    if not isinstance(stopped, Stopped):
-        return
-    rows = stopped.content["refitted"]
-    roughly = " roughly, to few lines" if stopped.content["rough"] else ""
-    say(
-        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted{roughly}, most likely first:"
-    )
-    for row in rows[:SHOWN]:
-        say(
-            f"  {' + '.join(row['effects'])}: error {row['error_after']:.3g} {row['unit']}, "
-            f"reduced chi-square {row['reduced_chi2']:.3g}"
-        )
-    say(f"Kept in {directory / STOPPED}; the next diagnose begins anew.")
 
 
 def _print(found: Diagnosis, directory: Path) -> None:

@@ -7,8 +7,6 @@ declared; work out how probable every explanation is; say what follows from that
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
-from typing import Any
 
 from specan.models.effect import ParameterName
 from specan.study.estimation.fit import Fit, fit
@@ -22,45 +20,10 @@ from specan.study.progress import Progress, unheard
 from specan.study.recorded_noise import with_noise_of_largest
 from specan.study.selection.initial_fit import InitialFit, initial_fit
 from specan.study.selection.refits import Refit
-from specan.study.verdict import Diagnosis, LackOfFit, errors, parameters_of
+from specan.study.verdict import Diagnosis, LackOfFit
 
 LEAST_DOF = 3.0  # degrees of freedom below which no test is made
 STARTS = 3  # of the fit of the base
-
-
-class Stopped(KeyboardInterrupt):
-    """A diagnosis was stopped; it has the searches as far as they came.
-
-    Attributes
-    ----------
-    searches : tuple
-        What fitted sets of effects.
-    """
-
-    def __init__(self, searches: tuple[Any, ...]) -> None:
-        super().__init__()
-        self.searches = searches
-
-    @cached_property
-    def content(self) -> dict[str, Any]:
-        """The effects that were refitted, most likely first, as plain values; of the latest search that has any.
-
-        ``rough`` where only a few lines, known to some per cent, were looked at so far.
-        """
-        done, rough = next((found for s in reversed(self.searches) if (found := s.fitted)[0]), ([], False))
-        rows = []
-        for refit in sorted(done, key=lambda r: r.bic(1.0)):
-            error = errors(refit)[0]
-            rows.append(
-                {
-                    "effects": sorted(map(str, refit.uses)),
-                    "reduced_chi2": refit.reduced,
-                    "error_after": error.rms,
-                    "unit": error.unit,
-                    "parameters": parameters_of(refit),
-                }
-            )
-        return {"finished": False, "rough": rough, "refitted": rows}
 
 
 def diagnose(
@@ -69,7 +32,6 @@ def diagnose(
     base: Fit | None = None,
     set_up: MistakenSetUp | None = None,
     progress: Progress | None = None,
-    begun: list[Any] | None = None,
 ) -> Diagnosis:
     """Find out which effect a model is missing.
 
@@ -83,8 +45,6 @@ def diagnose(
         What `mistaken_set_up` has found, where it has been looked for already.
     progress : callable, optional
         Told in a few words what is being done.
-    begun : list, optional
-        What fits sets of effects is put into it as it is begun.
 
     Returns
     -------
@@ -99,16 +59,16 @@ def diagnose(
     why = untestable(start)
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
-    progress, begun = progress or unheard, [] if begun is None else begun
+    progress = progress or unheard
     progress("explanations of the data", 0.0)
     if all(isinstance(o, TableObservation) for o in problem.observations):
-        return told(Explanations(*with_noise_of_largest(problem, start.fit), progress, begun))
+        return told(Explanations(*with_noise_of_largest(problem, start.fit), progress))
     near = InitialFit(start)
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data", 0.0)
         mistake = set_up or mistaken_set_up(problem)
         if not mistake.text:
-            near = initial_fit(start, progress, begun.append)
+            near = initial_fit(start, progress)
             mistake = mistake_beside(near, problem)
         if mistake.text:
             return Diagnosis(
@@ -117,7 +77,7 @@ def diagnose(
                 lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
                 model_discrepancy_percent=_discrepancy(problem),
             )
-    return told(OfResponses(near, progress, begun))
+    return told(OfResponses(near, progress))
 
 
 def mistake_beside(near: InitialFit, problem: Problem) -> MistakenSetUp:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from specan import __version__
 from specan.errors import RequestError
-from specan.io.output_file import text_file
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
@@ -68,7 +65,6 @@ if TYPE_CHECKING:
     from specan.study.localisation.frf_errors import FrfErrors
     from specan.study.progress import Progress
 
-STOPPED = "stopped_diagnosis.json"  # in a study: what a diagnosis had found when it was interrupted
 FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 PREDICTED = 0.01  # probability of chi-square from which data are predicted as well as they can be
@@ -354,21 +350,12 @@ class Study:
         self.require_uncertainty("diagnose")
         found = self.kept.find("diagnosis", Diagnosis)
         if found is None:
-            from specan.study.diagnose import Stopped, diagnose
+            from specan.study.diagnose import diagnose
 
-            begun: list[Any] = []
-            try:
-                with working(jobs) if jobs > 1 else contextlib.nullcontext():
-                    found = diagnose(
-                        self.problem, base=self.best, set_up=self.kept.find("set_up", MistakenSetUp),
-                        progress=progress, begun=begun,
-                    )  # fmt: skip
-            except KeyboardInterrupt:
-                stopped = Stopped(tuple(begun))
-                self._keep_stopped(stopped.content)
-                raise stopped from None
-            with contextlib.suppress(OSError):
-                (self.directory / STOPPED).unlink(missing_ok=True)
+            with working(jobs):
+                found = diagnose(
+                    self.problem, base=self.best, set_up=self.kept.find("set_up", MistakenSetUp), progress=progress
+                )  # fmt: skip
             found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
             if self.problem.strategy.linearised_covariance:
                 found = self._as_shown(found)
@@ -380,11 +367,6 @@ class Study:
         """What was diagnosed of the study as it is, as ``study diagnose --json`` prints it; None if nothing was."""
         found = self.kept.find("diagnosis", Diagnosis)
         return None if found is None else found.to_dict()
-
-    def _keep_stopped(self, content: Mapping[str, Any]) -> None:
-        """Write what a stopped diagnosis had found into the study, where its directory can be written to."""
-        with contextlib.suppress(OSError), text_file(self.directory / STOPPED) as file:
-            json.dump({**content, "hashes": self.hashes}, file, indent=1)
 
     def _as_shown(self, found: Diagnosis) -> Diagnosis:
         """A diagnosis that says of the base what every verb says: a search has covariances about the field it found."""

@@ -25,7 +25,7 @@ from scipy.special import logsumexp
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.estimation.fit import Fit, describe, fit
+from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.levenberg_marquardt import NotSettledError, descend, descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import Fault, Faults
@@ -36,7 +36,6 @@ from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array
 from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import without
-from specan.study.selection.refits import Refit
 
 EffectSet = frozenset[Use]
 
@@ -160,11 +159,8 @@ class Explanations:
         problem: Problem,
         base: Fit,
         progress: Progress = unheard,
-        begun: list[Any] | None = None,
     ) -> None:
         self.problem, self.base, self.progress = problem, base, progress
-        if begun is not None:
-            begun.append(self)
         self.found: list[Explanation] = []
         # By the parameters of a fit: the likeliest errors of its form, and the probability that they are the largest.
         self.likeliest: dict[bytes, int] = {}
@@ -184,14 +180,6 @@ class Explanations:
         """The errors of form, and the forms of the base."""
         self.errors: FormErrors = OverConditions(self.problem)
         self.forms = list(forms_of(self.problem, self.base))
-
-    @property
-    def fitted(self) -> tuple[list[Refit], bool]:
-        """Sets of effects that were fitted so far, and that this is not rough."""
-        done = [e for e in self.found if e.kind == "effects" and e.fitted]
-        return [
-            Refit(e.uses, e.tangent.problem, describe(e.tangent.problem, e.tangent.theta)) for e in done
-        ], False
 
     # --- the model as it is, and with effects ---------------------------------------------------
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -47,14 +46,12 @@ class OfResponses(Explanations):
         The base, what is fitted first, and values near the minimum of some sets.
     """
 
-    def __init__(
-        self, near: InitialFit, progress: Progress = unheard, begun: list[Any] | None = None
-    ) -> None:
+    def __init__(self, near: InitialFit, progress: Progress = unheard) -> None:
         self.fitted_anyway = 3 if near.base.poor_fit else 1
         self.errors = AlongLines()
         self._catalogues: dict[EffectSet, Catalogue] = {}
         self._about(near)
-        super().__init__(near.base.problem, near.base.fit, progress, begun)
+        super().__init__(near.base.problem, near.base.fit, progress)
 
     def set_up(self) -> None:
         """No rig declares another form of the base for such data."""
@@ -82,11 +79,6 @@ class OfResponses(Explanations):
         likely = tuple(use for e in sets[:COMPARED] for use in e.uses)
         self._about(InitialFit(base, likely, done, sets[0].uses))
         super()._search()
-
-    @property
-    def fitted(self) -> tuple[list[Refit], bool]:
-        """Sets of effects that were fitted so far, and that this is not rough."""
-        return self.refits.fitted
 
     def _forms_in_reach(self) -> list[Form]:
         return self.forms

@@ -84,9 +84,8 @@ class InitialFit:
 def initial_fit(
     start: Refit,
     progress: Callable[[str, float], None],
-    begun: Callable[[Refits], None] = lambda refits: None,
 ) -> InitialFit:
-    """Look for a field near the measured one, where the base is far from it; `begun` is given the rough refits."""
+    """Look for a field near the measured one, where the base is far from it."""
     if not start.problem.strategy.linearised_covariance or start.reduced < POOR_FIT:
         return InitialFit(start)
 
@@ -101,7 +100,7 @@ def initial_fit(
         return chi2 < POOR_FIT * start.problem.n_data
 
     trying("", BEGINS)
-    tried = _tried(start.problem, trying, begun, met)
+    tried = _tried(start.problem, trying, met)
     bare = next(r for r in tried if not r.uses)
     near = min(tried, key=lambda r: r.bic(1.0))
     if near.chi2 > CLEAR * bare.chi2:  # the base is as near as the view can tell
@@ -179,7 +178,6 @@ def about_itself(refit: Refit) -> Refit:
 def _tried(
     problem: Problem,
     trying: Callable[[str, float], None],
-    begun: Callable[[Refits], None],
     met: Callable[[Refit], bool],
 ) -> list[Refit]:
     """Sets of up to two effects that a greedy search on a down-weighted view fits, the empty one included."""
@@ -187,7 +185,6 @@ def _tried(
     view = down_weighted(problem, values=values)
     best = Refit(frozenset(), view, fit(view, start=values))
     refits = Refits(best, rough=True)
-    begun(refits)
     for _ in range(MOST):
         found, _ = candidates(best.problem)
         known: Known = {}

@@ -210,11 +210,6 @@ class Refits:
         self.failed.pop(uses, None)
         return self.done[uses]
 
-    @property
-    def fitted(self) -> tuple[list[Refit], bool]:
-        """Sets of effects that were fitted so far, and whether only roughly."""
-        return [refit for uses, refit in self.done.items() if uses], self.rough
-
     def beyond_pruning_bound(self, chi2: float, best: float) -> bool:
         """Whether a chi-square is too far above the best for an exact minimum, and an exact equation, to help."""
         return chi2 > PRUNING_FACTOR * best + FORM_TOLERANCE**2 * max(self.base.fit.chi2 - best, 0.0)
