@@ -11,7 +11,7 @@ from specan.models.measurement_kinds import ReceiverErrors
 from specan.room.model import EXAMPLE_RIG
 from specan.room.model.places import mode_names
 from specan.study.design.operating_points import explore, propose
-from specan.study.design.receiver_places import _separations, _views, best_places
+from specan.study.design.receiver_places import _separations, _views, propose_places
 from specan.study.estimation.fit import fit
 from specan.study.localisation.frf_errors import assurance, curve_errors
 from specan.study.localisation.localise import localise
@@ -190,19 +190,19 @@ def test_places_for_the_next_microphone_are_proposed_with_what_is_expected_there
 
 def test_the_proposed_place_is_the_one_that_separates_most(rivals, model):
     places = model.receivers.places.free()
-    best = best_places(rivals, np.array([0.5, 0.5]), 1, 0.0)[0]
+    best = propose_places(rivals, np.array([0.5, 0.5]), 1)[0]
     views = _views(rivals, places)
     covariances = [r.fit.covariance * r.dispersion for r in rivals]
     each = [np.sqrt(_separations(views, covariances, k)[0, 1]) for k in range(len(places))]
-    assert best.separation == pytest.approx(max(each))
-    assert best.place_m == pytest.approx(tuple(places[int(np.argmax(each))]))
+    assert best.separation_sigma == pytest.approx(max(each))
+    assert list(best.conditions.values()) == pytest.approx(places[int(np.argmax(each))].tolist())
     # written out: the whole covariance of the gap at that place
     k = int(np.argmax(each))
     gap = views[0].white[k] - views[1].white[k]
     whole = np.eye(gap.size) + sum(
         v.slopes[k] @ c @ v.slopes[k].T for v, c in zip(views, covariances, strict=True)
     )
-    assert best.separation == pytest.approx(np.sqrt(gap @ np.linalg.solve(whole, gap)), rel=1e-6)
+    assert best.separation_sigma == pytest.approx(np.sqrt(gap @ np.linalg.solve(whole, gap)), rel=1e-6)
 
 
 def test_something_unknown_is_looked_for_where_the_model_fails(model):

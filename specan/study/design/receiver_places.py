@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 
 from specan.models.measurement_kinds import Places, Receivers
+from specan.study.design.proposal import EXPLORED, SEPARATES, Proposal, name_of
 from specan.study.estimation.linear import chi2_beside, covariance_root
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.frf_errors import DB
 from specan.study.localisation.localise import Block
 from specan.study.observation import Array
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
-from specan.study.observation.window_leakage import Folding
 from specan.study.selection.refits import Refit
 
 EVERY_HZ = 3.0  # lines that a planned receiver is looked at
@@ -35,22 +35,10 @@ def few_lines(observation: FrfObservation) -> FrfObservation:
     """About every third line, seen without windows, each worth what the lines around it are worth together."""
     every = max(1, round(EVERY_HZ / observation.line_hz))
     lines = np.flatnonzero(observation.kept.any(axis=0))[::every]
-    frequency = observation.frequency_hz[lines]
     alike = 1 + 2 * sum(LINE_CORRELATION[1:every])  # neighbouring lines say in part the same
-    random = observation.random[:, lines] * np.sqrt(min(1.0, alike / every))
-    return replace(
-        observation,
-        frequency_hz=frequency,
-        response=observation.response[:, lines],
-        noise=random,
-        random=random,
-        shared=observation.shared[:, lines],
-        modal=None if observation.modal is None else observation.modal[:, lines],
-        kept=observation.kept[:, lines],
-        folding=Folding.none(frequency),
-        conditions_at_nodes=observation.conditions_at(frequency),
-        drift=observation.drift and observation.drift.at(lines),
-    )
+    few = observation.of_lines(lines)
+    random = few.random * np.sqrt(min(1.0, alike / every))
+    return replace(few, noise=random, random=random)
 
 
 def planned(observation: FrfObservation, names: Sequence[str]) -> FrfObservation:
@@ -90,30 +78,6 @@ def spoken_place(place: Array | Sequence[float]) -> str:
     return "(" + ", ".join(f"{x:.2f}" for x in place) + ") m"
 
 
-@dataclass(frozen=True)
-class PlacedReceiver:
-    """A proposed place and what is expected there.
-
-    Attributes
-    ----------
-    place_m : tuple of float
-    band_hz : float
-        The third octave that tells most.
-    levels_dB : tuple of float
-        Level of each rival there, re 1 of the observable's unit.
-    sigma_dB : float
-        Standard uncertainty of that level.
-    separation : float
-        Largest separation of two rivals, all lines together, in sigma.
-    """
-
-    place_m: tuple[float, float, float]
-    band_hz: float
-    levels_dB: tuple[float, ...]
-    sigma_dB: float
-    separation: float
-
-
 def can_place(problem: Problem) -> bool:
     """Whether further receivers can be placed: the model knows places, and no parameter is a receiver's own."""
     receivers = problem.assembly.model.receivers
@@ -132,19 +96,8 @@ def _of(problem: Problem) -> tuple[Receivers, Places]:
     return receivers, receivers.places
 
 
-def best_places(rivals: Sequence[Refit], weights: Array, count: int, least: float) -> list[PlacedReceiver]:
-    """Places that separate rivals, the best first; each beside those before it.
-
-    Parameters
-    ----------
-    rivals : sequence of Refit
-        Two at least; the first is the best.
-    weights : array
-        Of the rivals.
-    count : int
-    least : float
-        Separation in sigma below which nothing is proposed.
-    """
+def propose_places(rivals: Sequence[Refit], weights: Array, count: int) -> list[Proposal]:
+    """Free places at which a further receiver would best separate rivals, best first."""
     places = _of(rivals[0].problem)[1].free()
     views = _views(rivals, places)
     covariances = [r.fit.covariance * r.dispersion for r in rivals]
@@ -153,9 +106,9 @@ def best_places(rivals: Sequence[Refit], weights: Array, count: int, least: floa
         gains = {k: _separations(views, covariances, k) for k in left}
         best = max(left, key=lambda k: sum(weights[a] * weights[b] * s for (a, b), s in gains[k].items()))
         pair, square = max(gains[best].items(), key=lambda item: item[1])
-        if np.sqrt(square) < least:
+        if np.sqrt(square) < SEPARATES:
             break
-        found.append(_expected(views, places[best], best, pair, float(np.sqrt(square))))
+        found.append(_proposal(rivals, views, places[best], best, pair, float(np.sqrt(square))))
         covariances = [_after(c, view.slopes[best]) for c, view in zip(covariances, views, strict=True)]
         left.discard(best)
     return found
@@ -223,23 +176,38 @@ def _after(covariance: Array, slopes: Array) -> Array:
     return np.asarray(root @ np.linalg.solve(np.eye(seen.shape[1]) + seen.T @ seen, root.T))
 
 
-def _expected(
-    views: Sequence[_View], place: Array, number: int, pair: tuple[int, int], separation: float
-) -> PlacedReceiver:
-    """The third octave in which the two that are furthest apart differ most against its uncertainty."""
-    observation = views[0].observation
+def _proposal(
+    rivals: Sequence[Refit],
+    views: Sequence[_View],
+    place: Array,
+    number: int,
+    pair: tuple[int, int],
+    separation: float,
+) -> Proposal:
+    """A place, with the third octave in which the two that are furthest apart differ most against its uncertainty."""
+    observation, model = views[0].observation, rivals[0].problem.assembly.model
     mic = int(np.flatnonzero(observation.kept.any(axis=1))[number])
     lines = observation.labels["third_octave_hz"][: observation.n // 2]
     bands = lines.reshape(len(views[0].response), -1)[number]
     told = []
     for band in np.unique(bands):
         inside = bands == band
-        levels = [10 * np.log10(np.mean(np.abs(v.response[number, inside]) ** 2)) for v in views]
+        levels = [float(10 * np.log10(np.mean(np.abs(v.response[number, inside]) ** 2))) for v in views]
         sigma = _level_sigma(observation, mic, inside, views[0].response[number, inside])
         told.append((abs(levels[pair[0]] - levels[pair[1]]) / sigma, float(band), levels, sigma))
     _, band, levels, sigma = max(told, key=lambda t: t[0])
-    x, y, z = (float(v) for v in place)
-    return PlacedReceiver((x, y, z), band, tuple(float(v) for v in levels), float(sigma), separation)
+    predictions = dict(zip(map(name_of, rivals), levels, strict=True))
+    said = ", ".join(f"{name} expects {level:.1f} dB" for name, level in predictions.items())
+    unit = model.observables[str(observation.observable[0])].unit
+    text = (
+        f"a {_of(rivals[0].problem)[0].noun} at {spoken_place(place)}: around {band:g} Hz {said} (re 1 {unit}); sigma "
+        f"there is {sigma:.2g} dB, one recording over all frequencies separates them by {separation:.1f} sigma"
+    )
+    return Proposal(text, _coordinates(place), predictions, "dB", sigma, separation)
+
+
+def _coordinates(place: Array) -> dict[str, float | str]:
+    return dict(zip(("x_m", "y_m", "z_m"), map(float, place), strict=True))
 
 
 def _level_sigma(observation: FrfObservation, mic: int, lines: Any, response: Any) -> float:
@@ -249,10 +217,10 @@ def _level_sigma(observation: FrfObservation, mic: int, lines: Any, response: An
     return float(DB * np.sqrt(random + np.sum(common.real**2)))
 
 
-def where_it_fails(start: Refit, block: Block, count: int) -> list[tuple[float, float, float]]:
+def explore_places(problem: Problem, block: Block) -> list[Proposal]:
     """Free places in the corner of a block - near its group or its receiver - far from all receivers."""
-    model = start.problem.assembly.model
-    receivers, known = _of(start.problem)
+    model = problem.assembly.model
+    receivers, known = _of(problem)
     places, taken = known.free(), receivers.positions_m
     group, name = block.where.get(receivers.group_label), block.where.get("channel")
     if group is not None:
@@ -261,20 +229,12 @@ def where_it_fails(start: Refit, block: Block, count: int) -> list[tuple[float, 
     elif name in model.axes[receivers.axis]:
         away = np.linalg.norm(places - taken[model.axes[receivers.axis].index(name)], axis=1)
         places = places[np.argsort(away, kind="stable")[:8]]
-    found: list[tuple[float, float, float]] = []
-    for _ in range(min(count, len(places))):
+    told = f"where the model fails ({block.short_place}: {block.text}) and nothing was measured nearby"
+    found = []
+    for _ in range(min(EXPLORED, len(places))):
         gap = np.min(np.linalg.norm(places[:, None] - taken[None], axis=2), axis=1)
-        x, y, z = (float(v) for v in places[int(np.argmax(gap))])
-        found.append((x, y, z))
-        taken = np.vstack([taken, [x, y, z]])
+        place = places[int(np.argmax(gap))]
+        text = f"a {receivers.noun} at {spoken_place(place)}: {told}"
+        found.append(Proposal(text, _coordinates(place), {}, "dB", None, None))
+        taken = np.vstack([taken, place])
     return found
-
-
-def in_words(found: PlacedReceiver, names: Sequence[str], unit: str, noun: str) -> str:
-    """A proposal as a sentence."""
-    said = ", ".join(f"{n} expects {v:.1f} dB" for n, v in zip(names, found.levels_dB, strict=True))
-    return (
-        f"a {noun} at {spoken_place(found.place_m)}: around {found.band_hz:g} Hz {said} (re 1 {unit}); sigma "
-        f"there is {found.sigma_dB:.2g} dB, one recording over all frequencies separates them by "
-        f"{found.separation:.1f} sigma"
-    )

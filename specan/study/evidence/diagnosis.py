@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from specan.errors import SpecanError, unforeseen
-from specan.study.design.operating_points import Proposal, explore, propose
+from specan.study.design.operating_points import explore, propose
+from specan.study.design.proposal import Proposal
 from specan.study.estimation.fit import describe
 from specan.study.evidence.explanations import Explanation, Explanations
 from specan.study.evidence.form_errors import FORMS
@@ -258,8 +259,9 @@ class _Telling:
         if told[0].probability > OPEN:
             return ()
         near = without_larger(one for one in told if one.probability > told[0].probability * OF_THE_BEST)
-        plain = [self.refit(one.best) for one in near if not one.best.form.parts][:4]
-        return propose(plain, other_kinds=kind == "group")
+        plain = [one for one in near if not one.best.form.parts][:4]
+        refits, probabilities = [self.refit(one.best) for one in plain], [one.probability for one in plain]
+        return propose(refits, probabilities, other_kinds=kind == "group")
 
     def _remarks(self) -> list[str]:
         base, best = self.base, self._best.best

@@ -401,7 +401,7 @@ class FrfObservation(KeptLines):
         used = np.flatnonzero(self.kept.any(axis=0))
         every = max(1, int(np.ceil(self.n / rows)))
         lines = used[(every // 2) % max(used.size, 1) :: every]
-        part = self._of_lines(lines)
+        part = self.of_lines(lines)
         folded = self.responses(assembly, [values])[0][:, lines]
         plain = part.responses(assembly, [values])[0]
         return replace(part, response=part.response + plain - folded)
@@ -410,7 +410,7 @@ class FrfObservation(KeptLines):
         """A few lines, predicted without windows, each known to `percent` of the RMS around it."""
         used = np.flatnonzero(self.kept.any(axis=0))
         apart = float(np.min(np.diff(self.frequency_hz[used]), initial=DOWN_WEIGHTED_HZ))
-        part = self._of_lines(used[:: max(1, round(DOWN_WEIGHTED_HZ / apart))])
+        part = self.of_lines(used[:: max(1, round(DOWN_WEIGHTED_HZ / apart))])
         power = np.sum(np.abs(part.response) ** 2 * part.kept, axis=0) / part.kept.sum(axis=0)
         window = np.full(2 * DOWN_WEIGHTED_NEIGHBOURS + 1, 1 / (2 * DOWN_WEIGHTED_NEIGHBOURS + 1))
         around = np.convolve(np.pad(power, DOWN_WEIGHTED_NEIGHBOURS, mode="edge"), window, mode="valid")
@@ -426,7 +426,7 @@ class FrfObservation(KeptLines):
             rough=True,
         )
 
-    def _of_lines(self, lines: NDArray[np.intp]) -> FrfObservation:
+    def of_lines(self, lines: NDArray[np.intp]) -> FrfObservation:
         """Some of the lines, predicted without windows."""
         frequency = self.frequency_hz[lines]
         names = ["response", "noise", "random", "shared", "kept"]
