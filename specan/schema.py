@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
 from specan.divisions import DIVISIONS
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, SpecanError, nearest
 
 
 class Settings(BaseModel):
@@ -149,14 +149,27 @@ def regular(path: Path) -> Path:
     return path
 
 
+def read_text(path: Path, expected: str, kind: type[SpecanError] = RequestError) -> str:
+    """The text of a small file in UTF-8; a fault names the file.
+
+    Raises
+    ------
+    SpecanError
+        Of this kind: it cannot be read.
+    """
+    try:
+        return regular(path).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise kind(f"the file {path} does not exist", remedy="check the path") from None
+    except (OSError, UnicodeDecodeError) as fault:
+        raise kind(f"{path} cannot be read ({fault})", expected=expected) from None
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file into plain values; a fault names the file and the line."""
+    text = read_text(path, "a TOML file in UTF-8")
     try:
-        return tomllib.loads(regular(path).read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise RequestError(f"the file {path} does not exist", remedy="check the path") from None
-    except (OSError, UnicodeDecodeError) as fault:
-        raise RequestError(f"{path} cannot be read ({fault})", expected="a TOML file in UTF-8") from None
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as fault:  # also a date that is none, and brackets within brackets
         raise RequestError(f"{path} is not valid TOML ({fault})", remedy="correct that line") from None
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import fnmatch
-import io
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,9 +11,10 @@ from pydantic import Field, model_validator
 
 from specan.data.channel import SMALLEST_GAIN, Channel, Role, gain_of, is_known, si_unit
 from specan.errors import InputError, RequestError
+from specan.io.csv_rows import csv_rows
 from specan.io.roles import derivatives_of
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ
-from specan.schema import Settings, parse, read_toml, regular
+from specan.schema import Settings, parse, read_toml
 
 NAMES = ("channels.toml", "channels.csv")
 
@@ -135,8 +133,13 @@ def read_channel_table(path: Path | str) -> ChannelTable:
     """
     path = Path(path)
     if path.suffix.lower() == ".csv":
-        rows = tuple(parse(Row, content, f"{path.name}, line {line}") for line, content in _csv_rows(path))
-        return ChannelTable(rows, path.name)
+        _, rows = csv_rows(path, RequestError)
+        if not rows:
+            raise RequestError(
+                f"{path.name} holds no rows", expected="a header with 'channel' and a row a channel"
+            )
+        found = tuple(parse(Row, content, f"{path.name}, line {line}") for line, content in rows)
+        return ChannelTable(found, path.name)
     return ChannelTable(parse(_File, read_toml(path), path.name).channel, path.name)
 
 
@@ -192,41 +195,3 @@ def _scaled(row: Row, channel: Channel, decisions: dict[str, str], label: str, s
     decisions["unit"] = source
     decisions.pop("sensitivity", None)
     return replace(channel, unit=unit, raw_unit=unit, raw_scale=scale, gain=scale)
-
-
-def _csv_rows(path: Path) -> list[tuple[int, Mapping[str, Any]]]:
-    """Rows with their line numbers; empty cells are left out, a spreadsheet's decimal comma is read."""
-    try:
-        text = regular(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise RequestError(f"the file {path} does not exist", remedy="check the path") from None
-    except (OSError, UnicodeDecodeError) as fault:
-        raise RequestError(f"{path} cannot be read ({fault})", expected="a CSV file in UTF-8") from None
-    head = next((line for line in text.splitlines() if line.strip()), "")
-    mark = max(";\t,", key=head.count)
-    reader = csv.DictReader(io.StringIO(text), delimiter=mark, restkey="", skipinitialspace=True)
-    rows: list[tuple[int, Mapping[str, Any]]] = []
-    for cells in reader:
-        if cells.pop("", None):
-            raise RequestError(
-                f"{path.name}, line {reader.line_num}: more cells than the header has",
-                remedy="put a cell with a separator into quotation marks",
-            )
-        content = {k.strip(): v.strip() for k, v in cells.items() if k and v and v.strip()}
-        if mark != ",":
-            content = {k: v.replace(",", ".") if _is_number(v) else v for k, v in content.items()}
-        if content:
-            rows.append((reader.line_num, content))
-    if not rows:
-        raise RequestError(
-            f"{path.name} holds no rows", expected="a header with 'channel' and a row a channel"
-        )
-    return rows
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
