@@ -153,6 +153,12 @@ class RecordingResult(Result):
     """
 
     verb: ClassVar[str] = ""
+    over: ClassVar[str] = ""
+    """Names of arrays over `dimensions`, as `picked` takes them."""
+    common: ClassVar[str] = ""
+    """Of what `content` says of all channels."""
+    each: ClassVar[str] = ""
+    """Of what it says of each."""
 
     label: str
     channels: tuple[str, ...]
@@ -161,15 +167,15 @@ class RecordingResult(Result):
 
     def values_over(self) -> dict[str, Any]:
         """Arrays over `dimensions`."""
-        raise NotImplementedError
+        return picked(self, self.over)
 
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""
-        raise NotImplementedError
+        return picked(self, self.common)
 
     def of_channels(self) -> dict[str, Any]:
         """What `content` says of each channel; its name aside."""
-        raise NotImplementedError
+        return picked(self, self.each)
 
     def keeps(self, limits: Any) -> list[Any]:
         """How each channel keeps to limits (`specan.data.limits`)."""
@@ -224,14 +230,15 @@ def _as_html(sheet: Sheet) -> str:
 
 
 def picked(found: Any, names: str) -> dict[str, Any]:
-    """Attributes by their names, which stand apart by blanks.
+    """Attributes of an object, by name; ``key=name`` gives one another key.
 
     Examples
     --------
-    >>> picked(1.5 + 2j, "real imag")
-    {'real': 1.5, 'imag': 2.0}
+    >>> picked(3 + 4j, "real imaginary=imag")
+    {'real': 3.0, 'imaginary': 4.0}
     """
-    return {name: getattr(found, name) for name in names.split()}
+    keys = (name.partition("=") for name in names.split())
+    return {key: getattr(found, name or key) for key, _, name in keys}
 
 
 def data_set(frame: pd.DataFrame) -> xr.Dataset:

@@ -183,21 +183,21 @@ class BandLevels(RecordingResult):
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""
         return {
-            **picked(self, "fraction weighting averaging hold start_s duration_s"),
-            "sampling_rate_hz": self.sampling_rate,
-            "settling": self.settling,
-            "other_settling": None if self.other is None else self.other.name,
+            **picked(
+                self,
+                "fraction weighting averaging hold start_s duration_s sampling_rate_hz=sampling_rate settling",
+            ),
+            "other_settling": self.other and self.other.name,
             **picked(self, "nominal_hz exact_hz lower_hz upper_hz u_dB"),
-            "history_interval_s": None if self.history is None else self.history.interval_s,
-            "history_time_s": None if self.history is None else self.history.time_s,
+            "history_interval_s": self.history and self.history.interval_s,
+            "history_time_s": self.history and self.history.time_s,
         }
 
     def of_channels(self) -> dict[str, Any]:
         """What `content` says of each channel."""
         rows = range(len(self.channels))
         found = {
-            "group": self.groups,
-            "unit": self.units,
+            **picked(self, "group=groups unit=units"),
             "level_reference": [reference.text for reference in self.references],
             "level_dB": self.level_dB,
             "overall_dB": records(**self.overall_dB),

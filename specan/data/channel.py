@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.result import picked
 from specan.units import MOTION, QUANTITIES, Quantity, is_compatible, scale_to
 
 Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "force", "other"]
@@ -126,31 +127,11 @@ class Channel:
 
     def content(self) -> dict[str, Any]:
         """What the JSON of a recording says of the channel."""
-        phase = self.phase
+        names = "name group role unit sampling_rate_hz=sampling_rate n_samples duration_s start_offset_s"
+        more = "sample_unit=raw_unit gain u_gain_percent derivatives delay_s u_delay_s full_scale"
         return {
-            "name": self.name,
-            "group": self.group,
-            "role": self.role,
-            "unit": self.unit,
-            "sampling_rate_hz": self.sampling_rate,
-            "n_samples": self.n_samples,
-            "duration_s": self.duration_s,
-            "start_offset_s": self.start_offset_s,
-            "sample_unit": self.raw_unit,
-            "gain": self.gain,
-            "u_gain_percent": self.u_gain_percent,
-            "derivatives": self.derivatives,
-            "delay_s": self.delay_s,
-            "u_delay_s": self.u_delay_s,
-            "full_scale": self.full_scale,
-            "phase": phase
-            and {
-                "frequency_hz": phase.frequency_hz,
-                "phase_deg": phase.phase_deg,
-                "u_phase_deg": phase.u_phase_deg,
-                "model": phase.model,
-                "group": phase.group,
-            },
+            **picked(self, f"{names} {more}"),
+            "phase": self.phase and picked(self.phase, "frequency_hz phase_deg u_phase_deg model group"),
             "decisions": dict(self.decisions),
             "properties": plain_properties(self.properties),
         }

@@ -56,6 +56,7 @@ class DecayTimes(RecordingResult):
     """
 
     verb = "decay"
+    common = "fraction nominal_hz exact_hz"
 
     groups: tuple[str, ...]
     fraction: int
@@ -105,7 +106,7 @@ class DecayTimes(RecordingResult):
     def values_over(self) -> dict[str, Any]:
         """Arrays over `dimensions`."""
         words = [[" ".join(words) for words in flags] for flags in self._all_flags()]
-        return {**{name: getattr(self, name) for name in VALUES}, "flags": np.array(words, dtype=object)}
+        return {**picked(self, " ".join(VALUES)), "flags": np.array(words, dtype=object)}
 
     def about(self) -> list[str]:
         """Lines above the table in a text file."""
@@ -147,14 +148,9 @@ class DecayTimes(RecordingResult):
         )
         return [*found[:-1], *(sheet._replace(below=below) for sheet in found[-1:])]
 
-    def facts(self) -> dict[str, Any]:
-        """What `content` says of all channels."""
-        return picked(self, "fraction nominal_hz exact_hz")
-
     def of_channels(self) -> dict[str, Any]:
         """What `content` says of each channel."""
-        values = {name: getattr(self, name) for name in VALUES}
-        return {"group": self.groups, "start_s": self.start_s, **values, "flags": self._all_flags()}
+        return {**picked(self, f"group=groups start_s {' '.join(VALUES)}"), "flags": self._all_flags()}
 
     def _all_flags(self) -> list[list[tuple[str, ...]]]:
         return [
@@ -218,28 +214,16 @@ class ImpulseResponses(Result):
     def content(self) -> dict[str, Any]:
         """What `to_dict` gives, with arrays in it."""
         return {
-            "reference": self.reference,
-            "method": self.method,
+            **picked(self, "reference method"),
             "samples": self.samples.shape[1],
             "sampling_rate_hz": self.sampling_rate,
-            "channels": [{"name": c.label, "unit": c.unit} for c in self.channels],
-            "notes": self.notes,
-            "settings": self.settings,
+            "channels": [picked(c, "name=label unit") for c in self.channels],
+            **picked(self, "notes settings"),
         }
 
     def recording(self) -> Recording:
         """The responses as a recording, to be analysed or exported."""
-        n = self.samples.shape[1]
-        channels = tuple(
-            Channel(
-                c.name,
-                c.group,
-                unit=c.unit,
-                role=c.role,
-                sampling_rate=self.sampling_rate,
-                n_samples=n,
-                shares_name=c.shares_name,
-            )
-            for c in self.channels
-        )
+        kept = "name group unit role shares_name"
+        about = {"sampling_rate": self.sampling_rate, "n_samples": self.samples.shape[1]}
+        channels = tuple(Channel(**picked(c, kept), **about) for c in self.channels)
         return Recording(self.label, channels, ArraySource(list(self.samples)), notes=self.notes)

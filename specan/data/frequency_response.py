@@ -96,6 +96,11 @@ class FrequencyResponse(RecordingResult):
     flags: tuple[tuple[str, ...], ...]
 
     dimensions = ("channel", "frequency_hz")
+    over = f"magnitude phase_deg {LINES} {COMMON}"
+    common = (
+        "reference reference_unit reference_rms estimator n_blocks n_effective line_correlation frequency_hz"
+    )
+    each = f"unit=units magnitude phase_deg {LINES} degrees_of_freedom {COMMON} delay_s flags"
 
     @property
     def u_total_percent(self) -> Real:
@@ -118,10 +123,6 @@ class FrequencyResponse(RecordingResult):
             f"{counted(self.frequency_hz.size, 'line')}, {self.n_blocks} blocks"
         )
 
-    def values_over(self) -> dict[str, Any]:
-        """Arrays over `dimensions`."""
-        return picked(self, f"magnitude phase_deg {LINES} {COMMON}")
-
     def about(self) -> list[str]:
         """Lines above the table in a text file."""
         return [
@@ -139,18 +140,6 @@ class FrequencyResponse(RecordingResult):
             words = [(word, mask[row]) for word, mask in doubts.items() if word not in own]
             lines = range(self.frequency_hz.size)
             yield {**table, "flags": [(*own, *(w for w, mask in words if mask[line])) for line in lines]}
-
-    def facts(self) -> dict[str, Any]:
-        """What `content` says of all channels."""
-        return picked(
-            self,
-            "reference reference_unit reference_rms estimator n_blocks n_effective line_correlation frequency_hz",
-        )
-
-    def of_channels(self) -> dict[str, Any]:
-        """What `content` says of each channel."""
-        names = f"magnitude phase_deg {LINES} degrees_of_freedom {COMMON} delay_s flags"
-        return {"unit": self.units, **picked(self, names)}
 
     def sheets(self, at_hz: Sequence[float] = ()) -> list[Sheet]:
         """A row a channel: its highest line, or the lines nearest to some frequencies."""

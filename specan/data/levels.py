@@ -93,6 +93,7 @@ class SignalLevels(RecordingResult):
     """
 
     verb = "rms"
+    common = "start_s duration_s sampling_rate_hz=sampling_rate settling"
 
     groups: tuple[str, ...]
     units: tuple[str, ...]
@@ -131,8 +132,7 @@ class SignalLevels(RecordingResult):
             "unit": list(self.units),
             **picked(self, "rms peak crest_factor mean minimum maximum"),
             "level_reference": [reference.text for reference in self.references],
-            **picked(self, "level_dB peak_dB"),
-            "C_peak_dB": self.c_peak_dB,
+            **picked(self, "level_dB peak_dB C_peak_dB=c_peak_dB"),
             **{f"Leq_{weighting}_dB": values for weighting, values in self.equivalent_dB.items()},
             **{f"LE_{weighting}_dB": values for weighting, values in self.exposure_dB.items()},
             **picked(self, "max_dB min_dB"),
@@ -190,14 +190,6 @@ class SignalLevels(RecordingResult):
             values = {name: found[row : row + 1] for name, found in columns.items()}
             yield {"channel": channel, "group": group, "unit": unit, **values}
 
-    def facts(self) -> dict[str, Any]:
-        """What `content` says of all channels."""
-        return {
-            **picked(self, "start_s duration_s"),
-            "sampling_rate_hz": self.sampling_rate,
-            "settling": self.settling,
-        }
-
     def of_channels(self) -> dict[str, Any]:
         """What `content` says of each channel."""
         time_weighted = [
@@ -211,12 +203,9 @@ class SignalLevels(RecordingResult):
             for row, unit in enumerate(self.units)
         ]
         return {
-            "group": self.groups,
-            "unit": self.units,
+            **picked(self, "group=groups unit=units"),
             "level_reference": [reference.text for reference in self.references],
-            **picked(self, "rms level_dB peak peak_dB"),
-            "C_peak_dB": self.c_peak_dB,
-            **picked(self, "crest_factor mean minimum maximum"),
+            **picked(self, "rms level_dB peak peak_dB C_peak_dB=c_peak_dB crest_factor mean minimum maximum"),
             "equivalent_dB": records(**self.equivalent_dB),
             "exposure_dB": records(**self.exposure_dB),
             "time_weighted_dB": time_weighted,

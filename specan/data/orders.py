@@ -79,15 +79,10 @@ class OrderLines:
 
     def rows(self) -> list[list[dict[str, Any]]]:
         """The lines of each channel, one mapping each."""
+        parts = zip(abs(self.amplitude), self.phase_deg, self.u, self.u_scatter, strict=True)
         return [
-            records(
-                order=self.order,
-                amplitude=abs(self.amplitude[row]),
-                phase_deg=self.phase_deg[row],
-                u=self.u[row],
-                u_scatter=self.u_scatter[row],
-            )
-            for row in range(len(self.amplitude))
+            records(order=self.order, amplitude=size, phase_deg=phase, u=u, u_scatter=scatter)
+            for size, phase, u, scatter in parts
         ]
 
 
@@ -131,6 +126,7 @@ class OrderSpectrum(RecordingResult):
 
     dimensions: ClassVar[tuple[str, ...]] = ("channel", "order")
     title = "orders"
+    over = "amplitude level_dB"
 
     def summary(self) -> str:
         """What it is, on one line."""
@@ -139,10 +135,6 @@ class OrderSpectrum(RecordingResult):
             f"{self.label}, {counted(len(self.channels), 'channel')}, {self.order.size} orders up to "
             f"{self.order[-1]:.4g}, {counted(self.turns, 'turn')}, {low:.4g} Hz to {high:.4g} Hz"
         )
-
-    def values_over(self) -> dict[str, Any]:
-        """Arrays over `dimensions`."""
-        return picked(self, "amplitude level_dB")
 
     def about(self) -> list[str]:
         """Lines above the table in a text file."""
@@ -156,29 +148,25 @@ class OrderSpectrum(RecordingResult):
         """The requested lines, or the spectrum."""
         lines = self.lines
         for row, channel in enumerate(self.channels):
-            if lines is None:
-                nothing = dict.fromkeys(("phase_deg", "u", "u_blocks"), "")
-                yield {"channel": channel, "order": self.order, "amplitude": self.amplitude[row], **nothing}
-                continue
-            yield {
+            found: dict[str, Any] = {
                 "channel": channel,
-                "order": lines.order,
-                "amplitude": abs(lines.amplitude[row]),
-                "phase_deg": lines.phase_deg[row],
-                "u": lines.u[row],
-                "u_blocks": lines.u_scatter[row],
+                "order": self.order,
+                "amplitude": self.amplitude[row],
             }
+            more: dict[str, Any] = dict.fromkeys(("phase_deg", "u", "u_blocks"), "")
+            if lines is not None:
+                found |= {"order": lines.order, "amplitude": abs(lines.amplitude[row])}
+                more = {
+                    "phase_deg": lines.phase_deg[row],
+                    "u": lines.u[row],
+                    "u_blocks": lines.u_scatter[row],
+                }
+            yield found | more
 
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""
         return {
-            "tacho": {
-                "channel": self.tacho.channel,
-                "pulses": self.tacho.pulses,
-                "missing": self.tacho.missing,
-                "double": self.tacho.double,
-                "jitter_s": self.tacho.jitter_s,
-            },
+            "tacho": picked(self.tacho, "channel pulses missing double jitter_s"),
             "speed_hz": dict(zip(("least", "mean", "greatest"), self.tacho.speed_hz)),
             **picked(self, "turns block_turns n_blocks average_turns"),
             "line_turns": None if self.lines is None else self.lines.turns,
@@ -188,7 +176,7 @@ class OrderSpectrum(RecordingResult):
 
     def of_channels(self) -> dict[str, Any]:
         """What `content` says of each channel."""
-        found = {"unit": self.units, **picked(self, "rms synchronous_rms amplitude average")}
+        found = picked(self, "unit=units rms synchronous_rms amplitude average")
         return found if self.lines is None else {**found, "lines": self.lines.rows()}
 
     def sheets(self, peaks: int = 3, kurtosis: Mapping[str, Any] | None = None) -> list[Sheet]:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import RecordingResult, Sheet, counted, picked
+from specan.result import RecordingResult, Sheet, counted
 
 Real = NDArray[np.float64]
 
@@ -34,6 +32,9 @@ class ShockResponse(RecordingResult):
 
     verb = "srs"
     dimensions = ("channel", "frequency_hz")
+    over = "maximax positive negative"
+    common = "response quality frequency_hz"
+    each = f"unit=units {over} flags"
 
     frequency_hz: Real
     units: tuple[str, ...]
@@ -53,28 +54,10 @@ class ShockResponse(RecordingResult):
         channels = counted(len(self.channels), "channel")
         return f"{self.label}, shock response ({self.response}, Q {self.quality:g}) of {channels}"
 
-    def values_over(self) -> dict[str, Any]:
-        """Arrays over `dimensions`."""
-        return picked(self, "maximax positive negative")
-
-    def facts(self) -> dict[str, Any]:
-        """What `content` says of all channels."""
-        return picked(self, "response quality frequency_hz")
-
-    def of_channels(self) -> dict[str, Any]:
-        """What `content` says of each channel."""
-        return {"unit": self.units, **self.values_over(), "flags": self.flags}
-
     def about(self) -> list[str]:
         """Lines above the table in a text file."""
         units = ", ".join(f"{name} in {unit}" for name, unit in zip(self.channels, self.units, strict=True))
         return [self.summary(), units]
-
-    def tables(self) -> Iterable[dict[str, Any]]:
-        """The lines of one channel after the other."""
-        for row, channel in enumerate(self.channels):
-            values = {name: found[row] for name, found in self.values_over().items()}
-            yield {"channel": channel, "frequency_hz": self.frequency_hz, **values}
 
     def sheets(self) -> list[Sheet]:
         """The highest value of each channel."""

@@ -177,23 +177,15 @@ class _Lines(RecordingResult):
         """What `content` says of all channels."""
         scale = self.scale
         return {
-            "scaling": scale.scaling,
-            "weighting": scale.weighting,
-            "window": {
-                "name": scale.window,
-                "coherent_gain": scale.coherent_gain,
-                "enbw_hz": scale.enbw_hz,
-                "line_spacing_hz": scale.line_spacing_hz,
-            },
+            **picked(scale, "scaling weighting"),
+            "window": picked(scale, "name=window coherent_gain enbw_hz line_spacing_hz"),
             **picked(self, "frequency_hz notes settings"),
         }
 
     def of_channels(self) -> dict[str, Any]:
         """What `content` says of each channel."""
         return {
-            "unit": self.value_units,
-            "values": self.values,
-            "level_dB": self.level_dB,
+            **picked(self, "unit=value_units values level_dB"),
             "level_reference": [self.scale.level_text(unit) for unit in self.units],
         }
 

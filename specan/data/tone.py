@@ -96,12 +96,9 @@ class ToneTable(Result):
     def columns(self) -> dict[str, Any]:
         """One row for each channel, with the names of ``sine.txt``."""
         return {
-            "channel": list(self.channels),
-            "role": list(self.roles),
-            "unit": list(self.units),
+            **picked(self, "channel=channels role=roles unit=units"),
             "frequency_hz": np.full(len(self.channels), self.frequency_hz),
-            **picked(self, "rms level_dB tone_rms phase_deg u_phase_deg"),
-            "magnitude_re_reference": self.magnitude,
+            **picked(self, "rms level_dB tone_rms phase_deg u_phase_deg magnitude_re_reference=magnitude"),
             **picked(self, "u_magnitude_percent thd_percent noise_rms"),
             "flags": [" ".join(words) for words in self.flags],
         }
