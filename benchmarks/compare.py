@@ -158,7 +158,7 @@ WHOLE = {
     "specan fft --whole": (
         "from specan.analysis.spectrum import FourierSpectrum, single_blocks\n"
         "from specan.io.open import open_recording",
-        "for part, lines in single_blocks(open_recording(place + '/samples.tdms'), FourierSpectrum(whole=True)):\n"
+        "for part in single_blocks(open_recording(place + '/samples.tdms'), FourierSpectrum(whole=True)):\n"
         "    pass",
     ),
     "numpy rfft of a windowed channel": (

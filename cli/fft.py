@@ -91,7 +91,7 @@ def command(
 
 def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: Delivery) -> int:
     """A single block, which may be the whole recording: shown and written channel by channel."""
-    from specan.analysis.spectrum import FourierSpectrum, chosen, single_blocks, with_phase
+    from specan.analysis.spectrum import FourierSpectrum, chosen, single_blocks
     from specan.data.calibration import stated
     from specan.io.result_file import write_result
     from specan.schema import parse
@@ -102,17 +102,17 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: 
     about: list[Spectrum] = []
 
     def tables() -> Iterator[dict[str, Any]]:
-        for part, lines in single_blocks(recording, settings):
-            one = with_phase(part, lines)
-            sheets.extend(one.sheets(peaks))
+        for part in single_blocks(recording, settings):
+            sheets.extend(part.sheets(peaks))
             # What is said about the spectrum in the end: not its lines, nor a view that would keep them.
             short: dict[str, Any] = {
                 "density": part.density[:, :1].copy(),
                 "frequency_hz": part.frequency_hz[:1].copy(),
+                "phase_deg": None,
             }
             about.append(stated(replace(part, has_mirror=part.has_mirror[:1].copy(), **short), recording))
-            yield from one.tables() if output is not None else ()
-            del part, lines, one
+            yield from part.tables() if output is not None else ()
+            del part
 
     if output is None:
         list(tables())

@@ -98,7 +98,8 @@ class FourierSpectrum(BlockSettings):
     def __call__(self, recording: Recording) -> Spectrum:
         """Read the recording once and return the spectra."""
         if self.whole or self.averaging == "none":
-            return _single_block(recording, self)
+            parts = list(single_blocks(recording, self))
+            return joined(parts, "channels units density phase_deg rms flags")
         return read_through(self.accumulator(recording), recording)
 
 
@@ -172,17 +173,13 @@ def chosen(
     return run, reference, shown, (*others, *notes)
 
 
-def single_blocks(
-    recording: Recording, settings: FourierSpectrum
-) -> Iterator[tuple[Spectrum, NDArray[np.complex128]]]:
+def single_blocks(recording: Recording, settings: FourierSpectrum) -> Iterator[Spectrum]:
     """One block, channel by channel: a whole recording is long, and one channel is held at a time.
 
     Yields
     ------
     Spectrum
-        Of one channel, without its phase.
-    array (lines,)
-        Its complex lines, from which `with_phase` finds the phase of those that are wanted.
+        Of one channel.
     """
     recording, reference, shown, notes = chosen(recording, settings)
     channels = shown if reference is None or reference in shown else (*shown, reference)
@@ -191,7 +188,7 @@ def single_blocks(
     rate, notes = channels[0].sampling_rate, (*notes, *integrated(shown, settings.window, block))
     scale, shape = scale_of(settings, block, rate), window(settings.window, block)
     f: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
-    kept, mirrored = lines_between(f, settings), has_mirror(f.size, block)
+    mirrored = has_mirror(f.size, block)
     peaks = np.where(mirrored, 2.0, 1.0) / np.sum(shape)
 
     def spectrum(channel: Channel) -> NDArray[np.complex128]:
@@ -214,12 +211,11 @@ def single_blocks(
         density = np.square(np.abs(found)) / np.where(mirrored, 2.0 * scale.enbw_hz, scale.enbw_hz)
         if turn is not None:
             found *= turn
-        lines = Lines(f, density[None], None, block, phased=True)
-        yield (
-            spectrum_of(recording, (channel,), settings, lines, notes, kept),
-            found if kept.all() else found[kept],
-        )
-        del found, density, lines  # while the next channel is read
+        phase = np.where(found != 0, phase_deg(found), np.nan)
+        del found
+        lines = Lines(f, density[None], phase[None], block)
+        yield spectrum_of(recording, (channel,), settings, lines, notes)
+        del density, phase, lines  # while the next channel is read
 
 
 def correction_of_block(channel: Channel, f: NDArray[np.float64], name: WindowName) -> NDArray[np.complex128]:
@@ -236,22 +232,6 @@ def integrated(channels: Sequence[Channel], name: WindowName, block: int) -> tup
     lines = [lowest_line(name, channel.derivatives) for channel in channels]
     lowest = max(lines) * channels[0].sampling_rate / block
     return (f"integrated from {lowest:.3g} Hz on: below, there is no line",) if lowest else ()
-
-
-def with_phase(found: Spectrum, lines: NDArray[np.complex128]) -> Spectrum:
-    """The spectrum of a single block with the phase of all its lines."""
-    return replace(found, phase_deg=phase_of_lines(lines)[None])
-
-
-def phase_of_lines(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Phase in degrees; none where there is nothing."""
-    return np.where(lines != 0, phase_deg(lines), np.nan)
-
-
-def _single_block(recording: Recording, settings: FourierSpectrum) -> Spectrum:
-    """All channels of `single_blocks` together."""
-    parts = [with_phase(*part) for part in single_blocks(recording, settings)]
-    return joined(parts, "channels units density phase_deg rms flags")
 
 
 def block_of(recording: Recording, settings: BlockSettings, n: int) -> int:
@@ -308,7 +288,7 @@ def lines_between(frequency_hz: NDArray[np.float64], settings: BlockSettings) ->
 
 
 class Lines(NamedTuple):
-    """Lines of blocks of `block` samples, and what was averaged; `phased` where their phase follows later."""
+    """Lines of blocks of `block` samples, and what was averaged."""
 
     frequency_hz: NDArray[np.float64]
     density: NDArray[np.float64]
@@ -316,7 +296,6 @@ class Lines(NamedTuple):
     block: int
     n_blocks: int = 1
     n_effective: float = 1.0
-    phased: bool = False
 
 
 def spectrum_of(
@@ -325,17 +304,17 @@ def spectrum_of(
     settings: FourierSpectrum,
     lines: Lines,
     notes: tuple[str, ...],
-    kept: NDArray[np.bool_] | None = None,
 ) -> Spectrum:
     """The lines that were asked for, with all that belongs to them."""
-    frequency_hz, density, phase, block, n_blocks, n_effective, phased = lines
-    kept = lines_between(frequency_hz, settings) if kept is None else kept
+    frequency_hz, density, phase, block, n_blocks, n_effective = lines
+    kept = lines_between(frequency_hz, settings)
     rate = channels[0].sampling_rate
     if not kept.all():  # a copy of all lines of a whole recording is large
         frequency_hz, density = frequency_hz[kept], density[:, kept]
+        phase = None if phase is None else phase[:, kept]
     if settings.weighting != "Z":
         density = density * power_weighting(frequency_hz, settings.weighting)
-    if settings.averaging in ("linear", "exponential") and phase is None and not phased:
+    if settings.averaging in ("linear", "exponential") and phase is None:
         notes = (*notes, "no phase: choose a reference channel to see it")
     return Spectrum(
         label=recording.label,
@@ -348,7 +327,7 @@ def spectrum_of(
         averaging="none" if n_blocks == 1 and settings.whole else settings.averaging,
         n_blocks=n_blocks,
         n_effective=n_effective,
-        phase_deg=None if phase is None else phase[:, kept],
+        phase_deg=phase,
         phase_reference=settings.reference,
         rms=np.sqrt(np.sum(density, axis=1) * (rate / block)),
         flags=tuple((*recording.flags, *_flags(row)) for row in density),

@@ -183,10 +183,8 @@ class BandLevels(RecordingResult):
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""
         return {
-            **picked(
-                self,
-                "fraction weighting averaging hold start_s duration_s sampling_rate_hz=sampling_rate settling",
-            ),
+            **picked(self, "fraction weighting averaging hold start_s duration_s"),
+            **picked(self, "sampling_rate_hz=sampling_rate settling"),
             "other_settling": self.other and self.other.name,
             **picked(self, "nominal_hz exact_hz lower_hz upper_hz u_dB"),
             "history_interval_s": self.history and self.history.interval_s,

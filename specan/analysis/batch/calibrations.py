@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
+from functools import cache
 from pathlib import Path
 
 from specan.analysis.batch.inputs import Input
@@ -62,9 +62,9 @@ def assign_calibrations(
     RequestError
         The calibration that was given is missing or not valid; one in a directory fails its recordings.
     """
-    calibrating = [not known(entry) and _is_calibrator(entry, open_headers) for entry in inputs]
-    calibrators = list(compress(inputs, calibrating))
-    others = list(compress(inputs, (not one for one in calibrating)))
+    calibrators, others = list[Input](), list[Input]()
+    for entry in inputs:
+        (calibrators if not known(entry) and _is_calibrator(entry, open_headers) else others).append(entry)
     if given is not None:
         read_calibration(given)
         aside = [FileResult(entry.label, "aside", _UNUSED) for entry in calibrators]
@@ -85,23 +85,12 @@ def assign_calibrations(
                 f"calibration: {target.name} ({fingerprint(target)}), from {len(mine)} calibrator recordings"
             ] = None
             header |= dict.fromkeys(f"calibration: {note}" for note in notes)
-    return _nearest_of_all(others, made, results, header)
-
-
-def _nearest_of_all(
-    others: Sequence[Input], made: dict[str, Path], results: list[FileResult], header: dict[str, None]
-) -> Assigned:
-    """The calibration beside each file, or that made of its root's calibrator recordings."""
+    nearest, fault_of = cache(_nearest), cache(_fault_of)  # looked for once: files may be very many
     assigned: list[Input] = []
-    faults: dict[Path, str | None] = {}
-    nearest: dict[tuple[str, str], Path | None] = {}  # looked for once in a directory: files may be very many
     for entry in others:
-        where = entry.root, os.path.dirname(entry.path)
-        if where not in nearest:
-            nearest[where] = _nearest(*map(Path, where))
-        beside = nearest[where]
+        beside = nearest(entry.root, os.path.dirname(entry.path))
         if beside is not None:
-            if (fault := _fault_of(beside, faults)) is not None:
+            if fault := fault_of(beside):
                 results.append(FileResult(entry.label, "failed", entry.neutral(fault)))
                 continue
             place = beside.relative_to(entry.root).as_posix()
@@ -111,17 +100,15 @@ def _nearest_of_all(
     return Assigned(assigned, results, list(header) or ["calibration: none"])
 
 
-def _fault_of(calibration: Path, known: dict[Path, str | None]) -> str | None:
-    """What is wrong with a calibration that lies in a directory: it costs the recordings there, no others."""
-    if calibration not in known:
-        try:
-            read_calibration(calibration)
-            known[calibration] = None
-        except SpecanError as fault:
-            known[calibration] = str(fault)
-        except Exception as fault:
-            known[calibration] = f"{calibration.name}: {unforeseen(fault)}"
-    return known[calibration]
+def _fault_of(calibration: Path) -> str:
+    """Why a calibration cannot be used, or nothing."""
+    try:
+        read_calibration(calibration)
+    except SpecanError as fault:
+        return str(fault)
+    except Exception as fault:
+        return f"{calibration.name}: {unforeseen(fault)}"
+    return ""
 
 
 def _may_be_calibrator(path: str) -> bool:
@@ -132,13 +119,13 @@ def _may_be_calibrator(path: str) -> bool:
     return any(word in part for part in map(bytes.lower, metadata_of(path)) for word in _WORDS)
 
 
-def _nearest(root: Path, place: Path) -> Path | None:
-    """The `calibration.toml` closest above a file in `place`, not above the directory of the batch."""
-    while True:
-        beside = calibration_beside(place / FILE_NAME)
-        if beside is not None or place in (root, place.parent):
+def _nearest(root: str, place: str) -> Path | None:
+    """The calibration of a directory: its own, or that of the nearest one above it."""
+    for directory in (Path(place), *Path(place).parents):
+        beside = calibration_beside(directory / FILE_NAME)
+        if beside is not None or directory == Path(root):
             return beside
-        place = place.parent
+    return None
 
 
 def _calibrate(
@@ -158,17 +145,14 @@ def _calibrate(
         try:
             insertions.append(evaluate_insertion(open_headers(entry), settings))
             results.append(FileResult(entry.label, "aside", _USED))
-        except SpecanError as fault:
-            results.append(FileResult(entry.label, "failed", entry.neutral(str(fault))))
         except Exception as fault:
-            results.append(FileResult(entry.label, "failed", entry.neutral(unforeseen(fault))))
+            results.append(FileResult(entry.label, "failed", entry.neutral(_said(fault))))
     if not insertions:
         return results, None
     try:
         calibration = join_insertions(insertions, settings)
     except Exception as fault:
-        said = str(fault) if isinstance(fault, SpecanError) else unforeseen(fault)
-        return [FileResult(entry.label, "failed", said) for entry in entries], None
+        return [FileResult(entry.label, "failed", _said(fault)) for entry in entries], None
     write_calibration(calibration, target)
     bad = [
         f"{c.channel} {c.verdict}: {', '.join(c.reasons)}"
@@ -181,3 +165,7 @@ def _calibrate(
 def fingerprint(path: Path) -> str:
     """First twelve digits of the SHA-256 of a file's bytes."""
     return "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+
+
+def _said(fault: Exception) -> str:
+    return str(fault) if isinstance(fault, SpecanError) else unforeseen(fault)
