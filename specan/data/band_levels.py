@@ -162,7 +162,7 @@ class BandLevels(RecordingResult):
         """One row for each band, and below for each overall level."""
         all_totals = self.percentile_overall_dB or {}
         for row, (channel, flags) in enumerate(zip(self.channels, self._all_flags())):
-            totals = {w: v[row] for w, v in self.overall_dB.items() if v[row] == v[row]}
+            totals = {w: v[row] for w, v in self.overall_dB.items() if v[row] == v[row] or w == "Z"}
             yield {
                 "channel": channel,
                 "band_hz": [*(f"{f:g}" for f in self.nominal_hz), *(f"total-{w}" for w in totals)],

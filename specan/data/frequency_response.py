@@ -135,11 +135,19 @@ class FrequencyResponse(RecordingResult):
 
     def tables(self) -> Iterable[dict[str, Any]]:
         """The columns, with words for each line."""
-        doubts = self.line_flags
         for row, (table, own) in enumerate(zip(super().tables(), self.flags)):
-            words = [(word, mask[row]) for word, mask in doubts.items() if word not in own]
-            lines = range(self.frequency_hz.size)
-            yield {**table, "flags": [(*own, *(w for w, mask in words if mask[line])) for line in lines]}
+            yield {**table, "flags": self.line_words(row, own)}
+
+    def line_words(self, row: int, own: tuple[str, ...]) -> list[str]:
+        """The words of a channel, and those of each of its lines."""
+        doubts = _doubts(self.u_magnitude_percent[row], self.coherence[row], self.u_leakage_percent[row])
+        extra = {name: lines for name, lines in doubts.items() if name not in own}
+        code = sum(lines.astype(int) << bit for bit, lines in enumerate(extra.values()))
+        texts = [
+            " ".join((*own, *(name for bit, name in enumerate(extra) if combination >> bit & 1)))
+            for combination in range(1 << len(extra))
+        ]
+        return [texts[combination] for combination in np.broadcast_to(code, self.frequency_hz.size).tolist()]
 
     def sheets(self, at_hz: Sequence[float] = ()) -> list[Sheet]:
         """A row a channel: its highest line, or the lines nearest to some frequencies."""
@@ -219,12 +227,18 @@ class FrequencyResponse(RecordingResult):
     @property
     def line_flags(self) -> dict[str, NDArray[np.bool_]]:
         """Lines (channels, n) that are worth little: ``low-snr``, ``low-coherence`` and ``leakage``."""
-        with np.errstate(invalid="ignore"):
-            return {
-                "low-snr": ~(self.u_magnitude_percent <= LOW_SNR_PERCENT),
-                "low-coherence": self.coherence < LOW_COHERENCE,
-                "leakage": leaking(self.u_leakage_percent, self.u_magnitude_percent),
-            }
+        return _doubts(self.u_magnitude_percent, self.coherence, self.u_leakage_percent)
+
+
+def _doubts(
+    u_magnitude_percent: Real, coherence: Real, u_leakage_percent: Real
+) -> dict[str, NDArray[np.bool_]]:
+    with np.errstate(invalid="ignore"):
+        return {
+            "low-snr": ~(u_magnitude_percent <= LOW_SNR_PERCENT),
+            "low-coherence": coherence < LOW_COHERENCE,
+            "leakage": leaking(u_leakage_percent, u_magnitude_percent),
+        }
 
 
 def leaking(u_leakage_percent: Real, u_magnitude_percent: Real) -> NDArray[np.bool_]:

@@ -20,7 +20,6 @@ from specan.analysis.batch.table_lines import (
     other_lines,
     rms_lines,
     tone_lines,
-    with_flags,
     with_orders,
 )
 from specan.analysis.excitation import recognise
@@ -149,7 +148,8 @@ def _sine(
     quality = _read(recording, [accumulator])
     table = replace(accumulator.result(), stated=excitation.stated)
     shown = [c for c in accumulator.channels if c.label in table.channels]
-    table = with_flags(table, [quality[id(c)].flags for c in shown])
+    words = [(*quality[id(c)].flags, *own) for c, own in zip(shown, table.flags, strict=True)]
+    table = replace(table, flags=tuple(tuple(dict.fromkeys(each)) for each in words))
     found = replace(
         found, blocks={"sine.txt": tone_lines(table)}, tones=(table,), about=(*found.about, *table.notes)
     )

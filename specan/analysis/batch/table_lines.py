@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from specan.analysis.accumulator import feed
 from specan.analysis.batch.result import FileResult
@@ -26,14 +26,6 @@ from specan.units import level_reference
 
 MEAN = "energy-mean"
 JOINED = "stepped-sine"
-
-
-def with_flags(table: ToneTable, quality: Sequence[Sequence[str]]) -> ToneTable:
-    """The table with the words that the samples themselves gave rise to, each word once."""
-    flags = tuple(
-        tuple(dict.fromkeys((*words, *own))) for words, own in zip(quality, table.flags, strict=True)
-    )
-    return replace(table, flags=flags)
 
 
 def tone_lines(table: ToneTable) -> str:
@@ -112,7 +104,7 @@ def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -
     """Lines of all channels; `quality` holds the words that the samples of each gave rise to."""
     u_percent = np.hypot(response.u_magnitude_percent, response.u_common_percent)
     u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
-    magnitude, phase, line_flags = response.magnitude, response.phase_deg, response.line_flags
+    magnitude, phase = response.magnitude, response.phase_deg
     blocks = []
     for row, name in enumerate(response.channels):
         words = tuple(dict.fromkeys((*quality[row], *response.flags[row])))
@@ -125,35 +117,28 @@ def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -
             "coherence": text.fixed(response.coherence[row], 5),
             "u_magnitude_percent": u_percent[row],
             "u_phase_deg": u_phase[row],
-            "flags": _line_words({flag: holds[row] for flag, holds in line_flags.items()}, words),
+            "flags": response.line_words(row, words),
         }
         blocks.append(text.table_lines(columns, text.COLUMNS["noise.txt"]))
     return "".join(blocks)
 
 
-def _line_words(holds: Mapping[str, NDArray[np.bool_]], words: tuple[str, ...]) -> list[str]:
-    """Words of the channel and of each of its lines; every combination is put together once."""
-    extra = {name: lines for name, lines in holds.items() if name not in words}
-    code = sum((lines.astype(int) << bit for bit, lines in enumerate(extra.values())), np.zeros(1, dtype=int))
-    texts = [
-        " ".join((*words, *(name for bit, name in enumerate(extra) if combination >> bit & 1)))
-        for combination in range(1 << len(extra))
-    ]
-    count = len(next(iter(holds.values())))
-    return [texts[combination] for combination in np.broadcast_to(code, count).tolist()]
-
-
 def band_lines(levels: BandLevels) -> str:
-    """Lines of `bands.txt`: the bands of each channel, then its totals with every weighting."""
-    return "".join(text.table_lines(columns, text.COLUMNS["bands.txt"]) for columns in _columns(levels))
+    """Lines of all channels: each channel's bands, then its overall levels."""
+    names = text.COLUMNS["bands.txt"]
+    return "".join(text.table_lines({"file": levels.label, **table}, names) for table in levels.tables())
 
 
-def other_lines(levels: BandLevels, roles: tuple[str, ...]) -> str:
-    """Lines of `other.txt`: the same with role, unit, and the RMS value of each channel."""
-    return "".join(
-        text.table_lines({**columns, "role": role, "unit": unit}, text.COLUMNS["other.txt"])
-        for columns, role, unit in zip(_columns(levels), roles, levels.units, strict=True)
-    )
+def other_lines(levels: BandLevels, roles: Sequence[str]) -> str:
+    """The same with role and unit, for recordings that are neither a sine nor noise; RMS only of all frequencies."""
+    blocks = []
+    for row, (table, role) in enumerate(zip(levels.tables(), roles, strict=True)):
+        zero = levels.references[row].value
+        bands = zip(table["band_hz"], table["level_dB"], strict=True)
+        rms = [zero * 10 ** (level / 20) if name == "total-Z" else np.nan for name, level in bands]
+        columns = {"file": levels.label, **table, "role": role, "unit": levels.units[row], "rms": rms}
+        blocks.append(text.table_lines(columns, text.COLUMNS["other.txt"]))
+    return "".join(blocks)
 
 
 def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Sequence[Sequence[str]]) -> str:
@@ -172,26 +157,6 @@ def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Se
         "flags": flags,
     }
     return text.table_lines(columns, text.COLUMNS["other.txt"])
-
-
-def _columns(levels: BandLevels) -> Iterator[dict[str, Any]]:
-    """The lines of each channel; only the total with Z has an RMS value."""
-    bands = levels.exact_hz.size
-    for row, name in enumerate(levels.channels):
-        totals = {w: v[row] for w, v in levels.overall_dB.items() if not np.isnan(v[row]) or w == "Z"}
-        rms = [
-            levels.references[row].value * 10 ** (v / 20) if w == "Z" else np.nan for w, v in totals.items()
-        ]
-        flags = [levels.band_flags(row, band) for band in range(bands)]
-        yield {
-            "file": levels.label,
-            "channel": name,
-            "band_hz": [*(f"{f:g}" for f in levels.nominal_hz), *(f"total-{w}" for w in totals)],
-            "rms": [*[np.nan] * bands, *rms],
-            "level_dB": [*levels.level_dB[row], *totals.values()],
-            "u_dB": [*levels.u_dB, *[np.nan] * len(totals)],
-            "flags": [*flags, *(levels.overall_flags(row, w) for w in totals)],
-        }
 
 
 TABLE = "orders.txt"
