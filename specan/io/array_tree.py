@@ -122,13 +122,13 @@ class Tree:
         for path, array in self.arrays.items():
             if array.size < LEAST or not array.n_samples:
                 continue
-            rate, why = None, array.why_no_signal
-            if not why:
+            rate: Rate | str | None = array.why_no_signal
+            if not rate:
                 if _is_axis(path, array):
                     continue
-                rate, why = _rate(self, path, array)
-            if why and rate is None:
-                aside["/".join(path)] = why
+                rate = _rate(self, path, array)
+            if isinstance(rate, str):
+                aside["/".join(path)] = rate
                 continue
             for column, (own, unit) in enumerate(zip(*_said(self, path, array), strict=True)):
                 signals.append(Signal(own, array.n_samples, unit, rate, "/".join(path[:-1])))
@@ -154,7 +154,7 @@ def _plain(name: str) -> str:
     return re.sub(r"[^a-z]", "", name.lower())
 
 
-def _rate(tree: Tree, path: Path, array: Array) -> tuple[Rate | None, str]:
+def _rate(tree: Tree, path: Path, array: Array) -> Rate | str | None:
     """Sampling rate, or why a time axis gives none."""
     for scope in _scopes(path):
         for where, number in tree.numbers.items():
@@ -164,9 +164,9 @@ def _rate(tree: Tree, path: Path, array: Array) -> tuple[Rate | None, str]:
                 continue  # an increment stands inside the description of the axis
             plain, said = _plain(where[-1]), "/".join(where)
             if plain in _RATES and is_rate(number):
-                return Rate(float(number), f"{said} = {number:g}"), ""
+                return Rate(float(number), f"{said} = {number:g}")
             if plain in _STEPS and number > 0 and is_rate(1 / number):
-                return Rate(1 / float(number), f"{said} = {number:g} s"), ""
+                return Rate(1 / float(number), f"{said} = {number:g} s")
         for where, other in tree.arrays.items():
             if where[:-1] == scope and other.n_samples == array.n_samples and _is_axis(where, other):
                 unit = next(
@@ -176,7 +176,7 @@ def _rate(tree: Tree, path: Path, array: Array) -> tuple[Rate | None, str]:
                 known = {"unit_string": unit} if unit.lower() in TIME_UNITS else {}
                 read = partial(other.read, column=0)
                 return rate_of_axis(where[-1], "DoubleFloat", known, other.n_samples, read)
-    return None, ""
+    return None
 
 
 def _said(tree: Tree, path: Path, array: Array) -> tuple[list[str], list[str]]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError
 from specan.io.channel_table import ChannelTable
-from specan.io.sampling_rate import is_time, rate_of_axis
+from specan.io.sampling_rate import Rate, is_time, rate_of_axis
 from specan.io.signals import Signal, recording_of
 
 SUFFIXES = (".csv",)
@@ -77,9 +77,12 @@ def open_recording(
     def stamps(start: int, stop: int) -> NDArray[np.float64]:
         return time[start:stop]
 
-    rate, why = rate_of_axis(titles[0], "DoubleFloat", properties, time.size, stamps)
+    found = rate_of_axis(titles[0], "DoubleFloat", properties, time.size, stamps)
+    rate = found if isinstance(found, Rate) else None
     if rate is None and sampling_rate is None:
-        raise InputError(f"{label}: {why}", expected="equally spaced times", remedy="give --sampling-rate HZ")
+        raise InputError(
+            f"{label}: {found}", expected="equally spaced times", remedy="give --sampling-rate HZ"
+        )
     signals = [Signal(name, time.size, unit, rate) for name, unit in named[1:]]
     return recording_of(
         label,

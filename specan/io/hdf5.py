@@ -30,7 +30,7 @@ def open_recording(
     Parameters
     ----------
     path, label, channel_table, sampling_rate
-        As for `specan.io.tdms.open_tdms`.
+        As for `specan.io.tdms.open_recording`.
 
     Raises
     ------

@@ -63,10 +63,8 @@ def is_rate(hz: float) -> bool:
     return SLOWEST_HZ <= hz <= FASTEST_HZ
 
 
-def from_increment(
-    properties: Mapping[str, Any], n_samples: int, tried: list[str], names: str = ""
-) -> Rate | None:
-    """Rate from the waveform properties of a channel; None, with the reason in `tried`.
+def from_increment(properties: Mapping[str, Any], n_samples: int, names: str = "") -> Rate | str:
+    """Rate from the waveform properties of a channel, or why there is none.
 
     Parameters
     ----------
@@ -74,8 +72,6 @@ def from_increment(
         Properties of the channel.
     n_samples : int
         Its length; `wf_samples` is the size of one write and says nothing about it.
-    tried : list of str
-        Receives the reason where there is no rate.
     names : str
         Names of the channel and its group: a spectrum may be known by nothing else.
 
@@ -86,8 +82,7 @@ def from_increment(
     """
     increment = properties.get("wf_increment")
     if increment is None:
-        tried.append("wf_increment is absent")
-        return None
+        return "wf_increment is absent"
     unit = str(properties.get("wf_xunit_string", "")).strip()
     dimension = str(properties.get("NI_ExpXDimension", "")).strip()
     axis = str(properties.get("wf_xname", "")).strip().lower()
@@ -97,37 +92,33 @@ def from_increment(
     offset = float(properties.get("wf_start_offset", 0.0))
     scale = TIME_UNITS.get(unit.lower().replace("µ", "u")) if unit else 1.0
     if not math.isfinite(step) or step <= 0.0:
-        tried.append(f"wf_increment is {increment}")
-    elif offset < 0.0 and math.isclose(offset, -step * n_samples / 2, rel_tol=2.0 / max(n_samples, 2)):
+        return f"wf_increment is {increment}"
+    if offset < 0.0 and math.isclose(offset, -step * n_samples / 2, rel_tol=2.0 / max(n_samples, 2)):
         raise NoSignalError(
             f"its increment is {step:g} and its offset {offset:g}: a two-sided spectrum, not a time signal"
         )
-    elif _SPECTRUM.search(names) and step > 1e-3 and dimension != "t" and not (unit or axis):
+    if _SPECTRUM.search(names) and step > 1e-3 and dimension != "t" and not (unit or axis):
         raise NoSignalError(
             f"it is called a spectrum, and nothing says that its increment {step:g} is a time"
         )
-    elif scale is None:
-        tried.append(f"wf_increment is in {unit!r}, which is not time")
-    elif step == 1.0:
-        tried.append("wf_increment is 1.0, which stands for 'not set'")
-    elif step * scale > 1.0 or step * scale < 1.0 / FASTEST_HZ:
-        tried.append(f"wf_increment is {step * scale:g} s, which is not a sampling interval")
-    else:
-        hz, rounded = _snap(step * scale)
-        how = f"wf_increment {increment!r}" + (f" {unit}" if unit else " s")
-        return Rate(hz, how + (f", rounded from {hz:g} Hz" if rounded else ""))
-    return None
+    if scale is None:
+        return f"wf_increment is in {unit!r}, which is not time"
+    if step == 1.0:
+        return "wf_increment is 1.0, which stands for 'not set'"
+    if step * scale > 1.0 or step * scale < 1.0 / FASTEST_HZ:
+        return f"wf_increment is {step * scale:g} s, which is not a sampling interval"
+    hz, rounded = _snap(step * scale)
+    how = f"wf_increment {increment!r} {unit or 's'}"
+    return Rate(hz, how + (f", rounded from {hz:g} Hz" if rounded else ""))
 
 
-def from_keys(places: Sequence[tuple[str, Mapping[str, Any]]], tried: list[str], label: str) -> Rate | None:
-    """Rate from known keys of channel, group and file.
+def from_keys(places: Sequence[tuple[str, Mapping[str, Any]]], label: str) -> Rate | str:
+    """Rate from known keys of channel, group and file, or why there is none.
 
     Parameters
     ----------
     places : sequence of (name, properties)
         "channel", "group", "file", in the order in which they count.
-    tried : list of str
-        Receives the reason where there is none.
     label : str
         Name of the recording, for the message.
 
@@ -138,10 +129,9 @@ def from_keys(places: Sequence[tuple[str, Mapping[str, Any]]], tried: list[str],
     """
     found = list(_stated(places))
     if not found:
-        tried.append("no known key of the channel, its group or the file gives a rate")
-        return None
-    (how, hz), others = found[0], found[1:]
-    for other, value in others:
+        return "no known key of the channel, its group or the file gives a rate"
+    how, hz = found[0]
+    for other, value in found[1:]:
         if abs(value - hz) > _SAME * hz:
             raise InputError(
                 f"{label}: {how} and {other} contradict each other",
@@ -170,29 +160,24 @@ def _stated(places: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[tuple[s
 def _rate_of(key: str, value: Any) -> float | None:
     """Rate that a property gives; None where its key is not known or its value no rate."""
     match = re.fullmatch(r"(.*?)[\s_]*(?:[\[(]\s*(.+?)\s*[\])]|_(k?hz|m?s))?", key.strip(), re.IGNORECASE)
-    if match is None:
-        return None
-    name = re.sub(r"[^a-z]", "", match[1].lower())
-    unit = (match[2] or match[3] or "").lower().replace("µ", "u")
-    if name not in RATE_KEYS | INTERVAL_KEYS:
-        return None
+    name = re.sub(r"[^a-z]", "", match[1].lower()) if match else ""
     number = re.fullmatch(r"\s*([-+]?[\d.,]+(?:e[-+]?\d+)?)\s*(\S*)\s*", str(value), re.IGNORECASE)
-    if number is None:
+    if match is None or name not in RATE_KEYS | INTERVAL_KEYS or number is None:
         return None
+    unit = number[2].lower() or (match[2] or match[3] or "").lower().replace("µ", "u")
     try:
         amount = float(number[1].replace(",", "."))
     except ValueError:
         return None
-    unit = number[2].lower() or unit
     if not math.isfinite(amount) or amount <= 0.0:
         return None
-    if name in RATE_KEYS:
-        scale = _FREQUENCY_UNITS.get(unit or "hz")
-        hz = 0.0 if scale is None else amount * scale
-    else:
-        scale = TIME_UNITS.get(unit or "s")
-        possible = scale is not None and 1.0 / FASTEST_HZ <= amount * scale <= 1.0 / SLOWEST_HZ
-        hz = _snap(amount * scale)[0] if scale is not None and possible else 0.0
+    units, usual = (_FREQUENCY_UNITS, "hz") if name in RATE_KEYS else (TIME_UNITS, "s")
+    scale = units.get(unit or usual)
+    if scale is None:
+        return None
+    hz = amount * scale
+    if name in INTERVAL_KEYS:
+        hz = _snap(hz)[0] if 1.0 / FASTEST_HZ <= hz <= 1.0 / SLOWEST_HZ else 0.0
     return hz if is_rate(hz) else None
 
 
@@ -261,8 +246,8 @@ def rate_of_axis(
     properties: Mapping[str, Any],
     n_samples: int,
     read: Callable[[int, int], NDArray[Any]],
-) -> tuple[Rate | None, str]:
-    """The rate that a time channel gives.
+) -> Rate | str:
+    """The rate that a time channel gives, or why it gives none.
 
     Parameters
     ----------
@@ -272,25 +257,25 @@ def rate_of_axis(
     unit = "s" if type_name == "TimeStamp" else _unit(name, properties)
     channel = f"the time channel {name!r}"
     if n_samples < 3:
-        return None, f"{channel} has {n_samples} samples"
+        return f"{channel} has {n_samples} samples"
     if not unit and not type_name.endswith("Float"):
-        return None, f"{channel} holds counts without a unit"
+        return f"{channel} holds counts without a unit"
     seconds, places = _sample(read, n_samples, TIME_UNITS[unit or "s"])
     if not np.all(np.isfinite(seconds)):
-        return None, f"{channel} holds values that are not finite"
+        return f"{channel} holds values that are not finite"
     step = (seconds[-1] - seconds[0]) / (n_samples - 1)
     if not step > 0.0:
-        return None, f"{channel} does not increase"
+        return f"{channel} does not increase"
     if not is_rate(1.0 / step):
-        return None, f"{channel} has steps of {step:g} s"
+        return f"{channel} has steps of {step:g} s"
     scatter = float(np.max(np.abs(seconds - places * step))) / step
     if scatter > _SCATTER:
         steps = np.diff(seconds)[np.diff(places) == 1]
-        return None, f"{channel} is not uniform (steps from {steps.min():.6g} to {steps.max():.6g} s)"
+        return f"{channel} is not uniform (steps from {steps.min():.6g} to {steps.max():.6g} s)"
     how = channel + ("" if unit else ", taken as seconds")
     if scatter > 1e-3:
         how += f"; its stamps scatter by up to {100 * scatter:.2g} % of a step"
-    return Rate(_round(1.0 / step, scatter / n_samples), how), ""
+    return Rate(_round(1.0 / step, scatter / n_samples), how)
 
 
 def _unit(name: str, properties: Mapping[str, Any]) -> str:

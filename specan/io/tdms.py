@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -31,12 +31,13 @@ _NO_NUMBERS = {
 }  # fmt: skip
 
 
-def open_tdms(
-    path: Path | str,
-    *,
-    label: str | None = None,
-    channel_table: ChannelTable | None = None,
-    sampling_rate: float | None = None,
+def recognises(start: bytes) -> bool:
+    """Whether a file that begins so is TDMS."""
+    return start[:4] == b"TDSm"
+
+
+def open_recording(
+    path: Path, *, label: str, channel_table: ChannelTable | None = None, sampling_rate: float | None = None
 ) -> Recording:
     """Open a TDMS file; samples are read when they are asked for.
 
@@ -44,8 +45,8 @@ def open_tdms(
     ----------
     path : path
         The file. An index file beside it is not used.
-    label : str, optional
-        Name of the recording in results; the file's name by default.
+    label : str
+        Name of the recording in results.
     channel_table : ChannelTable, optional
         What the user knows about the channels.
     sampling_rate : float, optional
@@ -57,32 +58,29 @@ def open_tdms(
         The headers are damaged, statements contradict each other, or no channel is a time signal;
         the message names the file, the channel and what was tried.
     """
-    path = Path(path)
     headers = read_headers(path)
-    opening = _Opening(headers, label or path.name, channel_table, sampling_rate)
+    opening = _Opening(headers, label, channel_table, sampling_rate)
     for found in headers.channels:
         opening.take(found)
     return opening.recording()
 
 
-@dataclass
+class _Aside(InputError):
+    """The channel is set aside, the file is not; with a remedy the user can do something about it."""
+
+
 class _Opening:
-    headers: Headers
-    label: str
-    table: ChannelTable | None
-    sampling_rate: float | None
-    signals: list[Signal] = field(default_factory=list)
-    feeds: list[Feed] = field(default_factory=list)
-    set_aside: dict[str, str] = field(default_factory=dict)
-    faults: list[tuple[str, str]] = field(
-        default_factory=list
-    )  # reasons that the user can do something about
-    axes: dict[str, list[tuple[int, Rate | None, str]]] = field(
-        default_factory=dict
-    )  # length, rate, why there is none
-    begun: list[float] = field(
-        default_factory=list
-    )  # wf_start_time of each signal in us, NaN where it is not said
+    def __init__(
+        self, headers: Headers, label: str, table: ChannelTable | None, sampling_rate: float | None
+    ) -> None:
+        self.headers, self.label, self.table, self.sampling_rate = headers, label, table, sampling_rate
+        self.signals: list[Signal] = []
+        self.feeds: list[Feed] = []
+        self.set_aside: dict[str, str] = {}
+        self.faults: list[_Aside] = []
+        self.axes: dict[str, list[tuple[int, Rate | str]]] = {}
+        # wf_start_time of each signal in us, NaN where it is not said.
+        self.begun: list[float] = []
 
     def take(self, found: TdmsObject) -> None:
         """Make a channel of an object, or set it aside with the reason."""
@@ -92,6 +90,7 @@ class _Opening:
                 self._add(found)
             except _Aside as fault:
                 reason = fault.found
+                self.faults += [fault] if fault.remedy else []
         if reason:
             self.set_aside[f"{found.group}/{found.name}"] = reason
 
@@ -123,28 +122,22 @@ class _Opening:
 
     def _refuse(self) -> NoReturn:
         if self.faults:
-            reason, remedy = self.faults[0]
-            raise InputError(f"{self.label}: {reason}", remedy=remedy)
+            raise InputError(f"{self.label}: {self.faults[0].found}", remedy=self.faults[0].remedy)
         first = next(iter(self.set_aside.items()), None)
         more = f" (and {len(self.set_aside) - 1} more channels)" if len(self.set_aside) > 1 else ""
         what = f"{first[0]!r}: {first[1]}{more}" if first else "it has no channel"
         kind = NoSignalError if set(self.set_aside.values()) - {_EMPTY, _CUT_OFF} else InputError
         raise kind(f"{self.label} holds no time signal; {what}", expected="numbers sampled in time")
 
-    def _fault(self, reason: str, remedy: str) -> _Aside:
-        self.faults.append((reason, remedy))
-        return _Aside(reason)
-
     def _unfit(self, found: TdmsObject) -> str:
         """Why an object is not a signal, as far as its headers say; empty for none."""
-        track = self.headers.layout.tracks.get(found.path)
         if found.type_name in _NO_NUMBERS:
             return _NO_NUMBERS[found.type_name]
-        if track is None:
+        if found.track is None:
             return _CUT_OFF if found.path in self.headers.layout.cut_off else _EMPTY
         if found.type_name == "TimeStamp" or is_time(found.name, found.type_name, found.properties):
             return "it is the time axis of its group"
-        if track.n_samples == 1:
+        if found.n_samples == 1:
             return "it is a single number"
         level = found.properties.get("DecimationLevel", self._group(found).get("DecimationLevel", 0))
         if level:
@@ -157,23 +150,23 @@ class _Opening:
 
     def _add(self, found: TdmsObject) -> None:
         layout = self.headers.layout
-        track = layout.tracks[found.path]
-        dtype = layout.parts[track.parts[0]].strips[found.path].dtype
-        rate = self._rate(found, track.n_samples)
+        dtype, rate = layout.dtype_of(found.path), self._rate(found)
         try:
             scaling = scaling_of(found.properties, self._group(found), self.headers.properties, found.scalers)
         except InputError as fault:
-            raise self._fault(f"{found.name!r} cannot be scaled: {fault}".rstrip("."), "") from None
+            reason = f"{found.name!r} cannot be scaled: {fault.found}"
+            remedy = fault.remedy or "write the channel with the scaling applied"
+            raise _Aside(reason, remedy=remedy) from None
         foreign = found.path in layout.foreign
         if foreign and (found.path in layout.short_midfile):
             what = f"{found.name!r} is {layout.foreign[found.path]} in a segment that ends in a short chunk"
-            raise self._fault(what, "write it in whole chunks: npTDMS would read beyond the segment")
+            raise _Aside(what, remedy="write it in whole chunks: npTDMS would read beyond the segment")
         line = None if foreign else scaling.line(dtype)
         top, how = full_scale_of(dtype, line, found.properties)
         self.signals.append(
             Signal(
                 found.name,
-                track.n_samples,
+                found.n_samples,
                 rate=rate,
                 group=found.group,
                 properties=found.properties,
@@ -183,58 +176,58 @@ class _Opening:
             )
         )
         self.begun.append(_began(found.properties))
-        self.feeds.append(Feed(found.group, found.name, track, found.path, scaling, line, foreign))
+        self.feeds.append(Feed(found, scaling, line, foreign))
 
-    def _rate(self, found: TdmsObject, n_samples: int) -> Rate | None:
+    def _rate(self, found: TdmsObject) -> Rate | None:
         """Sampling rate in the order that counts; None where table or user state it, which counts before the file."""
         places = (
             ("channel", found.properties), ("group", self._group(found)), ("file", self.headers.properties),
         )  # fmt: skip
-        tried: list[str] = []
         try:
-            increment = rates.from_increment(
-                found.properties, n_samples, tried, f"{found.group} {found.name}"
-            )
+            names = f"{found.group} {found.name}"
+            increment = rates.from_increment(found.properties, found.n_samples, names)
         except NoSignalError as fault:
             raise _Aside(fault.found) from None
         row = self.table.find(found.group, found.name) if self.table else None
         if self.sampling_rate is not None or (row is not None and row.sampling_rate_hz is not None):
             return None
-        if increment is not None:
+        if isinstance(increment, Rate):
             other = rates.contradiction(increment, places)
             return Rate(increment.hz, increment.how + (f"; {other}" if other else ""))
-        rate = rates.from_keys(places, tried, self.label)
-        return rate or self._from_axis(found, n_samples, tried)
+        keys = rates.from_keys(places, self.label)
+        return keys if isinstance(keys, Rate) else self._from_axis(found, [increment, keys])
 
-    def _from_axis(self, found: TdmsObject, n_samples: int, tried: list[str]) -> Rate:
-        axes = [(rate, why) for length, rate, why in self._axes(found.group) if length == n_samples]
-        for rate, _ in axes:
-            if rate is not None:
+    def _from_axis(self, found: TdmsObject, tried: list[str]) -> Rate:
+        axes = [rate for length, rate in self._axes(found.group) if length == found.n_samples]
+        for rate in axes:
+            if isinstance(rate, Rate):
                 return rate
+            tried.append(rate)
         table = [
             c.name
             for c in self.headers.channels
-            if c.group == found.group and is_frequency(c.name, c.properties) and self._length(c) == n_samples
+            if c.group == found.group
+            and is_frequency(c.name, c.properties)
+            and c.n_samples == found.n_samples
         ]
         if table:
             raise _Aside(f"it is a table over {table[0]!r}, not a time signal")
-        tried += [why for _, why in axes] or ["its group has no time channel of its length"]
-        reason = f"no sampling rate for {found.name!r} ({'; '.join(tried)})"
-        raise self._fault(reason, "say it with --sampling-rate HZ, or in the channel table")
+        tried += [] if axes else ["its group has no time channel of its length"]
+        raise _Aside(
+            f"no sampling rate for {found.name!r} ({'; '.join(tried)})",
+            remedy="say it with --sampling-rate HZ, or in the channel table",
+        )
 
-    def _axes(self, group: str) -> list[tuple[int, Rate | None, str]]:
+    def _axes(self, group: str) -> list[tuple[int, Rate | str]]:
+        """Length of each time channel of a group, and the rate that it gives."""
         if group not in self.axes:
             source = TdmsSource(self.headers.path, self.headers.layout, [])
             self.axes[group] = [
-                (n, *rate_of_axis(c.name, c.type_name, c.properties, n, source.raw_reader(c.path)))
+                (n, rate_of_axis(c.name, c.type_name, c.properties, n, source.raw_reader(c)))
                 for c in self.headers.channels
-                if c.group == group and (n := self._length(c)) and is_time(c.name, c.type_name, c.properties)
+                if c.group == group and (n := c.n_samples) and is_time(c.name, c.type_name, c.properties)
             ]
         return self.axes[group]
-
-    def _length(self, found: TdmsObject) -> int:
-        track = self.headers.layout.tracks.get(found.path)
-        return track.n_samples if track else 0
 
     def _group(self, found: TdmsObject) -> Mapping[str, Any]:
         return self.headers.groups.get(found.group, {})
@@ -249,28 +242,10 @@ def _began(properties: Mapping[str, Any]) -> float:
     return after if after > 0 else math.nan
 
 
-class _Aside(InputError):
-    """The channel is set aside; the file is not."""
-
-
-def recognises(start: bytes) -> bool:
-    """Whether a file that begins so is TDMS."""
-    return start[:4] == b"TDSm"
-
-
-open_recording = open_tdms  # as a format; see `specan.io.open`
-
-
 # Keys that name the range, or the number of bits, without blanks and case.
 _RANGE_KEYS = {
-    "fullscale",
-    "fullscalev",
-    "inputrangev",
-    "inputrange",
-    "rangev",
-    "voltagerange",
-    "voltagerangev",
-}
+    "fullscale", "fullscalev", "inputrangev", "inputrange", "rangev", "voltagerange", "voltagerangev",
+}  # fmt: skip
 _BIT_KEYS = {"bits", "adcbits", "bitspersample", "resolutionbits", "adcresolutionbits"}
 # Ranges of dynamic signal analysers beside the round ones, in volts (steps of 10 dB; 42.4 V peak).
 _RANGES = (0.316, 3.16, 31.6, 42.4)

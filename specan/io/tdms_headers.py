@@ -7,7 +7,7 @@ import os
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from nptdms.timestamp import TdmsTimestamp
 from nptdms.types import DaqMxRawData
 
 from specan.errors import InputError
-from specan.io.tdms_layout import Layout, layout_of
+from specan.io.tdms_layout import Layout, Track, layout_of
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,8 @@ class TdmsObject:
         Type of its samples as npTDMS calls it ("Int32", "String"); empty where there is none.
     scalers : tuple of int
         Identifiers of its DAQmx scalers.
+    track : Track, optional
+        Where its samples are; None where it has none.
     """
 
     path: str
@@ -41,6 +43,12 @@ class TdmsObject:
     type_name: str
     properties: Mapping[str, Any]
     scalers: tuple[int, ...] = ()
+    track: Track | None = None
+
+    @property
+    def n_samples(self) -> int:
+        """Its length."""
+        return self.track.n_samples if self.track else 0
 
 
 @dataclass(frozen=True)
@@ -52,8 +60,6 @@ class Headers:
     groups: Mapping[str, Mapping[str, Any]]
     channels: tuple[TdmsObject, ...]
     layout: Layout
-    file_size: int
-    n_segments: int
 
 
 def read_headers(path: Path) -> Headers:
@@ -75,9 +81,8 @@ def read_headers(path: Path) -> Headers:
             reader.read_metadata()
             # The list of segments is the one thing that npTDMS keeps to itself and that reading in
             # blocks cannot do without.
-            segments = reader._segments
+            layout = layout_of(reader._segments, size)
             properties, groups, channels = _objects(reader.object_metadata)
-            layout = layout_of(segments, size)
         except InputError as fault:
             raise InputError(
                 f"{path.name}: {fault.found}", expected=fault.expected, remedy=fault.remedy
@@ -88,7 +93,9 @@ def read_headers(path: Path) -> Headers:
                 expected="a file as LabVIEW or DAQmx writes it",
                 remedy="copy or record it again",
             ) from None
-    return Headers(path, properties, groups, tuple(channels), layout, size, len(segments))
+    return Headers(
+        path, properties, groups, tuple(replace(c, track=layout.tracks.get(c.path)) for c in channels), layout
+    )
 
 
 def _objects(

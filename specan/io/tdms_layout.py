@@ -83,6 +83,10 @@ class Layout:
     foreign: dict[str, str] = field(default_factory=dict)
     cut_off: frozenset[str] = frozenset()
 
+    def dtype_of(self, path: str) -> np.dtype[Any]:
+        """Type of the numbers of a channel."""
+        return self.parts[self.tracks[path].parts[0]].strips[path].dtype
+
 
 def layout_of(segments: Sequence[Any], file_size: int) -> Layout:
     """Layout of a file from the segments that npTDMS found in it.

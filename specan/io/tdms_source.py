@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import InputError
-from specan.io.tdms_headers import quiet
-from specan.io.tdms_layout import Layout, Part, Strip, Track
+from specan.io.tdms_headers import TdmsObject, quiet
+from specan.io.tdms_layout import Layout, Part, Strip
 from specan.io.tdms_scaling import Scaling
 
 # A piece fits the second-level cache together with its result; a window amortises a read call.
@@ -30,10 +30,7 @@ _GAP_BYTES = 4096
 class Feed:
     """What it takes to read one channel."""
 
-    group: str
-    name: str
-    track: Track
-    path: str
+    found: TdmsObject
     scaling: Scaling
     line: tuple[float, float] | None = None  # slope and intercept where the scaling is no more than that
     foreign: bool = False  # npTDMS reads it
@@ -90,7 +87,10 @@ class TdmsSource:
             if all(f.line for f in feeds[rows]):
                 with np.errstate(invalid="ignore"):  # a signalling NaN of a damaged file
                     target[...] = raw
-                _scale(target, slopes[rows], intercepts[rows])
+                if (slopes[rows] != 1.0).any():
+                    target *= slopes[rows]
+                if (intercepts[rows] != 0.0).any():
+                    target += intercepts[rows]
                 return
             for into, values, feed in zip(target, raw, feeds[rows], strict=True):
                 into[...] = feed.scaling.apply(values.reshape(-1)).reshape(values.shape)
@@ -98,11 +98,9 @@ class TdmsSource:
         self._gather([(r, f) for r, f in enumerate(feeds) if not f.foreign], start, stop, convert)
         return out
 
-    def raw_reader(self, path: str) -> Callable[[int, int], NDArray[Any]]:
+    def raw_reader(self, found: TdmsObject) -> Callable[[int, int], NDArray[Any]]:
         """A function that gives numbers of an object as they are in the file, in the machine's byte order."""
-        track = self.layout.tracks[path]
-        dtype = self.layout.parts[track.parts[0]].strips[path].dtype.newbyteorder("=")
-        feed = Feed("", "", track, path, Scaling())
+        dtype = self.layout.dtype_of(found.path).newbyteorder("=")
 
         def read(start: int, stop: int) -> NDArray[Any]:
             out = np.empty(stop - start, dtype=dtype)
@@ -113,7 +111,7 @@ class TdmsSource:
                     into, values = (target, raw) if name is None else (target[name], raw[name])
                     into[...] = values.reshape(-1)
 
-            self._gather([(0, feed)], start, stop, copy)
+            self._gather([(0, Feed(found, Scaling()))], start, stop, copy)
             return out
 
         return read
@@ -127,7 +125,7 @@ class TdmsSource:
     ) -> None:
         together: dict[int, list[tuple[int, Feed]]] = {}
         for row, feed in feeds:
-            together.setdefault(id(feed.track), []).append((row, feed))
+            together.setdefault(id(feed.found.track), []).append((row, feed))
         pieces = [p for group in together.values() for p in self._pieces(group, start, stop)]
         if not pieces:
             return
@@ -145,7 +143,7 @@ class TdmsSource:
 
     def _pieces(self, feeds: Sequence[tuple[int, Feed]], start: int, stop: int) -> Iterator[_Piece]:
         """Pieces of channels that share a track."""
-        track = feeds[0][1].track
+        track = self.layout.tracks[feeds[0][1].found.path]
         runs_of: dict[int, list[_Run]] = {}  # segments of one structure share their strips
         first, last = np.searchsorted(track.starts, [start, stop], side="right") - 1
         for k in range(int(first), min(int(last) + 1, len(track.parts))):
@@ -186,7 +184,7 @@ class TdmsSource:
         from nptdms import TdmsFile
 
         with self.path.open("rb") as file, quiet():
-            values = TdmsFile.open(file)[feed.group][feed.name][start:stop]
+            values = TdmsFile.open(file)[feed.found.group][feed.found.name][start:stop]
         return np.asarray(values, dtype=np.float64)
 
 
@@ -214,7 +212,7 @@ def _runs(strips: dict[str, Strip], feeds: Sequence[tuple[int, Feed]]) -> Iterat
     """Join channels that follow each other at one distance, in the chunk and in the result."""
     run: _Run | None = None
     for row, feed in feeds:
-        strip = strips[feed.path]
+        strip = strips[feed.found.path]
         if run is not None:
             shape = (run.strip.stride, run.strip.count, run.strip.dtype)
             same = row == run.row + run.n_rows and (strip.stride, strip.count, strip.dtype) == shape
@@ -249,13 +247,6 @@ def _cut(part: Part, run: _Run, at: int, chunks: int, n: int, first: int) -> Ite
         position, span, run.row, first,
         (run.n_rows, chunks, n), (run.step, part.chunk_bytes, strip.stride), strip.dtype,
     )  # fmt: skip
-
-
-def _scale(values: NDArray[np.float64], slopes: NDArray[np.float64], intercepts: NDArray[np.float64]) -> None:
-    if (slopes != 1.0).any():
-        values *= slopes
-    if (intercepts != 0.0).any():
-        values += intercepts
 
 
 def _windows(pieces: Sequence[_Piece]) -> Iterator[tuple[int, int, list[_Piece]]]:

@@ -181,11 +181,10 @@ def open_recording(
 
 def _rate(one: DataSet) -> Rate | None:
     """Rate by the data set's axis; a step has six digits in the file, and is taken as the rate that rounds to it."""
-    found, _ = rate_of_axis("time", "DoubleFloat", {"unit_string": "s"}, one.x.size, lambda a, b: one.x[a:b])
-    if found is None:
+    found = rate_of_axis("time", "DoubleFloat", {"unit_string": "s"}, one.x.size, lambda a, b: one.x[a:b])
+    if not isinstance(found, Rate):
         return None
-    for digits in range(2, 8):
-        hz = float(f"{found.hz:.{digits}g}")
-        if float(f"{1 / hz:.5e}") == float(f"{1 / found.hz:.5e}"):
-            return Rate(hz, "the step of the data set's axis")
-    return Rate(found.hz, "the step of the data set's axis")
+    # Steps have six digits.
+    roundings = (float(f"{found.hz:.{digits}g}") for digits in range(2, 8))
+    hz = next((hz for hz in roundings if f"{1 / hz:.5e}" == f"{1 / found.hz:.5e}"), found.hz)
+    return Rate(hz, "the step of the data set's axis")
