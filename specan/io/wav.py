@@ -24,78 +24,77 @@ _BLOCK = 1 << 16
 
 
 @dataclass(frozen=True)
-class _Frames:
-    """Rate, shape and access to the frames of a WAV file; samples are fractions of full scale."""
+class WavSource:
+    """The frames of a file; implements `specan.data.recording.SampleSource`.
+
+    Attributes
+    ----------
+    top : float, optional
+        Largest fraction that the converter can give.
+    block : callable
+        Fractions of full scale from one frame to another, shape (frames, channels).
+    """
 
     rate: int
     n_frames: int
     n_channels: int
     text: str
-    top: float | None  # largest fraction that the converter can give
-    read: Callable[[int, int], NDArray[np.float64]]
-
-
-@dataclass(frozen=True)
-class WavSource:
-    """Reads frames of a WAV file; implements `specan.data.recording.SampleSource`."""
-
-    frames: _Frames
+    top: float | None
+    block: Callable[[int, int], NDArray[np.float64]]
 
     def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
-        """Samples of the chosen channels as fractions of full scale; see SampleSource."""
+        """See `specan.data.recording.SampleSource`."""
         out = np.empty((len(indices), stop - start))
         for first in range(start, stop, _BLOCK):
             last = min(first + _BLOCK, stop)
-            out[:, first - start : last - start] = self.frames.read(first, last).T[list(indices)]
+            out[:, first - start : last - start] = self.block(first, last).T[list(indices)]
         return out
 
 
-def open_wav(
-    path: Path | str,
-    *,
-    label: str | None = None,
-    channel_table: ChannelTable | None = None,
-    sampling_rate: float | None = None,
-) -> Recording:
-    """Open a WAV file: integers of 8 to 32 bits or floating point, any number of channels.
+def recognises(start: bytes) -> bool:
+    """Whether a file that begins so is WAV."""
+    return start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE"
 
-    Channels are called ``Channel 1`` ...; samples are fractions of full scale. The channel table makes
-    a quantity of them: a sensitivity together with `full_scale` (the volts of full scale), or a gain.
+
+def open_recording(
+    path: Path, *, label: str, channel_table: ChannelTable | None = None, sampling_rate: float | None = None
+) -> Recording:
+    """Open a WAV file: integers as fractions of full scale, floating-point numbers as they are.
 
     Parameters
     ----------
-    path, label, channel_table, sampling_rate
-        As for `specan.io.tdms.open_tdms`.
+    path : path
+        The file.
+    label : str
+        Name of the recording in results.
+    channel_table : ChannelTable, optional
+        Sensitivities, gains and roles of the channels, which are called "Channel 1" and so on. A sensitivity is in
+        volts: it needs the voltage at full scale beside it.
+    sampling_rate : float, optional
+        In hertz, in place of that of the header.
 
     Raises
     ------
     InputError
-        The file is damaged, cut off, or of an encoding that is not read.
+        The file is damaged, of a kind that is not read, or holds no sample.
     """
-    path = Path(path)
-    name = label or path.name
-    frames = _frames(path)
-    if not frames.n_frames:
-        raise InputError(f"{name} holds no sample", remedy="record it again")
-    signals = []
-    for place in range(1, frames.n_channels + 1):
-        signals.append(
-            Signal(
-                f"Channel {place}",
-                frames.n_frames,
-                rate=Rate(float(frames.rate), "the header of the file"),
-                known=_in_volts(name, f"Channel {place}", channel_table),
-                decisions={"unit": "fractions of full scale", "scaling": frames.text},
-            )
+    source = _frames(path)
+    if not source.n_frames:
+        raise InputError(f"{label} holds no sample", remedy="record it again")
+    signals = [
+        Signal(
+            name,
+            source.n_frames,
+            rate=Rate(float(source.rate), "the header of the file"),
+            known=_in_volts(label, name, channel_table),
+            decisions={"unit": "fractions of full scale", "scaling": source.text},
         )
-    found = recording_of(
-        name, signals, WavSource(frames), channel_table=channel_table, sampling_rate=sampling_rate
-    )
-    top = frames.top
-    channels = tuple(
-        replace(c, full_scale=None if top is None else top * abs(c.gain)) for c in found.channels
-    )
-    return replace(found, channels=channels)
+        for name in (f"Channel {place}" for place in range(1, source.n_channels + 1))
+    ]
+    found = recording_of(label, signals, source, channel_table=channel_table, sampling_rate=sampling_rate)
+    top = source.top
+    channels = (replace(c, full_scale=None if top is None else top * abs(c.gain)) for c in found.channels)
+    return replace(found, channels=tuple(channels))
 
 
 def _in_volts(label: str, name: str, table: ChannelTable | None) -> dict[str, object]:
@@ -113,7 +112,7 @@ def _in_volts(label: str, name: str, table: ChannelTable | None) -> dict[str, ob
     return {"raw_unit": "V", "raw_scale": row.full_scale}
 
 
-def _frames(path: Path) -> _Frames:
+def _frames(path: Path) -> WavSource:
     """Frames as scipy maps them; 24 bits, which it does not map, through the standard library."""
     from scipy.io import wavfile
 
@@ -143,10 +142,10 @@ def _frames(path: Path) -> _Frames:
             part = np.memmap(file, dtype=dtype, mode="r", offset=offset, shape=(stop - start, n_channels))
         return (part.astype(np.float64) - middle) * scale
 
-    return _Frames(int(rate), n_frames, n_channels, text, top, read)
+    return WavSource(int(rate), n_frames, n_channels, text, top, read)
 
 
-def _frames_24(path: Path, said: str) -> _Frames:
+def _frames_24(path: Path, said: str) -> WavSource:
     try:
         with wave.open(str(path), "rb") as file:
             rate, n_frames = file.getframerate(), file.getnframes()
@@ -173,7 +172,7 @@ def _frames_24(path: Path, said: str) -> _Frames:
         wide[:, 1:] = raw.reshape(-1, 3)
         return wide.view("<i4").reshape(-1, n_channels) / 2.0**31
 
-    return _Frames(rate, n_frames, n_channels, "24-bit integers, full scale = 1", 1.0 - 2.0**-23, read)
+    return WavSource(rate, n_frames, n_channels, "24-bit integers, full scale = 1", 1.0 - 2.0**-23, read)
 
 
 def _scale(dtype: np.dtype[Any]) -> tuple[float, float, str, float | None]:
@@ -183,11 +182,3 @@ def _scale(dtype: np.dtype[Any]) -> tuple[float, float, str, float | None]:
     bits = 8 * dtype.itemsize
     middle = 2.0 ** (bits - 1) if dtype.kind == "u" else 0.0
     return 2.0 ** (1 - bits), middle, f"{bits}-bit integers, full scale = 1", 1.0 - 2.0 ** (1 - bits)
-
-
-def recognises(start: bytes) -> bool:
-    """Whether a file that begins so is WAV."""
-    return start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE"
-
-
-open_recording = open_wav  # as a format; see `specan.io.open`
