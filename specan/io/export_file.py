@@ -232,7 +232,6 @@ def _write_58(path: Path, sets: Iterable[Mapping[str, Any]]) -> None:
 def _transfer_functions(found: FrequencyResponse) -> Iterator[Mapping[str, Any]]:
     below = found.reference_unit
     for row, unit in enumerate(found.units):
-        above = _above(unit, below)
         common = {
             **_over_frequency(found, row),
             "id3": f"{found.estimator}, {found.n_blocks} blocks",
@@ -241,38 +240,18 @@ def _transfer_functions(found: FrequencyResponse) -> Iterator[Mapping[str, Any]]
         }
         yield {
             **common,
+            **_unit("ordinate", _above(unit, below)),
+            **_unit("orddenom", below),
             "func_type": 4,
             "ord_data_type": 6,  # complex, double precision
-            "ordinate_spec_data_type": _QUANTITIES.get(above, _GENERAL),
-            "ordinate_axis_units_lab": above,
-            "orddenom_spec_data_type": _QUANTITIES.get(below, _GENERAL),
-            "orddenom_axis_units_lab": below,
             "data": found.response[row],
         }
         if np.all(np.isfinite(found.coherence[row])):
             yield {**common, "func_type": 6, "ord_data_type": 4, "data": found.coherence[row]}
 
 
-def _over_frequency(found: FrequencyResponse | Spectrum, row: int) -> dict[str, Any]:
-    """What functions of frequency have in common."""
-    f, name = found.frequency_hz, found.channels[row]
-    return {
-        "id1": name[:80],
-        "id2": found.label[-80:],
-        "rsp_ent_name": name,
-        "rsp_node": row + 1,
-        "ref_ent_name": "NONE",
-        "ref_node": 0,
-        "abscissa_min": float(f[0]),
-        "abscissa_inc": float(f[1] - f[0]) if f.size > 1 else 0.0,
-        "num_pts": f.size,
-        "abscissa_spec_data_type": 18,
-        "abscissa_axis_units_lab": "Hz",
-        "x": f,
-    }
-
-
 def _spectra(found: Spectrum) -> Iterator[Mapping[str, Any]]:
+    """Power spectral densities (9) are real; spectra (12) are complex where there is a phase."""
     density = found.scale.scaling == "psd"
     for row, unit in enumerate(found.value_units):
         values = found.values[row]
@@ -280,37 +259,56 @@ def _spectra(found: Spectrum) -> Iterator[Mapping[str, Any]]:
             values = values * np.exp(1j * np.radians(found.phase_deg[row]))
         yield {
             **_over_frequency(found, row),
+            **_unit("ordinate", unit, general=density),
             "id3": f"{found.scale.scaling}, window {found.scale.window}, {found.scale.enbw_hz:.6g} Hz wide",
             "func_type": 9 if density else 12,
             "ord_data_type": 6 if np.iscomplexobj(values) else 4,  # double precision
-            "ordinate_spec_data_type": _GENERAL if density else _QUANTITIES.get(unit, _GENERAL),
-            "ordinate_axis_units_lab": unit,
             "data": values,
         }
 
 
 def _responses(excerpt: Excerpt) -> Iterator[Mapping[str, Any]]:
-    for number, channel in enumerate(excerpt.channels, 1):
+    x = (excerpt.start + np.arange(excerpt.n)) / excerpt.rate
+    for row, channel in enumerate(excerpt.channels):
         yield {
-            "id1": channel.label[:80],
-            "id2": excerpt.recording.label[-80:],
+            **_described(channel.label, row, excerpt.recording.label, x, 1.0 / excerpt.rate, (17, "s")),
+            **_unit("ordinate", channel.unit),
             "id3": f"role {channel.role}",
             "func_type": 1,
-            "rsp_ent_name": channel.label,
-            "rsp_node": number,
-            "ref_ent_name": "NONE",
-            "ref_node": 0,
             "ord_data_type": 4,  # real, double precision
-            "abscissa_min": excerpt.start / excerpt.rate,
-            "abscissa_inc": 1.0 / excerpt.rate,
-            "num_pts": excerpt.n,
-            "abscissa_spec_data_type": 17,
-            "abscissa_axis_units_lab": "s",
-            "ordinate_spec_data_type": _QUANTITIES.get(channel.unit, _GENERAL),
-            "ordinate_axis_units_lab": channel.unit,
             "data": excerpt.recording.read([channel], excerpt.start, excerpt.stop)[0],
-            "x": (excerpt.start + np.arange(excerpt.n)) / excerpt.rate,
         }
+
+
+def _over_frequency(found: FrequencyResponse | Spectrum, row: int) -> dict[str, Any]:
+    f = found.frequency_hz
+    spacing = float(f[1] - f[0]) if f.size > 1 else 0.0
+    return _described(found.channels[row], row, found.label, f, spacing, (18, "Hz"))
+
+
+def _described(
+    name: str, row: int, label: str, x: NDArray[np.float64], step: float, axis: tuple[int, str]
+) -> dict[str, Any]:
+    """Names and abscissa of a data set; the type and unit of the axis."""
+    return {
+        "id1": name[:80],
+        "id2": label[-80:],
+        "rsp_ent_name": name,
+        "rsp_node": row + 1,
+        "ref_ent_name": "NONE",
+        "ref_node": 0,
+        "abscissa_min": float(x[0]),
+        "abscissa_inc": step,
+        "num_pts": x.size,
+        "abscissa_spec_data_type": axis[0],
+        "abscissa_axis_units_lab": axis[1],
+        "x": x,
+    }
+
+
+def _unit(axis: str, unit: str, *, general: bool = False) -> dict[str, Any]:
+    kind = _GENERAL if general else _QUANTITIES.get(unit, _GENERAL)
+    return {f"{axis}_spec_data_type": kind, f"{axis}_axis_units_lab": unit}
 
 
 def _above(unit: str, below: str) -> str:

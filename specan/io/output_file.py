@@ -25,28 +25,13 @@ _PART = ".part"
 # First bytes of recordings: TDMS and its index; WAV in its four kinds; Sony Wave64; FLAC, AIFF and HDF5 are not
 # read by specan, but they hold measurements as well.
 _RECORDINGS = (
-    b"TDSm",
-    b"TDSh",
-    b"RIFF",
-    b"RIFX",
-    b"RF64",
-    b"BW64",
-    b"riff",
-    b"fLaC",
-    b"FORM",
-    b"\x89HDF\r\n\x1a\n",
-)
+    b"TDSm", b"TDSh", b"RIFF", b"RIFX", b"RF64", b"BW64", b"riff", b"fLaC", b"FORM", b"\x89HDF\r\n\x1a\n",
+)  # fmt: skip
 _MARK = re.compile(rb"specan \d+\.\d")
 # Where a program may name itself, and what a file of that format begins with.
 _MARKED_FORMATS = (
-    b"\x89PNG",
-    b"%PDF",
-    b"<?xml",
-    b"<!DOCTYPE html>",
-    b"PAR1",
-    b"    -1",
-    b'{\n  "written_by": "specan ',
-)
+    b"\x89PNG", b"%PDF", b"<?xml", b"<!DOCTYPE html>", b"PAR1", b"    -1", b'{\n  "written_by": "specan ',
+)  # fmt: skip
 _TABLE = re.compile(rb"# specan \d+\.\d")
 _CALIBRATION = b"# Sensitivities and phases of channels, as `specan calibrate`"
 # An export: the first column is the time, every other one ends with its unit in brackets.
@@ -56,19 +41,19 @@ _HEAD, _TAIL = 1 << 16, 1 << 20
 
 def is_recording(path: Path) -> bool:
     """Whether a file begins like a recording; False where there is none."""
-    return _bytes(path, 0, 16).startswith(_RECORDINGS)
+    return (_bytes(path, 0, 16) or b"").startswith(_RECORDINGS)
 
 
 def written_by_specan(path: Path) -> bool:
     """Whether a file is a result of specan, as its header says; an empty file holds nothing to lose."""
     head = _bytes(path, 0, _HEAD)
-    if not head and _size(path) == 0:
-        return True
-    if head.startswith(_CALIBRATION) or _TABLE.match(head) or _SAMPLES.match(head):
+    if head is None:
+        return False
+    if not head or head.startswith(_CALIBRATION) or _TABLE.match(head) or _SAMPLES.match(head):
         return True
     if not head.startswith(_MARKED_FORMATS):
         return False
-    return bool(_MARK.search(head) or _MARK.search(_bytes(path, -_TAIL, _TAIL)))
+    return bool(_MARK.search(head) or _MARK.search(_bytes(path, -_TAIL, _TAIL) or b""))
 
 
 def check_output(path: Path, inputs: Iterable[Path] = (), *, force: bool = False) -> None:
@@ -89,7 +74,7 @@ def check_output(path: Path, inputs: Iterable[Path] = (), *, force: bool = False
         `path` is one of the inputs (under whatever name), a recording, or without `force` a file that specan
         did not write.
     """
-    if path == STANDARD_OUTPUT or not _is_file(path):
+    if path == STANDARD_OUTPUT or not stat.S_ISREG(_mode(path)):
         return
     for given in inputs:
         with suppress(OSError):
@@ -119,7 +104,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     RequestError
         The place is a recording, or cannot be written to.
     """
-    if path == STANDARD_OUTPUT or _is_stream(path):
+    mode = _mode(path)
+    if path == STANDARD_OUTPUT or (mode and not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)):
         yield from _copied(path)
         return
     if is_recording(path):
@@ -235,41 +221,24 @@ def _copied(path: Path) -> Iterator[Path]:
                     shutil.copyfileobj(made, device)
 
 
-def _is_file(path: Path) -> bool:
+def _mode(path: Path) -> int:
+    """What kind of file it is; 0 where there is none, or no name of one: writing will say so."""
     try:
-        return path.is_file()
+        return os.stat(path).st_mode
     except (OSError, ValueError):
-        return False  # a name too long, for instance: writing will say so
+        return 0
 
 
-def _is_stream(path: Path) -> bool:
-    try:
-        mode = os.stat(path).st_mode
-    except (OSError, ValueError):
-        return False
-    return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
-
-
-def _size(path: Path) -> int:
-    try:
-        return os.stat(path).st_size
-    except (OSError, ValueError):
-        return -1
-
-
-def _bytes(path: Path, start: int, count: int) -> bytes:
-    """Bytes of a regular file from `start`, or from the end for a negative one; none where it cannot be read."""
-    if not _is_file(path):
-        return b""
+def _bytes(path: Path, start: int, count: int) -> bytes | None:
+    """Bytes from a place on, or from the end if it is negative; None where there is nothing to be read."""
+    if not stat.S_ISREG(_mode(path)):
+        return None
     try:
         with path.open("rb") as file:
-            if start < 0:
-                file.seek(max(0, file.seek(0, 2) + start))
-            else:
-                file.seek(start)
+            file.seek(start if start >= 0 else max(0, file.seek(0, 2) + start))
             return file.read(count)
     except OSError:
-        return b""
+        return None
 
 
 def try_lock(handle: int) -> bool:
