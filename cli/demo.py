@@ -14,6 +14,7 @@ SAMPLES = (
     "truth/*",
     "broken/*",
     "two_mass/*",
+    "own_model/*",
     "worm_drive/*",
     "worm_gear/*",
     "worm_gear/study/*/*",
@@ -69,19 +70,29 @@ def copy_samples(directory: Path) -> int:
     RequestError
         The directory cannot be written to.
     """
-    from specan.errors import RequestError
-
     source, written = sample_place(), 0
     for path in sorted({p for pattern in SAMPLES for p in source.glob(pattern) if p.is_file()}):
         target = directory / path.relative_to(source)
-        if target.exists():
-            continue
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, target)
-        except OSError as fault:
-            raise RequestError(
-                f"{target} cannot be written ({fault.strerror})", remedy="choose another directory"
-            ) from None
-        written += 1
+        if not target.exists():
+            copied(path, target)
+            written += 1
     return written
+
+
+def copied(source: Path, target: Path) -> None:
+    """Copy one file.
+
+    Raises
+    ------
+    RequestError
+        It cannot be written.
+    """
+    from specan.errors import RequestError
+
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, target)
+    except OSError as fault:
+        raise RequestError(
+            f"{target} cannot be written ({fault.strerror})", remedy="choose another directory"
+        ) from None

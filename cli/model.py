@@ -93,51 +93,28 @@ def new(file: Path, rates: bool) -> None:
     specan model new oscillator.py --rates
     """
     from specan.errors import RequestError
-    from specan.models.catalogue import load_model
-    from specan_cli.model_template import TEMPLATE, table_to_try
+    from specan_cli.demo import copied, sample_place
 
     if file.suffix != ".py":
         raise RequestError(f"{file} is not a Python file", remedy="give it a name that ends in .py")
+    example = "oscillator" if rates else "pump"
+    named = {
+        source: file.with_name(source.name.replace(example, file.stem, 1))
+        for source in sorted((sample_place() / "own_model").glob(f"{example}*"))
+    }
+    for target in named.values():
+        if target.exists():
+            raise RequestError(f"{target} exists already", remedy="choose another name")
+    for source, target in named.items():
+        copied(source, target)
+    again, data = file.with_name(f"{file.stem}_again.tdms"), file.with_suffix(".tdms" if rates else ".csv")
     if rates:
-        _new_rates(file)
-        return
-    table_file = file.with_suffix(".csv")
-    if table_file.exists():
-        raise RequestError(f"{table_file} exists already", remedy="choose another name")
-    _write_new(file, TEMPLATE)
-    _write_new(table_file, table_to_try(load_model(file, {})))
-    click.echo(f"{file} holds a model, {table_file} a table to try it on.")
-    click.echo(f"Check it: specan model check {file}")
-    click.echo(f"Try it: specan study new DIR --model {file} --measurement {table_file}")
-
-
-def _new_rates(file: Path) -> None:
-    from specan.errors import RequestError
-    from specan.models.catalogue import load_model
-    from specan_cli.model_template_rates import TEMPLATE, recording_to_try
-
-    run, again = file.with_suffix(".tdms"), file.with_name(f"{file.stem}_again.tdms")
-    for path in (run, again):
-        if path.exists():
-            raise RequestError(f"{path} exists already", remedy="choose another name")
-    _write_new(file, TEMPLATE)
-    model = load_model(file, {})
-    recording_to_try(model, run, seed=1)
-    recording_to_try(model, again, seed=2)
-    click.echo(f"{file} holds a model, {run} and {again} recordings to try it on.")
-    click.echo(f"Try it: specan study new DIR --model {file} --measurement {run} --validation {again}")
-
-
-def _write_new(file: Path, text: str) -> None:
-    from specan.errors import RequestError
-
-    try:
-        with file.open("x", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
-    except FileExistsError:
-        raise RequestError(f"{file} exists already", remedy="choose another name") from None
-    except OSError as fault:
-        raise RequestError(f"{file} cannot be written ({fault.strerror})") from None
+        click.echo(f"{file} holds a model, {data} and {again} recordings to try it on.")
+    else:
+        click.echo(f"{file} holds a model, {data} a table to try it on.")
+        click.echo(f"Check it: specan model check {file}")
+    validation = f" --validation {again}" if rates else ""
+    click.echo(f"Try it: specan study new DIR --model {file} --measurement {data}{validation}")
 
 
 @command.command("rig")

@@ -1,13 +1,4 @@
-"""What ``specan model new`` writes: a model that keeps its promises, and a table to try it on."""
-
-from __future__ import annotations
-
-import csv
-import io
-
-from specan.models.model import Model
-
-TEMPLATE = '''"""A centrifugal pump.
+"""A centrifugal pump.
 
 Change names, units and formulas into those of your own set-up.
 """
@@ -63,26 +54,3 @@ model = Model.from_function(
     units={"loss": "m"},
     effects=[cavitation, slip, recirculation],
 )
-'''
-
-# What was "measured": the model with cavitation in it, read with the stated uncertainty.
-FLOWS, SPEEDS = (6, 12, 18, 24, 30, 36, 42, 48, 54, 60), (2000, 2450, 2900)
-TRUTH = {"cavitation.size": 0.02, "cavitation.onset": 38.0, "head.shutoff": 33.5, "loss.friction": 0.0035}
-NOISE, REPEATS, SEED = 0.1, 2, 7
-
-
-def table_to_try(model: Model) -> str:
-    """A table for the model of `TEMPLATE`, as text, with an effect in it that the model lacks."""
-    from specan.models.chosen_model import ChosenModel, grid, simulated_table
-
-    assembly = model.assemble(["cavitation"])
-    rows = simulated_table(
-        ChosenModel(assembly, TRUTH), grid(model, {"flow": FLOWS, "speed": SPEEDS}),
-        noise=NOISE, repeats=REPEATS, seed=SEED,
-    )  # fmt: skip
-    text = io.StringIO()
-    sheet = csv.writer(text, lineterminator="\n")
-    sheet.writerow(["flow [m3/h]", "speed [1/min]", "head [m]", "repeat"])
-    for flow, speed, head, repeat in zip(*rows.values(), strict=True):
-        sheet.writerow([f"{flow:g}", f"{speed:g}", f"{head:.2f}", f"{repeat:g}"])
-    return text.getvalue()
