@@ -55,16 +55,6 @@ def plain(text: str) -> str:
     return text
 
 
-def panel(grows: int, **options: Any) -> Any:
-    """An empty figure that takes its share of the height, without a tool bar in the way."""
-    styles = {"flex": f"{grows} 1 0", "min-height": "0", "background": "var(--paper)"}
-    options = {"tools": "save", "min_height": 120, **options}
-    sheet = figure(sizing_mode="stretch_both", styles=styles, **options)
-    sheet.toolbar.logo = None
-    sheet.toolbar.autohide = True
-    return sheet
-
-
 def hertz_axis(axis: Any) -> None:
     """A tick at each octave."""
     frequencies, names = octave_ticks()
@@ -189,7 +179,7 @@ class PanelPlot(Spectral):
             "y": [y for (_, y), _ in banded],
             "colour": [hue for _, hue in banded],
         }
-        lines = [_line(c) for c in curves] if shown.kind in ("line", "thin") else []
+        lines = [_line(c) for c in curves] if shown.kind in ("line", "steps", "thin") else []
         self.source.data = {
             "x": [x for x, _ in lines],
             "y": [np.where(np.isfinite(y), y, np.nan) for _, y in lines],
@@ -280,7 +270,7 @@ def outline(x: Any, low: Any, high: Any) -> tuple[NDArray[np.float64], NDArray[n
 
 
 class Plots:
-    """Panels of a drawing under each other over one horizontal axis; figures are used again for the next drawing.
+    """Panels and pictures of a drawing under each other over one horizontal axis; they are used again for the next one.
 
     Parameters
     ----------
@@ -290,9 +280,10 @@ class Plots:
         Of `PanelPlot`.
     """
 
-    def __init__(self, made: Callable[[PanelPlot], None] | None = None, **options: Any) -> None:
+    def __init__(self, made: Callable[[Spectral], None] | None = None, **options: Any) -> None:
         self._options, self._made = options, made
         self.plots: dict[tuple[int, int], PanelPlot] = {}
+        self.maps: dict[tuple[int, bool], HeatMap] = {}
         self.first = self._plot(0, 3)
         self._span = (0.0, 0.0)
         self.body = column(
@@ -303,65 +294,76 @@ class Plots:
         key = (number, share)
         if key not in self.plots:
             like = self.first if self.plots else None
-            self.plots[key] = PanelPlot(share, like=like, **self._options)
-            if self._made is not None:
-                self._made(self.plots[key])
+            self._take(self.plots, key, PanelPlot(share, like=like, **self._options))
         return self.plots[key]
+
+    def _map(self, number: int, hertz: bool) -> HeatMap:
+        key = (number, hertz)
+        if key not in self.maps:
+            self._take(self.maps, key, HeatMap(self.first.sheet.x_range, hertz))
+        return self.maps[key]
+
+    def _take(self, kept: dict[Any, Any], key: Any, figure: Spectral) -> None:
+        kept[key] = figure
+        if self._made is not None:
+            self._made(figure)
 
     def draw(self, drawing: Drawing, styles: Styles | None = None) -> None:
         """Exchange everything."""
         shown, styles = [], styles_of(drawing.panels) if styles is None else styles
         for number, one in enumerate(drawing.panels):
-            plot, last = self._plot(number, one.share), number == len(drawing.panels) - 1
+            plot = self._plot(number, one.share)
             plot.draw(one, styles)
-            plot.sheet.xaxis[0].axis_label = drawing.x_label if last else ""
-            plot.sheet.xaxis[0].major_label_text_font_size = "11px" if last else "0px"
             shown.append(plot.sheet)
+        for number, picture in enumerate(drawing.pictures):
+            heat = self._map(number, picture.hertz)
+            heat.draw(picture, drawing.dynamics_dB)
+            shown.append(heat.sheet)
+        for sheet in shown:
+            sheet.xaxis[0].axis_label = drawing.x_label if sheet is shown[-1] else ""
+            sheet.xaxis[0].major_label_text_font_size = "11px" if sheet is shown[-1] else "0px"
         if self.body.children != shown:
             self.body.children = shown
         if drawing.span != self._span:
             self._span = drawing.span
             self.first.span(*drawing.span)
-        self.first.sheet.title.text = plain(drawing.facts[0])
+        shown[0].title.text = plain(drawing.facts[0])
 
 
 class HeatMap(Spectral):
-    """A picture of levels, of one share of the height; `options` are of `bokeh.plotting.figure`."""
+    """A picture of levels; `hertz` where its vertical axis is one of frequency."""
 
-    def __init__(self, grows: int, name: str, x_range: Any = None, hertz: bool = False) -> None:
+    def __init__(self, x_range: Any, hertz: bool = False) -> None:
         self._hertz = hertz
         self._colours = LinearColorMapper(palette="Cividis256", low=0, high=1)
-        self._source = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []}, name=name)
-        self.sheet = panel(
-            grows, tools="pan,box_zoom,wheel_zoom,reset,save", x_range=x_range or Range1d(0, 1),
+        self.source = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []}, name="picture")
+        sheet = figure(
+            sizing_mode="stretch_both", tools="pan,box_zoom,wheel_zoom,reset,save", x_range=x_range, min_height=120,
             y_range=Range1d(20, 20000), y_axis_type="log" if hertz else "linear", min_border_left=88,
+            styles={"flex": "4 1 0", "min-height": "0", "background": "var(--paper)"}, toolbar_inner=True,
         )  # fmt: skip
-        super().__init__(self.sheet, "width", "#ffffff")
-        self.picture = self.sheet.image(
-            "image", "x", "y", "dw", "dh", source=self._source, color_mapper=self._colours
-        )
+        super().__init__(sheet, *(("width", "#ffffff") if hertz else ()))
+        sheet.toolbar.update(logo=None, autohide=True)
+        picture = sheet.image("image", "x", "y", "dw", "dh", source=self.source, color_mapper=self._colours)
         tips = [("x", "$x{0.000}"), ("y", "$y{0.0}"), ("dB", "@image{0.0}")]
-        self.sheet.add_tools(HoverTool(renderers=[self.picture], tooltips=tips))
+        sheet.add_tools(HoverTool(renderers=[picture], tooltips=tips))
         if hertz:
-            hertz_axis(self.sheet.yaxis[0])
+            hertz_axis(sheet.yaxis[0])
         self._bar = ColorBar(color_mapper=self._colours, title="dB")
-        self.sheet.add_layout(self._bar, "right")
+        sheet.add_layout(self._bar, "right")
 
-    def draw(self, drawing: Drawing) -> None:
-        """Show the first picture of a drawing."""
-        shown = drawing.pictures[0]
+    def draw(self, shown: Picture, dynamics_dB: float) -> None:
+        """Exchange the picture."""
         picture, (left, right), (low, high) = even(shown, self._hertz)
         top = float(np.nanmax(picture, initial=-np.inf))
         top = top if np.isfinite(top) else 0.0
-        self._colours.update(low=top - drawing.dynamics_dB, high=top)
-        self._source.data = {
+        self._colours.update(low=top - dynamics_dB, high=top)
+        self.source.data = {
             "image": [picture], "x": [left], "y": [low], "dw": [right - left], "dh": [high - low],
         }  # fmt: skip
         self.sheet.y_range.update(start=low, end=high, reset_start=low, reset_end=high)
-        self.sheet.x_range.update(start=left, end=right, reset_start=left, reset_end=right)
-        self.sheet.xaxis[0].axis_label, self.sheet.yaxis[0].axis_label = drawing.x_label, shown.y_label
+        self.sheet.yaxis[0].axis_label = f"{plain(shown.name)}\n{shown.y_label}".lstrip()
         self._bar.title = shown.unit
-        self.sheet.title.text = plain(f"{shown.name}: {drawing.facts[0]}")
 
 
 def even(

@@ -15,13 +15,11 @@ from specan.divisions import division_name
 from specan.report.figure_style import (
     COLOURS,
     heading,
-    legend_above,
     legend_below,
     level_label,
     level_limits,
     micro,
     new_figure,
-    octave_axis,
     styled,
 )
 from specan.report.panels import (
@@ -30,7 +28,6 @@ from specan.report.panels import (
     Panel,
     Picture,
     draw_panels,
-    draw_picture,
     finish,
     grouped,
     level_panels,
@@ -123,36 +120,28 @@ def history_panels(found: BandLevels, weighting: str) -> Drawing:
     return Drawing(found.label, (about,), "Time / s", tuple(panels))
 
 
-@styled
-def figure_level_history(found: BandLevels, channel: int = 0) -> Figure:
-    """Time-weighted band levels of one channel against time, and its overall levels above them.
+def figure_level_history(found: BandLevels, channel: int = 0) -> Drawing:
+    """Overall levels of one channel against time, and its time-weighted band levels below them.
 
     A reading is drawn over the interval that it ends: it holds what happened there.
     """
     history = found.history
     if history is None:
         raise ValueError("a linear average has no history")
-    figure = new_figure(6.4)
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 3])
     times = np.append(history.time_s[:1] - history.interval_s, history.time_s)
-    for weighting, levels in history.overall_dB.items():
-        if np.isfinite(levels[channel]).any():
-            highest = history.overall_max_dB[weighting][channel]
-            label = f"L{weighting}, max {highest:.1f} dB"
-            drawn = above.stairs(levels[channel], times, baseline=None, label=label, linewidth=1.0)
-            above.axhline(highest, color=drawn.get_edgecolor(), linewidth=0.6, linestyle=":")
-    text = found.references[channel].text
-    above.set_ylabel(level_label(text))
-    legend_above(above)
     edges = np.append(found.lower_hz, found.upper_hz[-1])
-    draw_picture(
-        figure, below, Picture("", times, edges, history.level_dB[channel], "", level_label(text)), _DYNAMICS_DB
-    )  # fmt: skip
-    octave_axis(below, float(edges[0]), float(edges[-1]), "y")
-    below.set_ylabel("Mid-band frequency / Hz")
-    below.set_xlabel("Time / s")
-    heading(figure, f"{found.label}, {found.channels[channel]}", *_facts(found))
-    return figure
+    text = level_label(found.references[channel].text)
+    curves = tuple(
+        Curve(
+            f"L{weighting}, max {history.overall_max_dB[weighting][channel]:.1f} dB", times, levels[channel]
+        )
+        for weighting, levels in history.overall_dB.items()
+        if np.isfinite(levels[channel]).any()
+    )
+    levels = Panel(text, curves, kind="steps")
+    bands = Picture("", times, edges, history.level_dB[channel], "Mid-band frequency / Hz", text, hertz=True)
+    title = f"{found.label}, {found.channels[channel]}"
+    return Drawing(title, tuple(_facts(found)), "Time / s", (levels,), (bands,))
 
 
 def _facts(found: BandLevels) -> list[str]:

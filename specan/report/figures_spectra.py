@@ -111,7 +111,7 @@ def figure_spectrogram(found: Spectrogram) -> Drawing:
     scale, positive = found.scale, found.frequency_hz > 0
     pictures = [
         Picture(name, found.time_s, found.frequency_hz[positive], level[:, positive].T, "Frequency / Hz",
-                f"Level / {micro(scale.level_text(unit))}")
+                f"Level / {micro(scale.level_text(unit))}", hertz=True)
         for name, unit, level in zip(found.channels, found.units, found.level_dB, strict=True)
     ]  # fmt: skip
     about = (
@@ -119,8 +119,7 @@ def figure_spectrogram(found: Spectrogram) -> Drawing:
         f"{scale.enbw_hz:.4g} Hz, blocks averaged in a column: {found.blocks_per_column}"
     )
     return Drawing(
-        found.label or "Spectrogram", (about,), "Time / s", pictures=tuple(pictures), hertz=True,
-        dynamics_dB=_PICTURE_DB,
+        found.label or "Spectrogram", (about,), "Time / s", pictures=tuple(pictures), dynamics_dB=_PICTURE_DB,
     )  # fmt: skip
 
 

@@ -78,8 +78,9 @@ class Panel:
         It has a legend, and of many channels it decides which have a colour; the panels below follow.
     phase : bool
         A whole turn, with ticks at quarters.
-    kind : {"line", "dots", "rows", "thin"}
-        Of many curves a range is drawn; of "thin" ones, such as phases, all of them in grey. "rows" are larger dots.
+    kind : {"line", "steps", "dots", "rows", "thin"}
+        Of many curves a range is drawn; of "thin" ones, such as phases, all of them in grey. "rows" are larger dots,
+        "steps" are never filled.
     marks : tuple of float
         Where thin lines run across.
     """
@@ -102,7 +103,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Picture:
-    """Levels over two axes: `values` (places in y, places in x)."""
+    """Levels over two axes: `values` (places in y, places in x); `hertz` where y is a logarithmic axis of frequency."""
 
     name: str
     x: Real
@@ -110,29 +111,29 @@ class Picture:
     values: Real
     y_label: str
     unit: str
+    hertz: bool = False
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure: panels, or pictures, under each other over one horizontal axis."""
+    """A figure: panels, and below them pictures, under each other over one horizontal axis."""
 
     title: str
     facts: tuple[str, ...]
     x_label: str
     panels: tuple[Panel, ...] = ()
     pictures: tuple[Picture, ...] = ()
-    hertz: bool = (
-        False  # the axis of frequency, horizontal of panels and vertical of pictures, is logarithmic
-    )
+    hertz: bool = False  # the horizontal axis is a logarithmic one of frequency
     dynamics_dB: float = 90.0
     x_limits: tuple[float, float] | None = None
 
     @property
     def span(self) -> tuple[float, float]:
-        """Ends of the horizontal axis of its panels."""
+        """Ends of the horizontal axis."""
         if self.x_limits is not None:
             return self.x_limits
-        xs = [x[x > 0] if self.hertz else x for panel in self.panels for x in (c.x for c in panel.curves)]
+        shown = [c.x for panel in self.panels for c in panel.curves] or [_edges(p) for p in self.pictures]
+        xs = [x[x > 0] if self.hertz else x for x in shown]
         ends = [(float(x[0]), float(x[-1])) for x in xs if x.size] or [(1.0, 2.0)]
         low, high = min(low for low, _ in ends), max(high for _, high in ends)
         return low, max(high, 1.01 * low if self.hertz else low + 1e-9)
@@ -223,19 +224,20 @@ def level_panels(
 @styled
 def figure_of_panels(drawing: Drawing) -> Figure:
     """Drawn by matplotlib."""
-    if drawing.pictures:
-        return _pictures(drawing)
-    shares = [panel.share for panel in drawing.panels]
+    panels, pictures = drawing.panels, drawing.pictures
+    shares = [panel.share for panel in panels] + [5.0 if len(pictures) == 1 else 3.5] * len(pictures)
     figure = new_figure(2.0 + 0.72 * sum(shares))
-    sheet = figure.subplots(len(shares), 1, sharex=True, squeeze=False, height_ratios=shares)[:, 0]
-    draw_panels(list(sheet), drawing.panels)
-    finish(figure, list(sheet), drawing)
+    sheet = list(figure.subplots(len(shares), 1, sharex=True, squeeze=False, height_ratios=shares)[:, 0])
+    draw_panels(sheet[: len(panels)], panels)
+    for axes, picture in zip(sheet[len(panels) :], pictures, strict=True):
+        draw_picture(figure, axes, picture, drawing.dynamics_dB)
+    finish(figure, sheet, drawing)
     return figure
 
 
 def finish(figure: Figure, sheet: Sequence[Axes], drawing: Drawing) -> None:
     """Horizontal axis, legend and heading."""
-    leading = [axes for axes, panel in zip(sheet, drawing.panels, strict=True) if panel.leads]
+    leading = [axes for axes, panel in zip(sheet, drawing.panels) if panel.leads]
     if len(leading) == 1:
         legend_below(figure, leading[0])
     else:
@@ -277,7 +279,7 @@ def _draw(axes: Axes, panel: Panel, curve: Curve, style: dict[str, Any]) -> None
     if curve.low is not None and curve.high is not None:
         axes.fill_between(curve.x, curve.low, curve.high, color=style["color"], alpha=0.2, linewidth=0)
     if curve.x.size == curve.y.size + 1:
-        filled = len(panel.curves) <= _BARS
+        filled = len(panel.curves) <= _BARS and panel.kind == "line"
         values = np.where(np.isneginf(curve.y), np.nan, curve.y)
         axes.stairs(
             values, curve.x, baseline=-999.0 if filled else None, fill=filled, alpha=0.45 if filled else 1.0,
@@ -321,22 +323,17 @@ def draw_range(axes: Axes, x: Real, values: Real) -> None:
         axes.plot(x, middle, color="0.4", linewidth=1.3, label="median")
 
 
-def _pictures(drawing: Drawing) -> Figure:
-    count = len(drawing.pictures)
-    figure = new_figure(1.4 + max(2.5, 4.2 / count) * count)
-    sheet = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    for axes, picture in zip(sheet, drawing.pictures, strict=True):
-        draw_picture(figure, axes, picture, drawing.dynamics_dB)
-        if drawing.hertz:
-            octave_axis(axes, float(picture.y[0]), float(picture.y[-1]), "y")
-        axes.set_ylabel(f"{picture.name}\n{picture.y_label}")
-    sheet[-1].set_xlabel(drawing.x_label)
-    heading(figure, drawing.title, *drawing.facts)
-    return figure
+def _edges(picture: Picture) -> Real:
+    """Of a picture along x: its axis holds the middles of the cells, or their edges."""
+    x = picture.x
+    if x.size != picture.values.shape[1]:
+        return x
+    half = (x[1] - x[0]) / 2 if x.size > 1 else 0.5
+    return np.array([x[0] - half, x[-1] + half])
 
 
 def draw_picture(figure: Figure, axes: Axes, picture: Picture, dynamics_dB: float) -> None:
-    """A picture with its scale of colours; its axes hold the middles of the cells, or their edges."""
+    """A picture with its scale of colours."""
     low, high = level_limits(picture.values, dynamics_dB, below=0.0, above=0.0)
     shading: Any = "nearest" if picture.x.size == picture.values.shape[1] else "flat"
     mesh = axes.pcolormesh(
@@ -345,3 +342,6 @@ def draw_picture(figure: Figure, axes: Axes, picture: Picture, dynamics_dB: floa
     )  # fmt: skip
     axes.grid(False)
     figure.colorbar(mesh, ax=axes, label=picture.unit)
+    if picture.hertz:
+        octave_axis(axes, float(picture.y[0]), float(picture.y[-1]), "y")
+    axes.set_ylabel(f"{picture.name}\n{picture.y_label}".lstrip())

@@ -57,7 +57,7 @@ def test_an_order_stands_at_its_level_and_the_tacho_is_left_out():
     assert curves["x"][0][place] == 24.0
     # an amplitude of 3 m/s^2 re 1 um/s^2 (ISO 1683)
     assert curves["y"][0][place] == pytest.approx(20 * np.log10(3 / np.sqrt(2) / 1e-6), abs=0.05)
-    assert tab.body == [tab.plots.body]
+    assert tab.plots.body.children == [tab.plots.first.sheet]
 
 
 def test_a_cursor_in_hertz_stands_at_its_order_at_the_mean_speed():
@@ -69,7 +69,7 @@ def test_a_cursor_in_hertz_stands_at_its_order_at_the_mean_speed():
     ((_, hertz, text),) = tab.at(found, 24.02 * speed)
     assert float(hertz) == pytest.approx(24 * mean, rel=0.01)
     assert text.startswith("order 24, 3")
-    (figure,) = tab.figures
+    figure = tab.figures[0]
     figure.cursor(24 * speed, False)
     assert figure.sheet.select_one({"name": "cursor-line"}).location == pytest.approx(24.0)
     event = type("Tap", (), {"x": 12.0})()
@@ -79,8 +79,9 @@ def test_a_cursor_in_hertz_stands_at_its_order_at_the_mean_speed():
 def test_orders_stand_upright_in_the_map_and_a_resonance_runs_along_a_hyperbola():
     view = View(tab="orders", channel=KEYS, max_order=60.0, turns=8, order_map=True)
     tab, _ = drawn(opened(), view, [])
-    assert tab.map.sheet in tab.body
-    data = tab.map._source.data
+    (heat,) = tab.plots.maps.values()
+    assert heat.sheet in tab.plots.body.children
+    data = heat.source.data
     picture, low, height = data["image"][0], data["y"][0], data["dh"][0]
     step = data["dw"][0] / picture.shape[1]
     speed = low + height * (np.arange(picture.shape[0]) + 0.5) / picture.shape[0]
@@ -150,6 +151,6 @@ def test_the_command_gives_the_same_numbers(run_up, tmp_path):
 def test_the_page_shows_orders_and_the_map(open_page, serve, run_up):
     page = open_page(f"{serve(str(run_up))}?tab=orders&pulses=1&max_order=60&order_map=true&cursor=336")
     page.wait(lambda: "order 2" in page.text("readout"))
-    data = "Bokeh.documents[0].get_model_by_name('order_picture').data"
+    data = "Bokeh.documents[0].get_model_by_name('picture').data"
     assert page.script(f"return ({data}.image ?? {data}.get('image')).length") == 1
     assert page.complaints == []

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from specan.analysis.orders import Orders
-from specan.inspect.plots import HeatMap
 from specan.inspect.tabs.tab import Found, Tab
 from specan.inspect.view import View
-from specan.report.figures_spectra import figure_order_map
+from specan.report.figures_spectra import figure_order_map, figure_orders
+from specan.report.panels import Drawing
 
 
 class OrdersTab(Tab):
@@ -29,7 +29,6 @@ class OrdersTab(Tab):
         self.number(view, "max_order", "Highest order")
         self.number(view, "turns", "Turns", 70, mode="int")
         self.choice(view, "order_map", "Show", [("False", "spectrum"), ("True", "with the map")], 120)
-        self.map = HeatMap(3, "order_picture", self.plots.first.sheet.x_range)
 
     def keys(self, view: View) -> Sequence[str]:
         """Of the channels on screen that are no tachos."""
@@ -39,13 +38,14 @@ class OrdersTab(Tab):
         """Orders, at the mean speed of the shaft."""
         return 1 / float(result.tacho.mean_hz)
 
+    def drawing(self, result: Any, view: View) -> Drawing:
+        """Levels over order, and the map of the first channel where it is wanted."""
+        pictures = figure_order_map(result).pictures[:1] if view.order_map else ()
+        return replace(figure_orders(result), pictures=pictures)
+
     def draw(self, found: Found, view: View) -> None:
-        """Levels of all channels, and the map of the first one where it is wanted."""
-        number, first = found[0]
+        """The cursor stands at the mean speed of the first recording."""
         self.figure_view = "map" if view.order_map else ""
         super().draw(found, view)
         for figure in self.figures:
-            figure.per_hertz = self.per_hertz(first)
-        if view.order_map:
-            self.map.draw(figure_order_map(first).named(partial(self.opened.text, number)))
-        self.body = [self.plots.body, *([self.map.sheet] if view.order_map else [])]
+            figure.per_hertz = self.per_hertz(found[0][1])

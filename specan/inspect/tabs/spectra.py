@@ -13,7 +13,7 @@ from specan.analysis.transfer_function import TransferFunction
 from specan.data.spectrum import SCALINGS
 from specan.dsp.windows import WINDOWS
 from specan.inspect.opened import Chosen
-from specan.inspect.plots import HeatMap, plain
+from specan.inspect.plots import plain
 from specan.inspect.tabs.tab import Found, Tab
 from specan.inspect.view import COLUMNS, View
 from specan.report.figures_spectra import figure_frequency_response
@@ -69,7 +69,9 @@ class FrfTab(Tab):
 class SpectrogramTab(Tab):
     """Level against time and frequency."""
 
-    name, title, kind, tip = "spectrogram", "Spectrogram", SpectrogramSettings, None
+    hertz = False
+    readings: ClassVar = {"level_dB": "{:.2f} dB"}
+    name, title, kind, tip = "spectrogram", "Spectrogram", SpectrogramSettings, ("s", "Hz")
 
     def add_controls(self, view: View) -> None:
         """The channel, and blocks."""
@@ -78,9 +80,6 @@ class SpectrogramTab(Tab):
         self.number(view, "lines", "Lines", mode="int", placeholder="automatic")
         self.choice(view, "window", "Window", WINDOWS, 130)
         self.number(view, "overlap", "Overlap", 70)
-        self.map = HeatMap(1, "spectrogram", hertz=True)
-        self.add_figure(self.map)
-        self.body = [self.map.sheet]
 
     def keys(self, view: View) -> Sequence[str]:
         """Of one channel only."""
@@ -89,10 +88,6 @@ class SpectrogramTab(Tab):
     def more(self, view: View, chosen: Chosen) -> dict[str, Any]:
         """As many columns as the screen shows."""
         return {"columns": COLUMNS}
-
-    def draw(self, found: Found, view: View) -> None:
-        """The picture."""
-        self.map.draw(self.drawn(found, view))
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
         """Lowest and highest level of the nearest line over time."""
