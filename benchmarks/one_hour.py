@@ -75,10 +75,10 @@ def silence(path: Path, seconds: float, channels: int = 4) -> None:
 
 
 def page(seconds: float) -> None:
-    """Print CPU seconds until the waveforms are drawn: from a first look, from all samples, and from what is kept."""
+    """Print CPU seconds until the waveforms are drawn: from the first piece, and from all samples."""
     from specan.inspect.opened import watched
-    from specan.inspect.waveform_view import Waveform, read_overviews
     from specan.io.open import open_recording
+    from specan.report.waveform import Waveform, read_overviews
 
     with tempfile.TemporaryDirectory() as place:
         os.environ["SPECAN_CONFIG_DIR"] = place
@@ -91,7 +91,7 @@ def page(seconds: float) -> None:
             drawn: list[float] = []
 
             def draw(part: float) -> bool:
-                if part in (0.0, 1.0):
+                if not drawn or part == 1.0:  # noqa: B023
                     for waveform in waveforms:  # noqa: B023
                         waveform.part(0.0, seconds, 1500)
                     drawn.append(time.process_time() - start)  # noqa: B023

@@ -43,10 +43,11 @@ from specan.inspect.tabs.orders import OrdersTab
 from specan.inspect.tabs.spectra import FftTab, FrfTab, SpectrogramTab
 from specan.inspect.tabs.tab import Found, Tab, text_of
 from specan.inspect.view import View, commands
-from specan.inspect.waveform_view import WaveformView, read_overviews
+from specan.inspect.waveform_view import WaveformView
 from specan.inspect.work import Tell, Work
 from specan.report.figures import figure_of
 from specan.report.panels import Panel
+from specan.report.waveform import read_overviews
 from specan.result import RecordingResult
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.dsp.statistics import low_and_high
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
+from specan.report.waveform import COLUMNS, Waveform, read_overviews
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from specan.data.decay import ImpulseResponses
 
 MOST_CHANNELS = 32
-_COLUMNS = 1500  # of the picture
-_BLOCK = 1 << 16
 
 
 def _scale(axes: Axes, channel: Channel, reach: float | None) -> None:
@@ -54,10 +52,14 @@ def figure_waveforms(
     rows = max(len(shown), 1)
     figure = new_figure(1.1 + max((0.8 if rows <= 6 else 0.21) * rows, 1.6))
     sheet = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    drawn = [_envelope(recording, channel, start_s, stop_s) for channel in shown]
-    reach = _common_reach(shown, drawn) if rows > 6 else {}
-    for axes, channel, (times, low, high) in zip(sheet, shown, drawn, strict=False):
-        axes.fill_between(times, low, high, color=COLOURS[0], linewidth=0.6)
+    waveforms = [Waveform(recording, channel) for channel in shown]
+    # A part holds the sample at its end; a section does not.
+    ends = [(start_s, (c.duration_s if stop_s is None else stop_s) - 1.5 / c.sampling_rate) for c in shown]
+    read_overviews([w for w, part in zip(waveforms, ends, strict=True) if w.needs_overview(*part)])
+    drawn = [w.part(*part) for w, part in zip(waveforms, ends, strict=True)]
+    reach = _common_reach(shown, [y for _, y in drawn]) if rows > 6 else {}
+    for axes, channel, (times, values) in zip(sheet, shown, drawn, strict=False):
+        axes.plot(times, values, color=COLOURS[0], linewidth=0.6)
         axes.margins(x=0)
         axes.grid(rows <= 6)
         _scale(axes, channel, reach.get(channel.unit))
@@ -72,8 +74,10 @@ def figure_waveforms(
     left_out = f"{len(shown)} of {len(usable)} channels. " if len(shown) < len(usable) else ""
     scales = ", ".join(f"±{end:.3g} {unit}" for unit, end in reach.items())
     about = f"Full height of a strip: {scales}. " if scales else ""
-    long = any(low is not high for _, low, high in drawn)
-    extremes = "Filled from the lowest to the highest sample of each column." if long else ""
+    long = any(
+        (stop - start) * c.sampling_rate > 2 * COLUMNS for c, (start, stop) in zip(shown, ends, strict=True)
+    )
+    extremes = "From the lowest to the highest sample of each column." if long else ""
     heading(figure, recording.label or "Waveforms", left_out + about + extremes)
     return figure
 
@@ -83,36 +87,10 @@ def figure_impulse_responses(found: ImpulseResponses) -> Figure:
     return figure_waveforms(found.recording())
 
 
-def _common_reach(
-    shown: Sequence[Channel], drawn: Sequence[tuple[NDArray[np.float64], ...]]
-) -> dict[str, float]:
+def _common_reach(shown: Sequence[Channel], drawn: Sequence[NDArray[np.float64]]) -> dict[str, float]:
     """Largest magnitude among the channels of each unit."""
     reach: dict[str, float] = {}
-    for channel, (_, low, high) in zip(shown, drawn, strict=True):
-        end = float(np.nanmax(np.abs([low, high]), initial=0.0))
+    for channel, values in zip(shown, drawn, strict=True):
+        end = float(np.nanmax(np.abs(values), initial=0.0))
         reach[channel.unit] = max(reach.get(channel.unit, 0.0), end if np.isfinite(end) else 0.0) or 1.0
     return reach
-
-
-def _envelope(
-    recording: Recording, channel: Channel, start_s: float, stop_s: float | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Times, lowest and highest samples; read in pieces, whatever the length."""
-    rate = channel.sampling_rate
-    first = min(round(start_s * rate), channel.n_samples - 1)
-    last = (
-        channel.n_samples if stop_s is None else min(max(round(stop_s * rate), first + 1), channel.n_samples)
-    )
-    if last - first <= 2 * _COLUMNS:
-        samples = recording.read([channel], first, last)[0]
-        return np.arange(first, last) / rate, samples, samples
-    step = -(-(last - first) // _COLUMNS)
-    lows, highs = [], []
-    for begin in range(first, last, max(_BLOCK // step, 1) * step):
-        end = min(begin + max(_BLOCK // step, 1) * step, last)
-        low, high = low_and_high(recording.read([channel], begin, end)[0], -(-(end - begin) // step))
-        lows.append(low)
-        highs.append(high)
-    low, high = np.concatenate(lows), np.concatenate(highs)
-    middles = first + (np.arange(low.size, dtype=np.float64) + 0.5) * step
-    return middles / rate, low, high

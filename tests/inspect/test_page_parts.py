@@ -24,8 +24,8 @@ from specan.inspect.plots import plain
 from specan.inspect.server import start_server
 from specan.inspect.tabs.levels import OctaveTab
 from specan.inspect.view import View
-from specan.inspect.waveform_view import DIRECT, LOOKS, STEP, Waveform, read_overviews
 from specan.inspect.work import Superseded
+from specan.report.waveform import DIRECT, STEP, Waveform, read_overviews
 
 RATE = 8000.0
 NOISE = np.random.default_rng(1)
@@ -104,29 +104,13 @@ def test_an_hour_is_read_once_and_then_pans_without_reading_it_again():
     waveform = Waveform(one, one.channels[0])
     assert waveform.needs_overview(0.0, 3600.0)
     read_overviews([waveform], go_on)
-    looked = LOOKS * STEP
-    assert source.read_samples == one.channels[0].n_samples + looked
+    assert source.read_samples == one.channels[0].n_samples
     times, values = waveform.part(0.0, 3600.0, 1500)
-    assert source.read_samples == one.channels[0].n_samples + looked
+    assert source.read_samples == one.channels[0].n_samples
     assert times.size == 3000
     assert values.min() == pytest.approx(-1, abs=1e-5)
     waveform.part(1000.0, 1010.0, 1500)
-    assert source.read_samples - one.channels[0].n_samples <= looked + 10 * RATE + 2
-
-
-def test_the_first_picture_of_an_hour_needs_a_fortieth_of_its_samples():
-    one, source = hour()
-    waveform = Waveform(one, one.channels[0])
-    read_overviews([waveform], lambda part: False)  # stopped after the first picture
-    assert source.read_samples <= one.channels[0].n_samples / 37
-    assert not waveform.overview.finished
-    times, values = waveform.part(0.0, 3600.0, 1500)
-    assert np.isfinite(values).all()
-    # What was looked at is drawn where it is: the largest sample that it shows there is in that part of the recording.
-    place = int(np.argmax(values))
-    first = max(int((times[place] - 5.0) * RATE), 0)
-    around = one.read([one.channels[0]], first, first + 10 * RATE)[0]
-    assert around.min() <= values[place] <= around.max()
+    assert source.read_samples - one.channels[0].n_samples <= 10 * RATE + 2
 
 
 def test_what_is_not_read_yet_is_a_gap():
