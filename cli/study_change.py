@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opt, together
-from specan_cli.output import Verb, draw, emit_json, plot_option, show_sheets, table
+from specan_cli.output import Verb, draw, emit_json, plot_option, show_sheets
 from specan_cli.study import open_study, study_options
 
 if TYPE_CHECKING:
@@ -74,12 +74,7 @@ def _show(change: Change, as_json: bool, plot: Path | None) -> None:
     first = [remark for remark in change.remarks if remark == RISES.format("held-out")]
     for remark in first:  # before all that looks like success
         click.echo(f"Note: {remark}")
-    rows = [*_rows("fit", "fitted", before, after), *_rows("held_out", "held-out", before, after)]
-    table(
-        f"Step {after.step}: {after.action} {after.effect}",
-        ["data", "observable", "RMS before", "after", "unit", "change"],
-        rows,
-    )
+    show_sheets([study_sheets.change(before, after)])
     chi2 = [(s.reduced_chi2, s.held_out_reduced_chi2) for s in (before, after)]
     if chi2[1][0] is not None:
         text = f"\nReduced chi-square {chi2[0][0]:.2f} -> {chi2[1][0]:.2f} on fitted data"
@@ -99,14 +94,3 @@ def _show(change: Change, as_json: bool, plot: Path | None) -> None:
         if remark not in first:
             click.echo(f"Note: {remark}")
     click.echo("Model: " + (", ".join(after.model_effects) or change.study.model.words.ideal))
-
-
-def _rows(key: str, name: str, before: Any, after: Any) -> list[list[Any]]:
-    old = {e["observable"]: e for e in before.errors[key]}
-    rows = []
-    for new in after.errors[key]:
-        was = old[new["observable"]]["rms"]
-        percent = 100 * (new["rms"] / was - 1) if was > 0 else 0.0
-        unit = "" if new["unit"] == "1" else new["unit"]
-        rows.append([name, new["observable"], f"{was:.4g}", f"{new['rms']:.4g}", unit, f"{percent:+.0f} %"])
-    return rows

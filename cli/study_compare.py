@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +19,6 @@ from specan_cli.output import (
     say,
     say_written,
     show_sheets,
-    table,
     to_standard_output,
 )
 from specan_cli.study import open_study, probability, study_options
@@ -28,7 +26,6 @@ from specan_cli.study import open_study, probability, study_options
 if TYPE_CHECKING:
     from specan.study.comparison import Comparison
     from specan.study.estimation.fit import Fit
-    from specan.study.localisation.frf_errors import FrfErrors
     from specan.study.localisation.localise import Localisation
     from specan.study.study import Study
 
@@ -62,6 +59,8 @@ def command(
     specan study compare my_study --plot compare.png -o rows.csv
     specan study compare my_room --plot mic_7.png --channel "Mic 7"
     """
+    from specan.report import study_sheets
+
     study = open_study(directory, effects, accept_changes)
     found = study.compare()
     kept = study.record_changes()
@@ -76,7 +75,15 @@ def command(
         emit_json(found.to_dict())
     elif not to_standard_output(output, plot):
         _print(study, found)
-        _print_recordings(study, study.frf_errors())
+        receivers = study.model.receivers
+        recorded = study.frf_errors()
+        for one in recorded:
+            click.echo("")
+            show_sheets([study_sheets.bands(one, receivers.plural if receivers else "channels")])
+        if recorded:
+            click.echo(
+                "(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)"
+            )
         say_written(plot, output)
 
 
@@ -87,15 +94,8 @@ def _print(study: Study, found: Comparison) -> None:
     click.echo()
     show_sheets([study_sheets.errors(found.errors, "Error on the fitted data")])
     for one in found.path_gains:
-        click.echo(
-            f"\n{one['recording']}: gains of the path, fitted to these lines. Without them the RMS error is "
-            f"{one['rms_without']:.3g} {found.errors[0].unit}."
-        )
-        gains = zip(one["channel"], one["harmonic"], one["gain_dB"], one["phase_deg"], strict=True)
-        rows = [
-            [channel, harmonic, f"{level:+.2f}", f"{phase:+.1f}"] for channel, harmonic, level, phase in gains
-        ]
-        table("", ["channel", "harmonic", "dB", "phase deg"], rows)
+        click.echo()
+        show_sheets([study_sheets.gains(one, found.errors[0].unit)])
     click.echo("")
     show_sheets([study_sheets.parameters(found.parameters)] if found.parameters else [])
     where = found.localisation
@@ -112,13 +112,9 @@ def _print(study: Study, found: Comparison) -> None:
         )
     for text in where.sentences():
         click.echo(f"  {text}")
-    rows = [
-        [b.short_place, b.n, f"{b.z:+.1f}", f"{b.p_value:.1g}", ", ".join(filter(None, (b.text, b.most_at)))]
-        for b in where.fails_at[:BLOCKS]
-    ]
-    if rows:
+    if where.fails_at:
         click.echo("")
-        table("Where the model fails, most significant first", ["conditions", "values", "z", "p", ""], rows)
+        show_sheets([study_sheets.blocks(where.fails_at[:BLOCKS])])
     if found.fit.p_value <= FITS:
         click.echo(f"\nNext: specan study diagnose {study.directory}")
 
@@ -149,38 +145,3 @@ def _verdict(study: Study, found: Comparison, where: Localisation) -> str:
     if where.fails_at or any(t.significant for t in where.trends):
         return "The model fits overall, but:"
     return "The model fits."
-
-
-def _print_recordings(study: Study, recorded: Sequence[FrfErrors]) -> None:
-    receivers = study.model.receivers
-    names = receivers.plural if receivers else "channels"
-    for one in recorded:
-        click.echo("")
-        table(
-            f"{one.recording}: model over measured, all {names}",
-            ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "largest, dB (95 %)"],
-            _bands(one),
-        )
-        if one.third.partial:
-            click.echo("(*: the lines cover only part of this third octave.)")
-        frac = ", ".join(f"{c} {f:.4f}" for c, f in zip(one.channels, one.frac, strict=True) if f == f)
-        click.echo(f"FRAC: {frac}")
-    if recorded:
-        click.echo("(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)")
-
-
-def _bands(one: FrfErrors) -> list[list[str]]:
-    """Third octave, mean and range of the level error, phase error, CSAC, the worst channel."""
-    import numpy as np
-
-    rows = []
-    for b, band in enumerate(one.band_texts):
-        level, phase = one.level_dB[:, b], one.phase_deg[:, b]
-        used = np.flatnonzero(np.isfinite(level))
-        worst = used[np.argmax(np.abs(level[used]) / one.u_level_dB[used, b])]
-        rows.append([
-            band, f"{level[used].mean():+.2f}", f"{level[used].min():+.2f}..{level[used].max():+.2f}",
-            f"{np.abs(phase[used]).mean():.1f}", f"{one.csac[b]:.4f}",
-            f"{one.channels[worst]}: {level[worst]:+.2f} +-{2 * one.u_level_dB[worst, b]:.2f}",
-        ])  # fmt: skip
-    return rows

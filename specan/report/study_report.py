@@ -105,11 +105,11 @@ def _led_to(content: Mapping[str, Any] | None, before: Step) -> list[str]:
     if content is None:
         return ["<p>No diagnosis was made of the model as it was before this step.</p>"]
     parts = [f"<p><b>{escape(headline_of(content))}</b> {escape(reason(content))}</p>"]
-    ranking = content["ranking"][:MOST_RIVALS]
-    if ranking:
-        sheet, now = study_sheets.candidates(ranking), f"{before.fit_error['value']:.3g}"
-        rows = [["model as it was", now, "", "", "", ""], *sheet.rows]
-        parts.append(table(sheet.header, rows, [False, *(not row["plausible"] for row in ranking)]))
+    sheet = study_sheets.candidates(content, MOST_RIVALS)
+    if sheet.rows:
+        now = ["model as it was", f"{before.fit_error['value']:.3g}", *[""] * (len(sheet.header) - 2)]
+        grey = [not row["plausible"] for row in content["ranking"][:MOST_RIVALS]]
+        parts.append(table(sheet.header, [now, *sheet.rows], [False, *grey]))
     return parts
 
 
@@ -164,13 +164,11 @@ def _rejected(found: Diagnosis | None) -> list[str]:
     """Everything that was tried of the model as it is, and what these data could not have shown."""
     if found is None:
         return []
-    parts, rows = [], found.to_dict()["ranking"][:MOST_REJECTED]
-    if rows:
-        sheet = study_sheets.candidates(rows, valued=True)
-        parts += [
-            "<h2>Candidates tested</h2>",
-            table(sheet.header, sheet.rows, [not row["plausible"] for row in rows]),
-        ]
+    parts = []
+    if found.ranking:
+        sheet = study_sheets.candidates(found.to_dict(), MOST_REJECTED, valued=True)
+        grey = [not row.plausible for row in found.ranking[:MOST_REJECTED]]
+        parts += ["<h2>Candidates tested</h2>", table(sheet.header, sheet.rows, grey)]
     sheet = study_sheets.visible(found.smallest_visible)
     hidden = [[n, "not detectable in its range", ""] for n, v in found.smallest_visible.items() if v is None]
     hidden += [[n, f"not testable: {why}", ""] for n, why in found.not_testable.items()]

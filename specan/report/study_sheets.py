@@ -5,10 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from specan.result import Sheet, cell
 from specan.study.estimation.prediction_error import ObservableError
-from specan.study.history import Step
-from specan.study.verdict import placed
+from specan.study.history import Step, error_pairs
+from specan.study.localisation.frf_errors import FrfErrors
+from specan.study.localisation.localise import Block
+from specan.study.verdict import Pull, placed
+
+SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell them apart
 
 
 def unit_text(unit: str) -> str:
@@ -68,15 +74,124 @@ def history(steps: Sequence[Step], title: str = "") -> Sheet:
     return Sheet(title, ["step", "what", "fitted", "chi2/n", "held out", "chi2/n"], rows)
 
 
-def candidates(ranking: Iterable[Mapping[str, Any]], *, valued: bool = False) -> Sheet:
-    """Rows of a ranking, as ``study diagnose --json`` prints them; with their parameters where `valued`."""
-    header, forms = ["candidate", "error left", "probability"], {"error_after": ".3g", "probability": ".2g"}
+def candidates(found: Mapping[str, Any], most: int, title: str = "", *, valued: bool = False) -> Sheet:
+    """The first rows of the ranking of a diagnosis, as ``--json`` prints it; with their parameters where `valued`."""
+    ranking, error = found["ranking"][:most], found.get("error") or {}
+    before = error.get("before") or {"unit": "1"}
+    others = {e["before"]["observable"]: e["before"]["unit"] for e in error.get("others", ())}
+    levels = before.get("level_dB") is not None and all("level_after_dB" in row for row in ranking)
+    header = [
+        "effects",
+        f"error after{_in_unit(before['unit'])}",
+        *(f"{n}{_in_unit(u)}" for n, u in others.items()),
+    ]
+    header += [
+        *(["levels, dB"] if levels else []),
+        "probable",
+        "evidence",
+        "",
+        *(["parameters"] if valued else []),
+    ]
     rows = [
-        [" + ".join(placed(row["effects"], row["at"])), *(cell(row.get(key), form) for key, form in forms.items()),
-         *(["; ".join(f"{n} = {value_text(p)}" for n, p in row["parameters"].items())] if valued else [])]
+        [
+            " + ".join(placed(row["effects"], row["at"])),
+            *(f"{rms:.3g}" for rms in (row["error_after"], *row.get("others_after", {}).values())),
+            *([f"{before['level_dB']:.2g} to {row['level_after_dB']:.2g}"] if levels else []),
+            f"{100 * row['probability']:.2g} %" if row["probability"] >= 1e-4 else "< 0.01 %",
+            f"{row['ln_evidence']:+.1f}",
+            ", ".join(
+                [*([] if row["plausible"] else ["outside"]), *(["at its bound"] if row["at_bound"] else [])]
+            ),
+            *(["; ".join(f"{n} = {value_text(p)}" for n, p in row["parameters"].items())] if valued else []),
+        ]
         for row in ranking
+    ]
+    return Sheet(title, header, rows)
+
+
+def _in_unit(unit: str) -> str:
+    return "" if unit == "1" else f", {unit}"
+
+
+def pulls(found: Iterable[Pull]) -> Sheet:
+    """Values of a fit outside of what was known of them."""
+    rows = [[p.parameter, *p.shown(), f"{p.pull:+.1f}", "at its bound" if p.at_bound else ""] for p in found]
+    header = ["parameter", "value", "known", "unit", "off by", ""]
+    return Sheet("Values outside the known range, in standard uncertainties", header, rows)
+
+
+def readings(rows: Sequence[Mapping[str, Any]]) -> Sheet:
+    """Proposed readings, one column each: conditions, what each explanation expects, and what that separates."""
+    columns = []
+    for row in rows:
+        unit, sigmas = _in_unit(row["unit"]), (row.get("least_sigma"), row.get("separation_sigma"))
+        columns.append({
+            **{n: v if isinstance(v, str) else f"{v:g}" for n, v in row["conditions"].items()},
+            **{f"{name}{unit}": f"{value:.4g}" for name, value in row["predictions"].items()},
+            f"sigma{unit}": f"{row['sigma']:.2g}" if row.get("sigma") else "",
+            "closest two, sigma apart": f"{sigmas[0]:.1f}" if sigmas[0] else "",
+            "furthest two, sigma apart": f"{sigmas[1]:.1f}" if sigmas[1] else "",
+            "separates": "" if not sigmas[1] else "all" if (sigmas[0] or 0.0) >= SEPARATES else "some",
+        })  # fmt: skip
+    lines = [[label, *(column[label] for column in columns)] for label in columns[0]]
+    header = ["", *map(str, range(1, len(rows) + 1))]
+    return Sheet("What to measure next", header, [line for line in lines if any(line[1:])])
+
+
+def change(before: Step, after: Step) -> Sheet:
+    """Errors at two steps, on fitted and on held-out data."""
+    rows = [
+        [
+            data.split()[0], two["metric"].removeprefix("RMS of "), f"{one['value']:.4g}", f"{two['value']:.4g}",
+            unit_text(two["unit"]), f"{100 * (two['value'] / one['value'] - 1) if one['value'] else 0.0:+.0f} %",
+        ]
+        for data, one, two in error_pairs(before, after)
     ]  # fmt: skip
-    return Sheet("", [*header, *(["parameters"] if valued else [])], rows)
+    header = ["data", "observable", "RMS before", "after", "unit", "change"]
+    return Sheet(f"Step {after.step}: {after.action} {after.effect}", header, rows)
+
+
+def bands(found: FrfErrors, receivers: str) -> Sheet:
+    """Errors of a recording by third octaves: mean and range of levels, phases, CSAC, the worst channel."""
+    rows = []
+    for b, band in enumerate(found.band_texts):
+        level, phase = found.level_dB[:, b], found.phase_deg[:, b]
+        used = np.flatnonzero(np.isfinite(level))
+        worst = used[np.argmax(np.abs(level[used]) / found.u_level_dB[used, b])]
+        rows.append([
+            band, f"{level[used].mean():+.2f}", f"{level[used].min():+.2f}..{level[used].max():+.2f}",
+            f"{np.abs(phase[used]).mean():.1f}", f"{found.csac[b]:.4f}",
+            f"{found.channels[worst]}: {level[worst]:+.2f} +-{2 * found.u_level_dB[worst, b]:.2f}",
+        ])  # fmt: skip
+    frac = ", ".join(f"{c} {f:.4f}" for c, f in zip(found.channels, found.frac, strict=True) if f == f)
+    partial = "(*: the lines cover only part of this third octave.)\n" if found.third.partial else ""
+    header = ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "largest, dB (95 %)"]
+    title = f"{found.recording}: model over measured, all {receivers}"
+    return Sheet(title, header, rows, f"{partial}FRAC: {frac}")
+
+
+def gains(found: Mapping[str, Any], unit: str) -> Sheet:
+    """Gains of the path of a recording of order lines."""
+    columns = (found[name] for name in ("channel", "harmonic", "gain_dB", "phase_deg"))
+    rows = [
+        [channel, n, f"{level:+.2f}", f"{phase:+.1f}"]
+        for channel, n, level, phase in zip(*columns, strict=True)
+    ]
+    title = (
+        f"{found['recording']}: gains of the path, fitted to these lines. Without them the RMS error is "
+        f"{found['rms_without']:.3g} {unit}."
+    )
+    return Sheet(title, ["channel", "harmonic", "dB", "phase deg"], rows)
+
+
+def blocks(found: Sequence[Block]) -> Sheet:
+    """Conditions where a model fails."""
+    rows = [
+        [b.short_place, b.n, f"{b.z:+.1f}", f"{b.p_value:.1g}", ", ".join(filter(None, (b.text, b.most_at)))]
+        for b in found
+    ]
+    title = "Where the model fails, most significant first"
+    return Sheet(title, ["conditions", "values", "z", "p", ""], rows)
 
 
 def visible(found: Mapping[str, Mapping[str, Any] | None]) -> Sheet:
