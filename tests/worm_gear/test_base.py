@@ -183,7 +183,7 @@ def test_drag_and_seals_of_bearings_come_from_the_rig():
             }
         )
     )
-    assert found["bearing_seal_moment"] == pytest.approx([0.05, 0, 0, 0])
+    assert found["bearing_seal"] == pytest.approx([0.05, 0, 0, 0])
     d, big, dm, n, nu = 45.0, 75.0, 60.0, 3000.0, 220.0
     k_ball = 3.1 * (d + big) / (big - d) * 1e-12
     t = 2 * math.acos((0.6 * dm - 20.0) / (0.6 * dm))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -15,7 +15,7 @@ from specan.models.measurement_kinds import Completed, TableFault, TableRules
 from specan.models.model import Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, RigStatement, SettingError
 from specan.units import convert
-from specan.worm_gear.model.bearings import bearing_quantities, force_quantities
+from specan.worm_gear.model.bearings import bearing_quantities
 from specan.worm_gear.model.power import (
     IDLE,
     MESH_QUANTITIES,
@@ -27,7 +27,6 @@ from specan.worm_gear.model.power import (
 )
 from specan.worm_gear.model.rig import (
     Operation,
-    PlacedBearing,
     Rig,
     defaults_used,
     placed_bearings,
@@ -42,13 +41,13 @@ OTHER_FORMS = {
     "churning": ("exponential-churning",),
 }
 
-# key of [uncertainty]: effect and parameter that it holds, factor from the key's unit to the parameter's
+# key of [uncertainty], in the unit of the parameter: effect and parameter that it holds
 CERTIFICATES = {
-    "input_torque_zero_Nm": ("torque-zero-error", "input", 1.0),
-    "output_torque_zero_Nm": ("torque-zero-error", "output", 1.0),
-    "input_torque_gain_percent": ("torque-gain-error", "input", 1.0),
-    "output_torque_gain_percent": ("torque-gain-error", "output", 1.0),
-    "oil_temperature_K": ("temperature-bias", "bias", 1.0),
+    "input_torque_zero_Nm": ("torque-zero-error", "input"),
+    "output_torque_zero_Nm": ("torque-zero-error", "output"),
+    "input_torque_gain_percent": ("torque-gain-error", "input"),
+    "output_torque_gain_percent": ("torque-gain-error", "output"),
+    "oil_temperature_K": ("temperature-bias", "bias"),
 }
 
 
@@ -66,13 +65,13 @@ def build(rig: Mapping[str, Any]) -> Model:
         The rig file has an unknown key, lacks one, or says something impossible.
     """
     settings = read_rig(rig)
+    ratio = settings.gear.z_wheel / settings.gear.z_worm
     bearings = placed_bearings(settings)
     quantities = [
         *geometry(settings.gear),
         *viscosity_quantities(settings.oil, settings.model),
         *MESH_QUANTITIES,
-        *force_quantities(settings, bearings),
-        *bearing_quantities(bearings, settings.gear.z_wheel / settings.gear.z_worm),
+        *bearing_quantities(bearings, settings.gear),
         *POWER_QUANTITIES,
         brake_quantity(
             bool(settings.operation.idle_uncoupled), max(map(abs, settings.limits.output_torque_Nm))
@@ -94,10 +93,10 @@ def build(rig: Mapping[str, Any]) -> Model:
         base_effects=BASE_EFFECTS,
         other_forms=OTHER_FORMS,
         nuisances=_nuisances(settings),
-        axes={"bearing": _bearing_names(bearings)},
+        axes={"bearing": tuple(f"{b.shaft} {i % 2 + 1}: {b.designation}" for i, b in enumerate(bearings))},
         rig=_rig_statement(settings, conditions),
         words=WORDS,
-        table_rules=table_rules(settings.gear.z_wheel / settings.gear.z_worm),
+        table_rules=TableRules(partial(complete, ratio=ratio), {OUT: frozenset({IN, ETA})}),
         settings={"rig": settings.model_dump()},
         law="power_loss",
     )
@@ -155,16 +154,8 @@ OBSERVABLES = (
 
 def _nuisances(rig: Rig) -> tuple[Nuisance, ...]:
     """Instrument errors that the rig file gives a certificate of."""
-    found = []
-    for key, (effect, parameter, factor) in CERTIFICATES.items():
-        sd = getattr(rig.uncertainty, key)
-        if sd:
-            found.append(Nuisance(effect, parameter, factor * sd, f"[uncertainty] {key}"))
-    return tuple(found)
-
-
-def _bearing_names(bearings: tuple[PlacedBearing, ...]) -> tuple[str, ...]:
-    return tuple(f"{b.shaft} {i % 2 + 1}: {b.bearing.designation}" for i, b in enumerate(bearings))
+    held = ((getattr(rig.uncertainty, key), key, *of) for key, of in CERTIFICATES.items())
+    return tuple(Nuisance(effect, name, sd, f"[uncertainty] {key}") for sd, key, effect, name in held if sd)
 
 
 # key of [uncertainty]: condition, whether relative to its value
@@ -215,18 +206,7 @@ Columns = Mapping[str, Array]
 
 
 IN, OUT, ETA, LOSS = "input_torque_Nm", "output_torque_Nm", "efficiency", "power_loss_W"
-SPEED, TEMPERATURE = "speed_rpm", "oil_temperature_C"
-
-
-def table_rules(ratio: float) -> TableRules:
-    """Rules for the tables of a gear.
-
-    Parameters
-    ----------
-    ratio : float
-        Speed of the input shaft over that of the output shaft.
-    """
-    return TableRules(partial(complete, ratio=ratio), {OUT: frozenset({IN, ETA})})
+SPEED = "speed_rpm"
 
 
 def complete(columns: Columns, steps: Mapping[str, float], ratio: float) -> Completed:
@@ -248,49 +228,42 @@ def complete(columns: Columns, steps: Mapping[str, float], ratio: float) -> Comp
     ------
     TableFault
         Fewer than two of the three, efficiency in percent or above one, columns that contradict each
-        other, speeds or temperatures that cannot be.
+        other, speeds that cannot be.
     """
     size = next(iter(columns.values())).size
     empty = np.full(size, np.nan)
-    torque_in, torque_out, eta = (columns.get(name, empty).copy() for name in (IN, OUT, ETA))
-    printed = {name: np.full(size, steps.get(name, 0.0)) for name in (IN, OUT, ETA)}
+    found = {name: columns.get(name, empty).copy() for name in (IN, OUT, ETA)}
+    torque_in, torque_out, eta = found.values()
+    printed = {name: np.full(size, steps.get(name, 0.0)) for name in found}
     _check_efficiency(eta)
-    _check_operation(columns)
+    speed = columns.get(SPEED, np.ones(1))
+    turning = "a speed above zero; a standing gear has no efficiency"
+    _refuse(~(speed > 0), lambda k: f"the speed is {speed[k]:g} rpm", turning, "leave such rows out")
+    few = np.isfinite(np.stack([*found.values()])).sum(axis=0) < 2
+    _refuse(few, lambda k: f"fewer than two of {IN}, {OUT} and {ETA}", "any two of them in every row")
     notes = []
-    known = np.isfinite(np.stack([torque_in, torque_out, eta])).sum(axis=0)
-    if np.any(known < 2):
-        raise TableFault(
-            f"fewer than two of {IN}, {OUT} and {ETA}",
-            rows=known < 2,
-            expected="any two of them in every row",
-        )
     derived = np.isnan(torque_out)
     if np.any(derived):
         torque_out[derived] = ratio * (eta * torque_in)[derived]
         printed[OUT][derived] = (ratio * torque_in * printed[ETA])[derived]
         notes.append(f"{OUT} is worked out from {ETA} and {IN} in {derived.sum()} rows")
     idle = np.isnan(torque_in) & ~(torque_out > 0)
-    if np.any(idle):
-        raise TableFault(
-            "without load there is no efficiency to speak of",
-            rows=idle,
-            expected=f"{IN} where the output torque is zero",
-        )
+    unspoken = "without load there is no efficiency to speak of"
+    _refuse(idle, lambda k: unspoken, f"{IN} where the output torque is zero")
     _check_torques(torque_in, torque_out, ratio)
     both = np.isfinite(torque_in) & np.isfinite(eta) & ~derived
-    _check_agreement(torque_in, torque_out, eta, ratio, printed, both)
+    _check_agreement(found, ratio, printed, both)
     if np.any(both):
         notes.append(f"{ETA} follows from the torques in {both.sum()} rows (checked) and is used once")
-    with np.errstate(invalid="ignore"):
-        eta = np.where((eta > 0) & np.isnan(torque_in), eta, np.nan)  # an efficiency of zero measures nothing
-    found = {IN: torque_in, OUT: torque_out, ETA: eta}
+    with np.errstate(invalid="ignore"):  # an efficiency of zero measures nothing
+        found[ETA] = np.where((eta > 0) & np.isnan(torque_in), eta, np.nan)
     return Completed(found | ({LOSS: empty} if LOSS in columns else {}), printed, tuple(notes))
 
 
-def _refuse(rows: NDArray[np.bool_], found: str, values: Array, expected: str, remedy: str = "") -> None:
-    """Refuse rows, if there are any; `found` says what the first of them has."""
+def _refuse(rows: NDArray[np.bool_], found: Callable[[int], str], expected: str, remedy: str = "") -> None:
+    """Refuse rows, if there are any; `found` says what one of them has, by its number."""
     if np.any(rows):
-        raise TableFault(found.format(values[rows][0]), rows=rows, expected=expected, remedy=remedy)
+        raise TableFault(found(int(np.argmax(rows))), rows=rows, expected=expected, remedy=remedy)
 
 
 def _check_efficiency(eta: Array) -> None:
@@ -302,39 +275,31 @@ def _check_efficiency(eta: Array) -> None:
             remedy="divide it by 100",
         )
     with np.errstate(invalid="ignore"):
-        _refuse((eta > 1) | (eta < 0), "efficiency {:g}", eta, "a value between 0 and 1")
-
-
-def _check_operation(columns: Columns) -> None:
-    speed = columns.get(SPEED, np.ones(1))
-    above = "a speed above zero; a standing gear has no efficiency"
-    _refuse(~(speed > 0), "the speed is {:g} rpm", speed, above, "leave such rows out")
-    temperature = columns.get(TEMPERATURE, np.zeros(1))
-    if np.nanmedian(temperature) > 220:
-        raise TableFault(
-            f"the column {TEMPERATURE!r} goes up to {np.nanmax(temperature):g}, it seems to be in kelvin",
-            expected="degrees Celsius",
-        )
+        _refuse((eta > 1) | (eta < 0), lambda k: f"efficiency {eta[k]:g}", "a value between 0 and 1")
 
 
 def _check_torques(torque_in: Array, torque_out: Array, ratio: float) -> None:
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
         driving, braking = torque_in <= 0, torque_out < -_idle_reading(torque_out)
-        impossible = torque_out > 1.02 * ratio * torque_in
-    _refuse(driving, "the input torque is {:g} Nm", torque_in, "a driving torque above zero")
-    positive = "the torque of the brake counted positive"
-    _refuse(braking, "the output torque is {:g} Nm", torque_out, positive)
-    if np.any(impossible):
-        exchanged = np.mean(impossible) > 0.5
-        hint = "are the two torque columns exchanged, or in other units?" if exchanged else "correct the row"
-        k = int(np.argmax(impossible))
-        raise TableFault(
-            f"{torque_out[k]:g} Nm come out for {torque_in[k]:g} Nm at "
-            f"a ratio of {ratio:g}, an efficiency of {torque_out[k] / ratio / torque_in[k]:.2f}",
-            rows=impossible,
-            expected="an efficiency of at most 1",
-            remedy=hint,
-        )
+        found = torque_out / ratio / torque_in
+    _refuse(driving, lambda k: f"the input torque is {torque_in[k]:g} Nm", "a driving torque above zero")
+    _refuse(
+        braking,
+        lambda k: f"the output torque is {torque_out[k]:g} Nm",
+        "the torque of the brake counted positive",
+    )
+    impossible = found > 1.02
+    _refuse(
+        impossible,
+        lambda k: (
+            f"{torque_out[k]:g} Nm come out for {torque_in[k]:g} Nm at a ratio of {ratio:g}, an efficiency of "
+            f"{found[k]:.2f}"
+        ),
+        "an efficiency of at most 1",
+        "are the two torque columns exchanged, or in other units?"
+        if np.mean(impossible) > 0.5
+        else "correct the row",
+    )
 
 
 def _idle_reading(torque_out: Array) -> float:
@@ -342,26 +307,20 @@ def _idle_reading(torque_out: Array) -> float:
     return IDLE * float(np.nanmax(np.abs(torque_out))) + 1e-12
 
 
-def _check_agreement(
-    torque_in: Array,
-    torque_out: Array,
-    eta: Array,
-    ratio: float,
-    steps: Columns,
-    rows: NDArray[np.bool_],
-) -> None:
+def _check_agreement(given: Columns, ratio: float, steps: Columns, rows: NDArray[np.bool_]) -> None:
+    torque_in, torque_out, eta = (given[name] for name in (IN, OUT, ETA))
     with np.errstate(invalid="ignore", divide="ignore"):
         expected = torque_out / (ratio * torque_in)
         rounding = steps[OUT] / (ratio * torque_in) + np.abs(expected) * steps[IN] / torque_in + steps[ETA]
         # The torque of an idle brake reads a little off zero, to either side; the efficiency is written as zero then.
         idle = (eta == 0) & (np.abs(torque_out) <= _idle_reading(torque_out))
         bad = rows & ~idle & (np.abs(eta - expected) > 0.01 * np.abs(expected) + rounding)
-    if np.any(bad):
-        k = int(np.argmax(bad))
-        raise TableFault(
-            f"the columns contradict each other (efficiency {eta[k]:g}, but the "
-            f"torques give {expected[k]:.3f} at a ratio of {ratio:g})",
-            rows=bad,
-            expected="columns that agree",
-            remedy="correct the rows, or the teeth in the rig file, or leave one of the columns out",
-        )
+    _refuse(
+        bad,
+        lambda k: (
+            f"the columns contradict each other (efficiency {eta[k]:g}, but the torques give {expected[k]:.3f} at "
+            f"a ratio of {ratio:g})"
+        ),
+        "columns that agree",
+        "correct the rows, or the teeth in the rig file, or leave one of the columns out",
+    )

@@ -49,8 +49,8 @@ _CONTACT_SEAL = re.compile(r"RS|RSH|RSL|LLU|DDU", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class BallBearing:
-    """One deep groove ball bearing; lengths in mm and the rating in N, as the SKF formulas want them."""
+class Bearing:
+    """A deep groove ball bearing at its place; lengths in mm and the rating in N, as the SKF formulas want them."""
 
     designation: str
     bore: float
@@ -60,6 +60,11 @@ class BallBearing:
     r2: float
     s1: float
     s2: float
+    shaft: str
+    locating: bool
+    seal_torque: float
+    oil_height: float
+    drag_loss_factor: float
 
     @property
     def mean_diameter(self) -> float:
@@ -67,8 +72,8 @@ class BallBearing:
         return 0.5 * (self.bore + self.outside)
 
 
-def find(designation: str) -> BallBearing:
-    """Look a bearing up; what follows the size (2Z, C3) does not change its constants.
+def size_of(designation: str) -> str:
+    """Which size of the table a designation means; what follows it (2Z, C3) does not change its constants.
 
     Raises
     ------
@@ -77,8 +82,8 @@ def find(designation: str) -> BallBearing:
 
     Examples
     --------
-    >>> find("6009 2Z C3").mean_diameter
-    60.0
+    >>> size_of("6009 2Z C3")
+    '6009'
     """
     size = re.split(r"[\s\-/]", designation.strip(), maxsplit=1)[0]
     if size not in SIZES:
@@ -86,8 +91,7 @@ def find(designation: str) -> BallBearing:
             f"the bearing {designation!r} is not in the table of deep groove ball bearings",
             remedy=nearest(size, SIZES),
         )
-    bore, outside, rating = SIZES[size]
-    return BallBearing(size, bore, outside, 1e3 * rating, *SERIES[size[:2]])
+    return size
 
 
 def has_contact_seal(designation: str) -> bool:
@@ -208,14 +212,6 @@ class Uncertainty(Settings):
     model_discrepancy_percent: NotNegative = 0.5
 
 
-def _ordered(limits: Limits) -> Limits:
-    for name in type(limits).model_fields:
-        span = getattr(limits, name)
-        if span is not None and not span[0] < span[1]:
-            raise ValueError(f"{name} from low to high (the file says {list(span)})")
-    return limits
-
-
 class Limits(Settings):
     """What the bench can run."""
 
@@ -224,7 +220,12 @@ class Limits(Settings):
     oil_temperature_C: Range = (25.0, 80.0)
     oil_level_percent: Range | None = None
 
-    _order = model_validator(mode="after")(_ordered)
+    @model_validator(mode="after")
+    def _ordered(self) -> Limits:
+        for name, span in self:
+            if span is not None and not span[0] < span[1]:
+                raise ValueError(f"{name} from low to high (the file says {list(span)})")
+        return self
 
 
 class Choice(Settings):
@@ -246,18 +247,6 @@ class Rig(Settings):
     model: Choice = Choice()
 
 
-@dataclass(frozen=True)
-class PlacedBearing:
-    """A bearing at its place on a shaft."""
-
-    bearing: BallBearing
-    shaft: str
-    locating: bool
-    seal_torque: float
-    oil_height: float
-    drag_loss_factor: float
-
-
 def read_rig(content: Mapping[str, Any]) -> Rig:
     """Check the parsed rig file.
 
@@ -271,12 +260,12 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
     return rig
 
 
-def placed_bearings(rig: Rig) -> tuple[PlacedBearing, ...]:
+def placed_bearings(rig: Rig) -> tuple[Bearing, ...]:
     """The four bearings: two of the worm's shaft, two of the wheel's, in the order of their positions."""
     return (*_shaft(rig, "worm"), *_shaft(rig, "wheel"))
 
 
-def _shaft(rig: Rig, shaft: str) -> list[PlacedBearing]:
+def _shaft(rig: Rig, shaft: str) -> list[Bearing]:
     entries = [entry for entry in rig.bearing for _ in range(entry.count) if entry.shaft == shaft]
     if len(entries) != 2:
         raise RequestError(
@@ -284,7 +273,7 @@ def _shaft(rig: Rig, shaft: str) -> list[PlacedBearing]:
             expected="two",
             remedy=f'give [[bearing]] entries with shaft = "{shaft}" whose counts add up to 2',
         )
-    found = [find(entry.designation) for entry in entries]
+    sizes = [size_of(entry.designation) for entry in entries]
     chosen = [i for i, entry in enumerate(entries) if entry.locating]
     free = [i for i, entry in enumerate(entries) if entry.locating is None]
     if not chosen:
@@ -293,19 +282,14 @@ def _shaft(rig: Rig, shaft: str) -> list[PlacedBearing]:
                 f"the rig file: no bearing of the {shaft} shaft takes the axial load",
                 remedy="give one of them locating = true",
             )
-        chosen = [max(free, key=lambda i: found[i].static_rating)]
-    return [
-        PlacedBearing(
-            bearing=found[i],
-            shaft=shaft,
-            # Two equal entries share the settings; the first of them locates the shaft.
-            locating=i == chosen[0],
-            seal_torque=_seal_torque(entry),
-            oil_height=entry.oil_height_mm,
-            drag_loss_factor=entry.drag_loss_factor,
-        )
-        for i, entry in enumerate(entries)
-    ]
+        chosen = [max(free, key=lambda i: SIZES[sizes[i]][2])]
+    found = []
+    for i, (entry, size) in enumerate(zip(entries, sizes, strict=True)):
+        bore, outside, rating = SIZES[size]
+        # Two equal entries share the settings; the first of them locates the shaft.
+        given = (shaft, i == chosen[0], _seal_torque(entry), entry.oil_height_mm, entry.drag_loss_factor)
+        found.append(Bearing(size, bore, outside, 1e3 * rating, *SERIES[size[:2]], *given))
+    return found
 
 
 def _seal_torque(entry: BearingEntry) -> float:

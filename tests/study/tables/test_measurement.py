@@ -125,7 +125,7 @@ def at(row, value):
         (fault(efficiency=lambda c: 100 * c, input_torque_Nm=None), "in percent"),
         (fault(efficiency=at(0, 1.04), input_torque_Nm=None), "line 2: efficiency 1.04"),
         (fault(speed_rpm=at(1, 0.0)), "line 3: the speed is 0 rpm"),
-        (fault(oil_temperature_C=lambda c: c + 273.15), "in kelvin"),
+        (fault(oil_temperature_C=lambda c: c + 273.15), "likely in K"),
         (fault(input_torque_Nm=at(3, -1.0), efficiency=None), "line 5: the input torque is -1"),
         (fault(output_torque_Nm=at(3, -40.0), efficiency=None), "counted positive"),
         (fault(input_torque_Nm=lambda c: 0.1 * c, efficiency=None), "exchanged, or in other units"),
