@@ -186,6 +186,11 @@ class Model:
         own = [as_declared(e) for e in more] if self.declared_units else more
         return replace(self, effects={**self.effects, **{e.name: e for e in own}})
 
+    def with_constants(self, values: Mapping[str, Any]) -> Model:
+        """The model with other values of quantities that are constant."""
+        changed = {name: replace(self.quantities[name], function=lambda v=v: v) for name, v in values.items()}
+        return replace(self, quantities={**self.quantities, **changed})
+
     def with_rig(self, rig: Mapping[str, Any]) -> Model:
         """The same model with what a rig file says of limits and uncertainties, which comes first.
 

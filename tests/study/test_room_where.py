@@ -9,7 +9,7 @@ from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.models.measurement_kinds import ReceiverErrors
 from specan.room.model import EXAMPLE_RIG
-from specan.room.model.places import mode_names
+from specan.room.model.rigid_modes import mode_names
 from specan.study.design.operating_points import explore, propose
 from specan.study.design.receiver_places import _separations, _views, propose_places
 from specan.study.estimation.fit import fit

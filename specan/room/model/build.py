@@ -174,11 +174,7 @@ def _check_size(rig: Rig, dims: tuple[float, ...]) -> None:
 
 
 def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, ...]) -> list[Quantity]:
-    positions = np.array(rig.mics.position_m, dtype=float)
-    count = len(positions)
-    everywhere = np.concatenate(
-        [positions, *(np.array(places, dtype=float) for places in rig.moved.values())]
-    )
+    count, everywhere = len(rig.mics.position_m), np.concatenate(rig.places)
     card_of = np.zeros(count, dtype=int)
     for number, (low, high) in enumerate(cards):
         card_of[low - 1 : high] = number
@@ -203,18 +199,12 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
     opaque = [
         constant("wall_names", walls, "1", "Names of the walls."),
         constant("further_loudspeakers", further, "1", "Wall, centre and radius of loudspeakers beside the piston."),
-        constant("driven_sets", _driven_sets(rig), "1", "Loudspeakers that move, that of the vibrometer first."),
+        constant("driven_sets", rig.driven_sets, "1", "Loudspeakers that move, that of the vibrometer first."),
     ]  # fmt: skip
     return [
         *(replace(one, opaque=True) for one in opaque),
         *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed),
     ]
-
-
-def _driven_sets(rig: Rig) -> tuple[tuple[int, ...], ...]:
-    """Numbers of the loudspeakers that move, counted from 0: all, then those of recordings with others."""
-    own = [tuple(n - 1 for n in one.driven) for one in rig.recordings if one.driven is not None]
-    return (tuple(range(1 + len(rig.loudspeakers))), *dict.fromkeys(own))
 
 
 def _ratios(rig: Rig) -> np.ndarray:

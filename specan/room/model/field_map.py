@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models.chosen_model import ChosenModel
-from specan.models.quantity import constant
 
 STEP_M = 0.03  # about, between points of the plane
 MOST_POINTS = 120  # along an edge
@@ -163,13 +162,9 @@ def _field(chosen: ChosenModel, points: Array, frequency_hz: float) -> NDArray[n
     """The model's field with receivers at all points."""
     model = chosen.assembly.model
     uses = [u for u in chosen.assembly.uses if model.effects[u.name].at not in _OF_MICROPHONES]
-    receivers = constant("receiver_position", points, "m", "Points of the plane.", ("place",))
-    moved = replace(
-        model,
-        quantities={**model.quantities, "receiver_position": receivers},
-        axes={**model.axes, "place": tuple(f"point {k}" for k in range(len(points)))},
-        nuisances=(),
-    )
+    places = tuple(f"point {k}" for k in range(len(points)))
+    moved = model.with_constants({"receiver_position": points})
+    moved = replace(moved, axes={**model.axes, "place": places}, nuisances=())
     assembly = moved.assemble(uses)
     known = assembly.parameters
     values = {**assembly.defaults, **{n: v for n, v in chosen.values.items() if n in known}}

@@ -255,11 +255,8 @@ def known_admittance(frequency, wall_tables, wall_data_error):
 
 def with_nothing_stated(model: Model) -> Model:
     """The model of a room with no wall of which anything is known beforehand."""
-    none = {"wall_tables": (), "known_walls": np.array([], dtype=int)}
-    changed = {
-        name: replace(model.quantities[name], function=lambda v=value: v) for name, value in none.items()
-    }
-    return replace(model, quantities={**model.quantities, **changed}, axes={**model.axes, "known_wall": ()})
+    bare = model.with_constants({"wall_tables": (), "known_walls": np.array([], dtype=int)})
+    return replace(bare, axes={**bare.axes, "known_wall": ()})
 
 
 QUANTITIES = (wall_data_error, known_admittance)

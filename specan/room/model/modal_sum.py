@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.room.model.axis_modes import AxisModes
-from specan.room.model.port import Port, ball_mean, disc_mean
+from specan.room.model.port import Port
 
 Complex = NDArray[np.complex128]
 
@@ -155,10 +155,5 @@ class _Lines:
         """Factor that averages the modes over a patch or ball."""
         key = (port.axis, port.radius, port.ball, port.proportions)
         if key not in self._means:
-            if port.ball:
-                a, b, c = np.square(port.proportions)
-                self._means[key] = ball_mean(a * self.q2[0] + b * self.q2[1] + c * self.q2[2], port.radius)
-            else:
-                i, j = (axis for axis in range(3) if axis != port.axis)
-                self._means[key] = disc_mean(self.q2[i] + self.q2[j], port.radius)
+            self._means[key] = port.mean(self.q2)
         return self._means[key]

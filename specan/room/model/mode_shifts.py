@@ -19,6 +19,7 @@ from specan.models.model import Model
 from specan.models.quantity import Quantity, constant, quantity
 from specan.room.model.port import Port, point
 from specan.room.model.rig import Rig
+from specan.room.model.rigid_modes import numbers, rigid_modes
 
 Complex = NDArray[np.complex128]
 
@@ -44,19 +45,11 @@ def mode_shift(
 
 
 def modes_of(rig: Rig) -> NDArray[np.intp]:
-    """Numbers along the edges (n, 3) of the modes of a rigid box in the band, the lowest first; none if none may shift.
-
-    ``f = c / 2 sqrt((l / X)^2 + (m / Y)^2 + (n / Z)^2)`` (Kuttruff, Room Acoustics, 6th ed., eq. 3.17).
-    """
+    """Numbers along the edges (n, 3) of the rigid box's modes in the band, the lowest first; none if none may shift."""
     if rig.room.dims_m is None or not any(rig.uncertainty.of_each_mode):
         return np.empty((0, 3), dtype=np.intp)
-    edges = np.array(rig.room.dims_m)
     low, high = rig.band.f_min_hz * (1 - BESIDE_BAND), rig.band.f_max_hz * (1 + BESIDE_BAND)
-    most = np.floor(2 * high * edges / SOUND_SPEED).astype(int)
-    orders = np.array(list(np.ndindex(*(most + 1))))
-    frequency = SOUND_SPEED / 2 * np.linalg.norm(orders / edges, axis=1)
-    inside = np.flatnonzero((frequency >= low) & (frequency <= high))
-    return np.asarray(orders[inside[np.argsort(frequency[inside])]])
+    return rigid_modes(rig.room.dims_m, SOUND_SPEED, low, high)[0]
 
 
 def quantities(rig: Rig, modes: NDArray[np.intp]) -> tuple[Quantity, ...]:
@@ -73,10 +66,7 @@ def quantities(rig: Rig, modes: NDArray[np.intp]) -> tuple[Quantity, ...]:
 
 def axes(modes: NDArray[np.intp]) -> dict[str, tuple[str, ...]]:
     """Names of the modes: ``x1 y2``; no axis where none may be shifted."""
-    names = [
-        " ".join(f"{axis}{n}" for axis, n in zip("xyz", order, strict=True) if n) for order in modes.tolist()
-    ]
-    return {"mode": tuple(names)} if names else {}
+    return {"mode": tuple(map(numbers, modes.tolist()))} if len(modes) else {}
 
 
 def usual_shifts(rig: Rig, modes: NDArray[np.intp]) -> UsualShifts | None:

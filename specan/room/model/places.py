@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from specan.models.measurement_kinds import (
     InRecording,
-    NamedModes,
     PlacedEffects,
     Places,
     ReceiverErrors,
@@ -21,9 +20,9 @@ from specan.models.measurement_kinds import (
     WaveNumberStep,
 )
 from specan.models.model import Model
-from specan.models.quantity import constant
 from specan.room.model.port import Port, point
 from specan.room.model.rig import WALLS, OwnRecording, Rig, left_out
+from specan.room.model.rigid_modes import NAMED
 from specan.room.model.temperature_log import TemperatureLog
 
 Array = NDArray[np.float64]
@@ -33,9 +32,8 @@ FROM_WALL_M = 0.06
 FROM_PISTON_M = 0.15
 APART_M = 0.05
 NEAR = 0.3  # of an edge: within this distance a microphone is near a wall
-DRIFT_K = (
-    0.02  # standard deviation over a recording, below which it moves no mode by a hundredth of its width
-)
+# Standard deviation over a recording, below which it moves no mode by a hundredth of its width.
+DRIFT_K = 0.02
 STEP_K = 0.02  # of a difference quotient by the temperature
 
 
@@ -55,8 +53,8 @@ def in_recording(
     if own.position_m is not None:
         number = 1 + list(rig.moved).index(name)
     text, drift = "", None
-    moving = [one.driven for one in rig.recordings if one.driven is not None]
-    driven = 0 if own.driven is None else 1 + list(dict.fromkeys(moving)).index(own.driven)
+    moving = tuple(n - 1 for n in own.driven or ())
+    driven = 1 + rig.driven_sets[1:].index(moving) if moving else 0
     conditions = {"driven": float(driven)} if driven else {}
     if own.temperature_C is not None:
         conditions["temperature_difference"] = own.temperature_C - rig.air.nominal_temperature_C
@@ -92,7 +90,7 @@ def room_receivers(
     """The microphones of a room, compared with the vibrometer."""
     dims = rig.room.dims_m
     nominal_K = rig.air.nominal_temperature_C + 273.15
-    positions = np.concatenate([np.array(places) for places in (rig.mics.position_m, *rig.moved.values())])
+    positions = np.concatenate(rig.places)
     return Receivers(
         axis="place",
         noun="microphone",
@@ -145,12 +143,7 @@ def _on_wall(rig: Rig, wall: str, across: float, along: float) -> Array:
 
 def _with_source(rig: Rig, model: Model, wall: str, across: float, along: float) -> Model:
     there = {"source_position": _on_wall(rig, wall, across, along), "piston_wall": WALLS.index(wall)}
-    changed = {
-        name: constant(name, value, node.unit, node.doc, node.axes)
-        for name, value in there.items()
-        for node in (model.quantities[name],)
-    }
-    return replace(model, quantities={**model.quantities, **changed})
+    return model.with_constants(there)
 
 
 def _source_words(rig: Rig, wall: str, across: float, along: float) -> str:
@@ -199,7 +192,7 @@ def free_places(rig: Rig) -> Array:
     margin = np.minimum(FROM_WALL_M, dims / 4)
     along = [np.round(np.linspace(m, edge - m, EACH_WAY), 3) for m, edge in zip(margin, dims, strict=True)]
     grid = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 3)
-    taken = np.concatenate([np.array(places) for places in (rig.mics.position_m, *rig.moved.values())])
+    taken = np.concatenate(rig.places)
     clear = np.min(np.linalg.norm(grid[:, None] - taken[None], axis=2), axis=1) > APART_M
     clear &= np.linalg.norm(grid - np.array(rig.piston.centre_m), axis=1) > FROM_PISTON_M
     return np.asarray(grid[clear])
@@ -211,12 +204,9 @@ def with_microphones(model: Model, places: Array) -> tuple[Model, tuple[str, ...
     further = len(model.axes["microphone"]) + np.arange(len(places))
     more = {"receiver_position": places, "receiver_nominal_gain": np.ones(len(places)),
             "card_of_microphone": np.zeros(len(places), dtype=int), "microphone_at_place": further}  # fmt: skip
-    changed = {
-        name: constant(name, np.concatenate([np.asarray(node()), more[name]]), node.unit, node.doc, node.axes)
-        for name, node in ((name, model.quantities[name]) for name in more)
-    }
+    wider = model.with_constants({n: np.concatenate([model.quantities[n](), v]) for n, v in more.items()})
     axes = {**model.axes, **{axis: (*model.axes[axis], *names) for axis in ("microphone", "place")}}
-    return replace(model, quantities={**model.quantities, **changed}, axes=axes), names
+    return replace(wider, axes=axes), names
 
 
 def _depth(dims_m: Sequence[float], wall: str, places: Array) -> Array:
@@ -234,43 +224,3 @@ def wall_areas(dims_m: Sequence[float]) -> Mapping[str, float]:
     """
     x, y, z = (float(edge) for edge in dims_m)
     return {"x0": y * z, "x1": y * z, "y0": x * z, "y1": x * z, "z0": x * y, "z1": x * y}
-
-
-_SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
-
-
-def mode_names(dims_m: Any, sound_speed: float, f_max_hz: float) -> list[tuple[float, str]]:
-    """Natural frequency and name of every mode of a box with rigid walls, the lowest first.
-
-    ``f = c / 2 sqrt((l / X)^2 + (m / Y)^2 + (n / Z)^2)`` (Kuttruff, Room Acoustics, 6th ed., eq. 3.17).
-
-    Examples
-    --------
-    >>> mode_names([2.0, 1.0, 0.5], 340.0, 200.0)
-    [(85.0, '1st axial mode along x'), (170.0, '1st axial mode along y'), (170.0, '2nd axial mode along x'), \
-(190.1, 'tangential mode x1 y1')]
-    """
-    edges = np.array(dims_m, dtype=float)
-    most = np.floor(2 * f_max_hz * edges / sound_speed).astype(int)
-    found = []
-    for orders in np.ndindex(*(most + 1)):
-        frequency = sound_speed / 2 * float(np.sqrt(np.sum((np.array(orders) / edges) ** 2)))
-        if any(orders) and frequency <= f_max_hz:
-            found.append((round(frequency, 1), _name(orders)))
-    return sorted(found, key=lambda mode: mode[0])
-
-
-def _name(orders: tuple[int, ...]) -> str:
-    along = [(axis, order) for axis, order in zip("xyz", orders, strict=True) if order]
-    if len(along) == 1:
-        axis, order = along[0]
-        return f"{order}{_SUFFIXES.get(order, 'th')} axial mode along {axis}"
-    family = "tangential" if len(along) == 2 else "oblique"
-    return f"{family} mode " + " ".join(f"{axis}{order}" for axis, order in along)
-
-
-def _of(quantities: Mapping[str, Any], f_max_hz: float) -> list[tuple[float, str]]:
-    return mode_names(quantities["room_dimensions"], float(quantities["sound_speed"]), f_max_hz)
-
-
-NAMED = NamedModes(reads=("room_dimensions", "sound_speed"), names=_of)

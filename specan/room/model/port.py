@@ -56,6 +56,14 @@ class Port:
         """Worked out once: couplings are looked up by their ports at every evaluation."""
         return hash((self.position, self.axis, self.radius, self.ball, self.proportions))
 
+    def mean(self, q2: Sequence[NDArray]) -> NDArray:
+        """Mean over the patch or ball of modes with squared wave numbers along the axes, relative to its centre."""
+        if self.ball:
+            a, b, c = np.square(self.proportions)
+            return ball_mean(a * q2[0] + b * q2[1] + c * q2[2], self.radius)
+        i, j = (axis for axis in range(3) if axis != self.axis)
+        return disc_mean(q2[i] + q2[j], self.radius)
+
 
 def disc_mean(kt2: NDArray, radius: float) -> NDArray:
     """Mean over a disc of a field with in-plane wave number squared `kt2`, relative to its centre.

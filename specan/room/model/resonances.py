@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from specan.room.model.axis_modes import AxisModes, norms, slopes, waves
 from specan.room.model.frequency_interpolation import FrequencyInterpolation
-from specan.room.model.port import Port, ball_mean, disc_mean
+from specan.room.model.port import Port
 
 Complex = NDArray[np.complex128]
 
@@ -67,12 +67,7 @@ class Shapes:
             )
         if port.radius == 0:
             return found
-        q2 = [w / length**2 for w, length in zip(self.w, self.lengths, strict=True)]
-        if port.ball:
-            a, b, c = np.square(port.proportions)
-            return found * ball_mean(a * q2[0] + b * q2[1] + c * q2[2], port.radius)
-        i, j = (axis for axis in range(3) if axis != port.axis)
-        return found * disc_mean(q2[i] + q2[j], port.radius)
+        return found * port.mean([w / length**2 for w, length in zip(self.w, self.lengths, strict=True)])
 
     def at_all(self, ports: Sequence[Port]) -> Complex:
         """The same for several ports, the last axis."""

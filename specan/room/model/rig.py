@@ -72,9 +72,8 @@ class Band(Settings):
     left_out_hz: tuple[tuple[NotNegative, Positive], ...] = ()
 
 
-REACHES = (
-    0.2  # of an edge: places in another unit reach as far into the room, one coordinate mistyped does not
-)
+# Of an edge: places in another unit reach as far into the room, one coordinate mistyped does not.
+REACHES = 0.2
 HUM_LINES = 1.5  # lines around a harmonic of the mains that a Hann window lets it reach
 
 
@@ -190,6 +189,17 @@ class Rig(Settings):
         """Places of the microphones in recordings in which they stand elsewhere."""
         return {own.file: own.position_m for own in self.recordings if own.position_m is not None}
 
+    @property
+    def places(self) -> list[np.ndarray]:
+        """Where the microphones stand: as a rule, then in those recordings."""
+        return [np.array(places, dtype=float) for places in (self.mics.position_m, *self.moved.values())]
+
+    @property
+    def driven_sets(self) -> tuple[tuple[int, ...], ...]:
+        """Numbers of the loudspeakers that move, counted from 0: all, then those of recordings with others."""
+        own = [tuple(n - 1 for n in one.driven) for one in self.recordings if one.driven is not None]
+        return (tuple(range(1 + len(self.loudspeakers))), *dict.fromkeys(own))
+
 
 def read_rig(content: Mapping[str, Any]) -> Rig:
     """Check a parsed rig file.
@@ -223,10 +233,14 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
     for low, high in rig.band.left_out_hz:
         if low >= high:
             raise RequestError(f"[band] left_out_hz says [{low:g}, {high:g}]", expected="the lower end first")
+    for places in rig.places:
+        _check_apart(places)
     if rig.room.dims_m is not None:
-        _check_box(rig, np.array(rig.room.dims_m))
-    for places in (rig.mics.position_m, *rig.moved.values()):
-        _check_apart(np.array(places))
+        dims = np.array(rig.room.dims_m)
+        for places in rig.places:
+            _check_inside(places, dims)
+        for name, piston in rig.pistons.items():
+            _check_in_wall(name, piston, dims)
     _check_cards(rig)
     _check_recordings(rig)
     return rig
@@ -261,21 +275,13 @@ def microphone_outside(number: int, place: Sequence[float], expected: str) -> Re
 
 
 def _check_apart(points: np.ndarray) -> None:
-    for first in range(len(points)):
-        near = np.flatnonzero(np.linalg.norm(points[first + 1 :] - points[first], axis=1) < 1e-3)
-        if near.size:
-            raise RequestError(
-                f"microphones {first + 1} and {first + 2 + near[0]} are in the same place",
-                expected="places at least 1 mm apart",
-                remedy="correct [mics] position_m",
-            )
-
-
-def _check_box(rig: Rig, dims: np.ndarray) -> None:
-    for places in (rig.mics.position_m, *rig.moved.values()):
-        _check_inside(np.array(places), dims)
-    for name, piston in rig.pistons.items():
-        _check_in_wall(name, piston, dims)
+    apart = np.linalg.norm(points[:, None] - points, axis=2)
+    for first, second in np.argwhere(np.triu(apart < 1e-3, 1)).tolist():
+        raise RequestError(
+            f"microphones {first + 1} and {second + 1} are in the same place",
+            expected="places at least 1 mm apart",
+            remedy="correct [mics] position_m",
+        )
 
 
 def _check_inside(places: np.ndarray, dims: np.ndarray) -> None:

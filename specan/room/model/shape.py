@@ -88,8 +88,8 @@ def _notes(mesh: RoomMesh, degree: int, k_max: float, f_max_hz: float, name: str
 
 
 def _check_microphones(mesh: RoomMesh, rig: Rig) -> None:
-    for places in (rig.mics.position_m, *rig.moved.values()):
-        distance = Simplices(mesh.points[mesh.tetrahedra]).nearest(np.array(places))[2]
+    for places in rig.places:
+        distance = Simplices(mesh.points[mesh.tetrahedra]).nearest(places)[2]
         outside = np.flatnonzero(distance > 1e-6)
         if outside.size:
             first = int(outside[0])

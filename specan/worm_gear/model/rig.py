@@ -286,9 +286,10 @@ def _shaft(rig: Rig, shaft: str) -> list[Bearing]:
     found = []
     for i, (entry, size) in enumerate(zip(entries, sizes, strict=True)):
         bore, outside, rating = SIZES[size]
-        # Two equal entries share the settings; the first of them locates the shaft.
-        given = (shaft, i == chosen[0], _seal_torque(entry), entry.oil_height_mm, entry.drag_loss_factor)
-        found.append(Bearing(size, bore, outside, 1e3 * rating, *SERIES[size[:2]], *given))
+        catalogue = (size, bore, outside, 1e3 * rating, *SERIES[size[:2]])
+        first = i == chosen[0]  # two equal entries share the settings; the first of them locates the shaft
+        torque = _seal_torque(entry)
+        found.append(Bearing(*catalogue, shaft, first, torque, entry.oil_height_mm, entry.drag_loss_factor))
     return found
 
 
