@@ -19,7 +19,6 @@ RATE = 51200.0
 LINES_RATE = 12800.0  # of recordings made of order lines: three harmonics of the mesh lie far below
 # Relative distance within which a harmonic meets a natural frequency: as well as stiffness is known.
 _NEAR = 0.15
-_PATIENCE_S = 5.0  # from which on the time that a run takes is told before it starts
 
 
 @click.option(
@@ -61,7 +60,8 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     check_directory(path)
     rig, duration = model.settings["parsed_rig"], options["duration"]
     check_duration(duration)
-    _announce(rig, duration)
+    if not HAS_NUMBA:
+        say("Each second of the run takes some forty; install specan[fast] (numba) to have it in about one.")
     motion = simulate(rig, duration, sampling_rate=RATE)
     error = step_error(rig) if HAS_NUMBA else None
     channels = recorded_channels(motion, RATE)
@@ -70,17 +70,6 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     say(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")
     say(f"step {1e6 * motion.step_s:.3g} us{halved}")
     show_recording(channels, options["as_json"], step_s=motion.step_s, step_error=error)
-
-
-def _announce(rig: Any, duration: float) -> None:
-    """Say before a long run how long it takes."""
-    from specan.planetary_gear.model.compiled import HAS_NUMBA
-    from specan.planetary_gear.model.dynamics import estimate_s
-
-    needed = estimate_s(rig, duration)
-    if needed > _PATIENCE_S or not HAS_NUMBA:
-        slow = "" if HAS_NUMBA else "; install specan[fast] (numba) to have it some forty times faster"
-        say(f"The run takes about {needed:.0f} s{slow}.")
 
 
 def _described(rig: Any) -> dict[str, object]:
@@ -108,36 +97,18 @@ def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, An
 
 def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     """Accelerations made of the order-domain model's lines, and tachos, at constant speed."""
-    import numpy as np
-
-    from specan.models.simulated_channel import SimulatedChannel
     from specan.planetary_gear.model.dynamics import check_duration
-    from specan.planetary_gear.model.kinematics import carrier_speed_ratio
-    from specan.planetary_gear.model.simulated_recording import tacho_channel
+    from specan.planetary_gear.model.simulated_recording import channels_of_lines
 
-    check_duration(options["duration"])
+    duration = options["duration"]
+    check_duration(duration)
     orders, lines, request = _order_lines(model, options)
     rig = model.settings["parsed_rig"]
-    time = np.arange(round(options["duration"] * LINES_RATE)) / LINES_RATE
-    turns = rig.operation.sun_speed_hz * carrier_speed_ratio(rig.gear) * time
-    waves = np.exp(2j * np.pi * np.outer(orders, turns))
-    sensors, ratio = rig.sensors, 1.0 / carrier_speed_ratio(rig.gear)
-    channels = [
-        SimulatedChannel(name, "m/s^2", (amplitude @ waves).real, sensors.acc_mV_per_m_s2, "mV/(m/s^2)")
-        for name, amplitude in zip(model.axes["sensor"], lines, strict=True)
-    ]
-    channels += [
-        tacho_channel("Tacho sun", 2 * np.pi * ratio * turns, sensors.tacho_sun_pulses),
-        tacho_channel("Tacho carrier", 2 * np.pi * turns, sensors.tacho_carrier_pulses),
-    ]
+    channels = channels_of_lines(rig, orders, lines, round(duration * LINES_RATE), LINES_RATE)
     write_recording(path, channels, LINES_RATE, _described(rig), noise=(options["noise"], options["seed"]))
-    names = [c.name for c in channels]
-    say(
-        f"{len(names)} channels of {options['duration']:g} s made of {orders.size} order lines written to {path}"
-    )
+    say(f"{len(channels)} channels of {duration:g} s made of {orders.size} order lines written to {path}")
     _say_resonances(model)
-    if options["as_json"]:
-        emit_json({"effects": [str(u) for u in request.assembly.uses], "channels": names})
+    show_recording(channels, options["as_json"], effects=[str(u) for u in request.assembly.uses])
 
 
 def _say_resonances(model: Model) -> None:

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from specan.planetary_gear.model import contact_steps, dynamics
 from specan.planetary_gear.model.geometry import pair_mesh
 from specan.planetary_gear.model.rig import read_rig
+from specan.planetary_gear.model.simulated_recording import tacho_channel
 
 DATA = Path(__file__).parents[2] / "sample_data" / "planetary_gear"
 RATE = 204800.0
@@ -146,3 +147,18 @@ print(*advanced(dynamics._system(rig), 2e-4).ravel())
     compiled = advanced(dynamics._system(rig), 2e-4).ravel()
     assert plain.size == compiled.size > 150
     assert plain == pytest.approx(compiled, rel=1e-12, abs=1e-18)
+
+
+@pytest.mark.parametrize("pulses", [1, 3, 32])
+def test_pulses_lie_where_the_angle_says_also_on_samples(pulses):
+    """At 30 turns a second and 12800 samples edges, and places half way between them, fall exactly on samples."""
+    turns = 30 * np.arange(12800) / 12800
+    volts = tacho_channel("Tacho", 2 * np.pi * turns, pulses).samples
+    assert volts.min() >= 0.0
+    assert volts.max() <= 5.0
+    part = turns * pulses % 1.0
+    high = part < (0.1 if pulses == 1 else 0.5)
+    clear = np.minimum(np.abs(part - 0.5), np.minimum(part, 1 - part)) > 0.1
+    if pulses == 1:
+        clear = (np.abs(part - 0.1) > 0.01) & (np.minimum(part, 1 - part) > 0.01)
+    assert volts[clear] == pytest.approx(np.where(high, 5.0, 0.0)[clear])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time as clock
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError, RequestError
 from specan.planetary_gear.model import contact_steps
-from specan.planetary_gear.model.compiled import HAS_NUMBA
 from specan.planetary_gear.model.geometry import (
     Mesh,
     disc,
@@ -146,18 +144,6 @@ def _low_pass() -> Real:
     at = np.arange(-half, half + 1) / OVERSAMPLED
     taps = np.sinc(0.85 * at) * np.kaiser(at.size, 9.0)
     return taps / taps.sum()
-
-
-def estimate_s(rig: Rig, duration_s: float) -> float:
-    """Seconds of computing that `simulate` takes here, from a short trial."""
-    system = _system(rig)
-    steps = 100 if not HAS_NUMBA else 20_000
-    system.advance(1, 1, system.step, 0.0)  # compiles
-    begun = clock.process_time()
-    system.advance(steps, 1, system.step, system.step)
-    per_step = (clock.process_time() - begun) / steps
-    every = OVERSAMPLED * math.ceil(1.0 / (OVERSAMPLED * _STORED_RATE * system.step))
-    return per_step * every * _STORED_RATE * (duration_s + SETTLE_S)
 
 
 def step_error(rig: Rig, duration_s: float = 0.05) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from specan.models.simulated_channel import SimulatedChannel
 from specan.planetary_gear.model.geometry import planet_angles
+from specan.planetary_gear.model.kinematics import carrier_speed_ratio
 from specan.planetary_gear.model.rig import Rig
 
 if TYPE_CHECKING:
@@ -105,29 +106,47 @@ def _accelerations(motion: Motion, rig: Rig, sampling_rate: float) -> list[Simul
     gear = rig.gear
     assert gear is not None
     found = []
-    for k, degrees in enumerate(rig.sensors.acc_angle_deg, 1):
+    for k, degrees in enumerate(rig.sensors.acc_angle_deg):
         pressed = np.zeros(motion.time.size)
         for i, place in enumerate(planet_angles(gear)):
             weight = path_window(motion.carrier_angle + place - math.radians(degrees))
             pressed += weight * motion.ring_force[i]
         inside = np.convolve(pressed, _SECOND, mode="valid") * sampling_rate**2 / RIM_STIFFNESS
-        acceleration = np.pad(inside, 4, mode="edge")
-        found.append(
-            SimulatedChannel(
-                f"Acc {k}", "m/s^2", acceleration, rig.sensors.acc_mV_per_m_s2, "mV/(m/s^2)",
-                {"Angle_deg": degrees},
-            )
-        )  # fmt: skip
+        found.append(_acceleration(k, np.pad(inside, 4, mode="edge"), rig))
     return found
 
 
-def tacho_channel(name: str, angle: Real, pulses: int) -> SimulatedChannel:
+def _acceleration(number: int, samples: Real, rig: Rig) -> SimulatedChannel:
+    where: dict[str, object] = {"Angle_deg": rig.sensors.acc_angle_deg[number]}
+    per_volt = rig.sensors.acc_mV_per_m_s2
+    return SimulatedChannel(f"Acc {number + 1}", "m/s^2", samples, per_volt, "mV/(m/s^2)", where)
+
+
+def channels_of_lines(
+    rig: Rig, orders: Real, lines: NDArray[np.complex128], count: int, rate: float
+) -> list[SimulatedChannel]:
+    """Accelerations made of order lines (sensors, orders), and tachos, at the constant speed of the rig file."""
+    assert rig.gear is not None
+    ratio = carrier_speed_ratio(rig.gear)
+    sun = 2 * np.pi * rig.operation.sun_speed_hz * np.arange(count) / rate
+    heard = np.zeros((len(lines), count))
+    for order, amplitude in zip(orders, lines.T, strict=True):
+        heard += (amplitude[:, None] * np.exp(1j * order * ratio * sun)).real
+    return [
+        *(_acceleration(k, samples, rig) for k, samples in enumerate(heard)),
+        tacho_channel("Tacho sun", sun, rig.sensors.tacho_sun_pulses),
+        tacho_channel("Tacho carrier", ratio * sun, rig.sensors.tacho_carrier_pulses),
+    ]
+
+
+def tacho_channel(name: str, angle: NDArray[np.floating], pulses: int) -> SimulatedChannel:
     """Rectangular pulses with edges of one sample, so that their instants are known between samples."""
     phase = angle / (2 * np.pi) * pulses
     step = np.gradient(phase)
     inside = phase % 1.0
     duty = SHORT if pulses == 1 else 0.5
-    rise = np.clip(np.where(inside < 0.5 + duty / 2, inside, inside - 1.0) / step + 0.5, 0.0, 1.0)
+    before = inside < 0.5 + duty / 2  # nearer to the edges of this pulse than to the beginning of the next
+    rise = np.clip(np.where(before, inside, inside - 1.0) / step + 0.5, 0.0, 1.0)
     fall = np.clip((inside - duty) / step + 0.5, 0.0, 1.0)
-    volts = TACHO_V * np.where(inside > 0.5 + duty / 2, rise, rise - fall)
+    volts = TACHO_V * np.where(before, rise - fall, rise)
     return SimulatedChannel(name, "V", volts, 1.0, "V/V", {"PulsesPerRevolution": pulses})
