@@ -50,7 +50,17 @@ def command(rate: float, output: Path | None, decimal: str, as_json: bool) -> in
         if not is_quiet() and not check.passed:
             say(f"Not met: {check.standard}, {check.clause}: {check.what}.")
     if output is not None:
-        write_text(found, output, rate, decimal)
+        import pandas as pd
+
+        from specan.io.result_file import write_frame
+
+        rows = [{**asdict(check), "met": "yes" if check.passed else "no"} for check in found]
+        write_frame(
+            pd.DataFrame(rows).rename(columns={"what": "requirement"}),
+            output,
+            ["conformance", f"at {rate:g} Hz"],
+            decimal,
+        )
     if as_json:
         emit_json({"sampling_rate_hz": rate, "checks": [{**asdict(c), "passed": c.passed} for c in found]})
     elif not to_standard_output(output):
@@ -69,20 +79,3 @@ def _row(check: Check) -> list[str]:
     expected = "" if check.expected != check.expected else f"{check.expected:g}"
     met = "" if check.passed else "NOT MET"
     return [check.clause, check.what, expected, f"{check.found:.3f}", limits, check.unit, met]
-
-
-def write_text(found: list[Check], path: Path, rate: float, decimal: str = ".") -> None:
-    """One row a requirement, tab-separated."""
-    from specan import __version__
-    from specan.io import results_text as text
-
-    columns = {
-        "standard": [c.standard for c in found],
-        "clause": [c.clause for c in found],
-        "requirement": [c.what for c in found],
-        **{name: [getattr(c, name) for c in found] for name in ("expected", "found", "lower", "upper")},
-        "unit": [c.unit for c in found],
-        "met": ["yes" if c.passed else "no" for c in found],
-    }
-    header = [f"specan {__version__} conformance", f"at {rate:g} Hz"]
-    text.write_table(path, header, list(columns), [text.table_lines(columns)], decimal)

@@ -36,20 +36,13 @@ def list_models(as_json: bool) -> None:
     """
     from specan.models.catalogue import model_effects, model_names, model_summary
 
-    rows = [
-        {
-            "name": name,
-            "summary": model_summary(name),
-            "effects": list(model_effects(name)),
-        }
-        for name in model_names()
-    ]
+    names = model_names()
+    rows = [{"name": n, "summary": model_summary(n), "effects": list(model_effects(n))} for n in names]
     if as_json:
         emit_json(rows)
         return
-    table(
-        "", ["model", "what it is", "effects"], [[r["name"], r["summary"], len(r["effects"])] for r in rows]
-    )
+    cells = [[row["name"], row["summary"], len(row["effects"])] for row in rows]
+    table("", ["model", "what it is", "effects"], cells)
     click.echo("\nMore about one of them: specan model show NAME")
 
 
@@ -65,21 +58,24 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
     specan model show worm-gear --rig sample_data/worm_gear/rig.toml
     specan model show room wall-impedance
     """
+    from specan.api.models import load_model
     from specan.models.describe import describe_effect, describe_model, describe_quantity, find_part
     from specan.models.effect import Effect
 
-    model = _model(name, rig)
-    if part is None:
+    model = load_model(name, rig)
+    found = None if part is None else find_part(model, part)
+    if found is None:
         content = describe_model(model)
-        emit_json(content) if as_json else _print_model(content)
-        return
-    found = find_part(model, part)
-    if isinstance(found, Effect):
+    elif isinstance(found, Effect):
         content = describe_effect(model, found)
-        emit_json(content) if as_json else _print_effect(content)
     else:
         content = describe_quantity(model, found)
-        emit_json(content) if as_json else _print_quantity(content)
+    if as_json:
+        emit_json(content)
+    elif found is None:
+        _print_model(content)
+    else:
+        _print_part(content)
 
 
 @command.command("new")
@@ -146,10 +142,11 @@ def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None
     specan model check worm-gear belt_loss.py
     specan model check pump.py
     """
+    from specan.api.models import load_model
     from specan.models import check_effect, conditions_over_limits
     from specan.models.catalogue import effects_from_file, is_file
 
-    model = _model(name, rig)
+    model = load_model(name, rig)
     for note in model.notes:
         click.echo(note, err=True)
     if file is None and is_file(name):
@@ -210,12 +207,6 @@ def _check_whole(model: Model, file: Path, as_json: bool) -> None:
         click.echo(f"Note: {note}.")
 
 
-def _model(name: str, rig: Path | None) -> Model:
-    from specan.api.models import load_model
-
-    return load_model(name, rig)
-
-
 def _print_model(model: Mapping[str, Any]) -> None:
     click.echo(f"{model['name']}: {model['title']}")
     for note in model["notes"]:
@@ -255,42 +246,31 @@ def _default(condition: Mapping[str, Any]) -> str:
     return f"{default:g} {condition['column_unit']}"
 
 
-def _print_effect(effect: Mapping[str, Any]) -> None:
-    click.echo(f"{effect['name']}: {KINDS[_kind(effect)]}\n")
-    click.echo(click.wrap_text(effect["explanation"], width=100) + "\n")
-    _print_parameters(effect["parameters"])
-    click.echo()
-    lines = {
-        "Adds to": ", ".join(effect["adds_to"]),
-        "Scales": ", ".join(effect["scales"]),
-        "Joins": ", ".join(effect["joins"]),
-        "Reads": ", ".join(effect["reads"]),
-        "Acts at one": effect["at"],
-        "Holds for": "; ".join(
-            f"{name} {v['low']:g} to {v['high']:g} {v['unit']}" for name, v in effect["valid"].items()
-        ),
-        "Needs": ", ".join(effect["needs"]),
-        "Looks like": ", ".join(effect["aliases"]),
-        "Distinguished by": effect["separate_by"],
-        "Reference": effect["reference"],
-    }
-    _print_lines(lines)
+# What is said of an effect and of a quantity below its parameters.
+LINES = {
+    "adds_to": "Adds to", "scales": "Scales", "joins": "Joins", "reads": "Reads", "changed_by": "Changed by",
+    "at": "Acts at one", "axes": "One for each", "valid": "Holds for", "needs": "Needs", "aliases": "Looks like",
+    "separate_by": "Distinguished by", "reference": "Reference",
+}  # fmt: skip
 
 
-def _print_quantity(quantity: Mapping[str, Any]) -> None:
-    click.echo(f"{quantity['name']} [{quantity['unit']}]\n")
-    click.echo(quantity["doc"] + "\n")
-    if quantity["parameters"]:
-        _print_parameters(quantity["parameters"])
-        click.echo()
-    _print_lines(
-        {
-            "Reads": ", ".join(quantity["reads"]),
-            "Changed by": ", ".join(quantity["changed_by"]),
-            "One for each": ", ".join(quantity["axes"]),
-            "Reference": quantity["reference"],
-        }
+def _print_part(part: Mapping[str, Any]) -> None:
+    """An effect or a quantity."""
+    is_effect = "explanation" in part
+    click.echo(
+        f"{part['name']}: {KINDS[_kind(part)]}\n" if is_effect else f"{part['name']} [{part['unit']}]\n"
     )
+    click.echo(click.wrap_text(part["explanation" if is_effect else "doc"], width=100) + "\n")
+    if part["parameters"]:
+        _print_parameters(part["parameters"])
+        click.echo()
+    for key, title in LINES.items():
+        said = part.get(key)
+        if isinstance(said, Mapping):
+            said = [f"{name} {v['low']:g} to {v['high']:g} {v['unit']}" for name, v in said.items()]
+        if said:
+            text = said if isinstance(said, str) else ", ".join(said)
+            click.echo(click.wrap_text(f"{title}: {text}", width=100, subsequent_indent="    "))
 
 
 def _print_parameters(parameters: Mapping[str, Any]) -> None:
@@ -302,18 +282,6 @@ def _print_parameters(parameters: Mapping[str, Any]) -> None:
             f"one per {p['per']}" if p["per"] else "",
             f"held unless {', '.join(p['needs'])} varies" if p["needs"] else "",
         ]
-        rows.append(
-            [name, f"{p['default']:g}", p["unit"], _span(p["plausible"]), _span(p["domain"]), p["doc"],
-             ", ".join(mark for mark in marks if mark)]
-        )  # fmt: skip
+        spans = (f"{low:g} to {high:g}" for low, high in (p["plausible"], p["domain"]))
+        rows.append([name, f"{p['default']:g}", p["unit"], *spans, p["doc"], ", ".join(filter(None, marks))])
     table("Parameters", ["name", "default", "unit", "plausible", "domain", "what it is", ""], rows)
-
-
-def _span(ends: list[float]) -> str:
-    return f"{ends[0]:g} to {ends[1]:g}"
-
-
-def _print_lines(lines: Mapping[str, str]) -> None:
-    for title, text in lines.items():
-        if text:
-            click.echo(click.wrap_text(f"{title}: {text}", width=100, subsequent_indent="    "))

@@ -88,8 +88,8 @@ font-size: 13px; padding: 3px 9px; overflow: hidden; text-overflow: ellipsis; }
 table { border-collapse: collapse; font-size: 12px; font-variant-numeric: tabular-nums; }
 th { color: var(--soft); font-weight: 600; text-align: left; padding: 1px 12px 1px 0; position: sticky; top: 0;
 background: var(--paper); }
-td { padding: 1px 12px 1px 0; border-top: 1px solid var(--line); white-space: nowrap; }
-td.long, td:last-child { white-space: normal; }
+td { padding: 1px 12px 1px 0; border-top: 1px solid var(--line); }
+td.n { text-align: right; white-space: nowrap; }
 details > summary { cursor: pointer; color: var(--soft); font-weight: 600; padding: 2px 0; }
 p { margin: 4px 0; } h3 { margin: 4px 0; font-size: 14px; } h4 { margin: 6px 0 2px; }
 """
@@ -218,37 +218,9 @@ def asked_for(document: Document) -> Mapping[str, Sequence[bytes]]:
     return context.request.arguments if context is not None and context.request else {}
 
 
-def sheet(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A table as HTML.
-
-    Examples
-    --------
-    >>> "<b>" in sheet(["channel"], [["<b>Mic 1</b>"]])
-    False
-    """
-    head = "".join(f"<th>{escape(str(h))}</th>" for h in header)
-    body = "".join(
-        "<tr>" + "".join(f"<td{_long(str(v))}>{escape(str(v))}</td>" for v in row) + "</tr>" for row in rows
-    )
-    return f"<table><tr>{head}</tr>{body}</table>"
-
-
-def _long(text: str) -> str:
-    return ' class="long"' if len(text) > 40 else ""
-
-
 def folded(title: str, content: str) -> str:
     """Markup that opens with a click on its title."""
     return f"<details><summary>{escape(title)}</summary>{content}</details>"
-
-
-def bar(part: float, colour: str = "var(--accent)") -> str:
-    """A bar of a part of 1."""
-    return (
-        '<span style="display:inline-block;width:60px;height:7px;background:var(--line);border-radius:3px">'
-        f'<span style="display:block;width:{60 * min(part, 1.0):.0f}px;height:7px;background:{colour};'
-        'border-radius:3px"></span></span>'
-    )
 
 
 def notice(text: str, kind: str = "") -> str:

@@ -32,7 +32,6 @@ from specan.inspect.look import (
     header,
     notice,
     on_phone,
-    sheet,
     whole_width,
 )
 from specan.inspect.opened import Opened
@@ -46,6 +45,7 @@ from specan.inspect.view import View, commands
 from specan.inspect.waveform_view import WaveformView
 from specan.inspect.work import Tell, Work
 from specan.report.figures import figure_of
+from specan.report.html_page import table
 from specan.report.panels import Panel
 from specan.report.waveform import read_overviews
 from specan.result import RecordingResult
@@ -302,7 +302,7 @@ class RecordingPage:
             count = 10 if view.harmonics else 1
             rows = [r for k in range(1, count + 1) for r in tab.at(self.found, k * view.cursor)]
         hint = notice("Click into a figure: the values at that frequency are shown here.")
-        self.readout.text = sheet(["At the cursor", "Hz", ""], rows) if rows else hint if tab.figures else ""
+        self.readout.text = table(["At the cursor", "Hz", ""], rows) if rows else hint if tab.figures else ""
 
     def _told(self, part: float) -> None:
         self.status.go_on(f"{self.tabs[self.view.tab].title}: reading, {100 * part:.0f} %")

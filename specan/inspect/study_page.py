@@ -25,17 +25,17 @@ from specan.inspect.look import (
     header,
     notice,
     on_phone,
-    sheet,
     whole_width,
 )
 from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
-from specan.inspect.study_views.errors import failing_map, history_bars
 from specan.inspect.study_views.ranking import Ranking, Uses
 from specan.inspect.trial import KeptStudy, Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Tell, Work
 from specan.report import study_sheets
 from specan.report.figures_study import figure_comparison
+from specan.report.html_page import table
+from specan.report.study_html import failing_map, history_bars
 from specan.study.edit import Change, add_effect
 from specan.study.verdict import Diagnosis, headline, reason
 from specan.units import printed_unit
@@ -236,8 +236,8 @@ class StudyPage:
         ]  # fmt: skip
         error = trial.errors[0].as_error() if trial.uses else None
         self.steps.text = history_bars(self.study.history.steps, trial.name, error)
-        parameters = sheet(["Parameter", "value", "95 %", "unit", ""], trial.parameters)
-        errors = sheet(["Observable", "values", "RMS error", "relative", "before"], rows)
+        parameters = table(["Parameter", "value", "95 %", "unit", ""], trial.parameters)
+        errors = table(["Observable", "values", "RMS error", "relative", "before"], rows)
         self.trial.text = folded("Parameters and errors", errors + parameters)
 
     def _show_study(self) -> None:
@@ -246,7 +246,7 @@ class StudyPage:
         steps = self.study.history.steps
         self.steps.text = history_bars(steps)
         found = study_sheets.history(steps)
-        self.history.text = folded("History", sheet(found.header, found.rows))
+        self.history.text = folded("History", table(found.header, found.rows))
 
     def _show_candidates(self, found: Diagnosis | None) -> None:
         known, not_testable = candidates_of(self.study)

@@ -14,7 +14,7 @@ from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.report.figures import figure_named
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.figures_study_time import figure_compare_time
-from specan.report.residual_map import axis_text, residual_map
+from specan.report.residual_map import axis_text
 from specan.report.study_words import state_of
 from specan.study.comparison import readings
 from specan.study.observation import variable_named
@@ -236,46 +236,6 @@ def _curve(
     at[name] = np.asarray(convert(along, condition.column_unit, condition.unit))
     line = replace(observation.take(np.full(POINTS, first)), conditions=at, series=None, position=None)
     return along, line.predict(study.problem.assembly, study.problem.values_at(study.shown.theta))
-
-
-@styled
-def figure_map(study: Study) -> Figure:
-    """Mean error of every pair of levels in standard uncertainties; significant blocks are framed.
-
-    Raises
-    ------
-    RequestError
-        No operating variable varies.
-    """
-    from matplotlib.patches import Rectangle
-
-    found = residual_map(study.problem, study.shown)
-    if found is None:
-        raise RequestError("a map needs an operating variable that varies")
-    figure = new_figure(
-        1.9 + 0.24 * max(len(found.rows), 8), min(3.4 + 0.25 * max(len(found.columns), 12), 9.0)
-    )
-    axes = figure.subplots()
-    axes.grid(False)
-    for i, j in np.argwhere(found.significant):
-        axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, lw=1.2))
-    image = axes.imshow(
-        found.z, origin="lower", cmap="PuOr_r", vmin=-found.end, vmax=found.end, aspect="auto"
-    )
-    axes.set_xticks(range(len(found.columns)), list(found.columns), rotation=45)
-    axes.set_yticks(range(len(found.rows)), list(found.rows))
-    axes.set(
-        xlabel=axis_text(found.across, found.variables),
-        ylabel=axis_text(found.up, found.variables) if found.up else "",
-    )
-    beyond = np.nanmax(np.abs(found.z)) > found.end
-    figure.colorbar(image, label="Mean of (model - measured) / sigma", extend="both" if beyond else "neither")
-    heading(
-        figure, f"{study.directory.resolve().name}: where the model fails",
-        f"{int(found.significant.sum())} of {int((found.count > 0).sum())} blocks are significant (framed). "
-        "Violet: model too low, orange: too high.",
-    )  # fmt: skip
-    return figure
 
 
 def _quantity(study: Study, name: str) -> str:

@@ -53,7 +53,13 @@ def page(title: str, parts: Iterable[str]) -> str:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]], grey: Sequence[bool] | None = None) -> str:
-    """A table; rows marked in `grey` stand back."""
+    """A table; rows marked in `grey` stand back.
+
+    Examples
+    --------
+    >>> "<b>" in table(["channel"], [["<b>Mic 1</b>"]])
+    False
+    """
     lines = ["<table><tr>" + "".join(f"<th>{escape(h)}</th>" for h in header) + "</tr>"]
     for k, row in enumerate(rows):
         kind = ' class="grey"' if grey is not None and grey[k] else ""
@@ -74,6 +80,15 @@ def _cell(value: Any) -> str:
     text = str(value)
     number = isinstance(value, (int, float)) or _NUMBER.fullmatch(text) is not None
     return f'<td class="n">{escape(text)}</td>' if number and len(text) < 12 else f"<td>{escape(text)}</td>"
+
+
+def bar(part: float, colour: str = "var(--accent)") -> str:
+    """A bar of a part of 1."""
+    return (
+        '<span style="display:inline-block;width:60px;height:7px;background:var(--line);border-radius:3px">'
+        f'<span style="display:block;width:{60 * min(part, 1.0):.0f}px;height:7px;background:{colour};'
+        'border-radius:3px"></span></span>'
+    )
 
 
 def bullets(items: Iterable[str]) -> str:

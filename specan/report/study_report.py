@@ -15,9 +15,10 @@ from specan import __version__
 from specan.report import study_sheets
 from specan.report.figures_change import figure_history
 from specan.report.figures_diagnosis import figure_diagnosis
-from specan.report.figures_study import figure_compare, figure_map
+from specan.report.figures_study import figure_compare
 from specan.report.html_page import bullets, page, picture, shown, table
-from specan.report.residual_map import map_axes
+from specan.report.residual_map import residual_map
+from specan.report.study_html import failing_map
 from specan.report.study_words import fall_text
 from specan.study.history import History, Step, error_pairs
 from specan.study.study_file import NAME
@@ -127,8 +128,7 @@ def _comparison(study: Study, found: Comparison) -> list[str]:
             f"{study.data.discrepancy_percent:g} % is allowed for.</p>"
         )
         parts.append(bullets(where.sentences()))
-        if map_axes(study.problem.observations[0].labels):
-            parts.append(picture(figure_map(study), "where the model fails"))
+        parts.append(failing_map(residual_map(study.problem, study.shown), study.data.known))
     return parts
 
 

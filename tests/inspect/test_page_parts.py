@@ -18,13 +18,14 @@ from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.dsp.statistics import low_and_high
 from specan.errors import InputError, RequestError
-from specan.inspect.look import notice, sheet
+from specan.inspect.look import notice
 from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import plain
 from specan.inspect.server import start_server
 from specan.inspect.tabs.levels import OctaveTab
 from specan.inspect.view import View
 from specan.inspect.work import Superseded
+from specan.report.html_page import table
 from specan.report.waveform import DIRECT, STEP, Waveform, read_overviews
 
 RATE = 8000.0
@@ -187,7 +188,7 @@ def test_the_level_against_time_is_that_of_the_verb():
 
 def test_names_are_text():
     bad = "<img src=x onerror=alert(1)>$$x$$"
-    assert "<img" not in sheet([bad], [[bad]]) + notice(bad)
+    assert "<img" not in table([bad], [[bad]]) + notice(bad)
     assert html.escape(bad) in notice(bad)
     assert "$$" not in plain(bad)
 

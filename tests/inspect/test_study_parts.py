@@ -13,10 +13,10 @@ pytest.importorskip("bokeh")
 
 from specan.errors import InputError, RequestError
 from specan.inspect.plots import outline
-from specan.inspect.study_views.errors import failing_map, history_bars
 from specan.inspect.study_views.ranking import Ranking, uses_of
 from specan.inspect.trial import KeptStudy, as_it_is, candidates_of, try_effects
 from specan.inspect.work import Heard, Superseded
+from specan.report.study_html import failing_map, history_bars
 from specan.study.edit import add_effect
 from specan.study.history import Step
 from specan.study.study import Study

@@ -10,10 +10,11 @@ from typing import Any
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, Select
 
-from specan.inspect.look import bar, notice, sheet
+from specan.inspect.look import notice
 from specan.inspect.plots import plain
 from specan.models import Use
 from specan.models.effect import ParameterName
+from specan.report.html_page import bar, table
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked, percent
 
@@ -96,7 +97,7 @@ class Ranking:
                 [ParameterName(n).own, f"{p['value']:.3g}", f"{p['low']:.3g} to {p['high']:.3g}", p["unit"]]
                 for n, p in ranked.parameters.items()
             ]
-            parts.append(sheet(["Parameter", "value", "95 %", "unit"], rows))
+            parts.append(table(["Parameter", "value", "95 %", "unit"], rows))
             if ranked.at_bound:
                 parts.append("<p>A parameter is at the end of its domain.</p>")
             if not ranked.plausible:

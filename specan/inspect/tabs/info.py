@@ -5,10 +5,11 @@ from __future__ import annotations
 from bokeh.models import Div, ScrollBox
 
 from specan.data.recording import Recording
-from specan.inspect.look import notice, sheet
+from specan.inspect.look import notice
 from specan.inspect.tabs.tab import Found, Tab, Tell
 from specan.inspect.view import View
 from specan.report.contents import sheets
+from specan.report.html_page import table
 
 _LONGEST, _MOST = 300, 300  # characters of a cell, and rows of a table that are shown
 
@@ -38,5 +39,5 @@ def _of(recording: Recording) -> str:
     parts += [f"<p>{notice(note)}</p>" for note in (*recording.flags, *recording.notes)]
     for one in sheets(recording, {}, show_all=True):
         rows = [[str(cell)[:_LONGEST] for cell in row] for row in one.rows[:_MOST]]
-        parts += [f"<h4>{notice(one.title)}</h4>", sheet(one.header, rows)]
+        parts += [f"<h4>{notice(one.title)}</h4>", table(one.header, rows)]
     return "".join(parts)

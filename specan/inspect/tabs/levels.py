@@ -16,12 +16,12 @@ from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
 from specan.divisions import DIVISIONS
 from specan.dsp.weighting import FAST, SLOW
-from specan.inspect.look import sheet
 from specan.inspect.opened import Chosen
 from specan.inspect.tabs.tab import Found, Tab
 from specan.inspect.view import View
 from specan.report.figure_style import micro
 from specan.report.figures_bands import band_panels, history_panels
+from specan.report.html_page import table
 from specan.report.panels import Drawing
 from specan.result import cell
 
@@ -69,7 +69,7 @@ class LevelsTab(Tab):
         super().draw(found, view)
         self.numbers.text = "".join(
             f"<p>{one.title}</p>"
-            + sheet(one.header, [[self.opened.text(number, row[0]), *row[1:]] for row in one.rows])
+            + table(one.header, [[self.opened.text(number, row[0]), *row[1:]] for row in one.rows])
             for number, result in found
             for one in result.numbers.sheets()
         )
@@ -126,7 +126,7 @@ class OctaveTab(Tab):
         """The bands, and the table of overall levels."""
         super().draw(found, view)
         self.overall.text = "<b>Overall levels / dB</b>" + "".join(
-            sheet(
+            table(
                 [f"re {micro(text)}", *r.overall_dB, ""],
                 [
                     [

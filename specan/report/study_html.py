@@ -1,4 +1,4 @@
-"""The errors of a study as tables with bars and colours: step after step, and where the model fails."""
+"""The errors of a study as HTML tables with bars and colours: step after step, and where the model fails."""
 
 from __future__ import annotations
 
@@ -7,15 +7,20 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from bokeh.palettes import PuOr11
 
-from specan.inspect.look import COLOURS, bar, notice
+from specan.report.figure_style import COLOURS
+from specan.report.html_page import bar
 from specan.report.residual_map import ResidualMap, axis_text
 from specan.study.history import Step
 from specan.units import axis_label
 
 _KINDS = (("fitted", "fit_error", COLOURS[0]), ("held out", "held_out_error", COLOURS[1]))
 _LINE = 'style="white-space:nowrap"'
+# Violet to orange, by C. Brewer (PuOr): distinguished by every kind of colour vision.
+_DIVERGING = (
+    "#2d004b", "#542788", "#8073ac", "#b2abd2", "#d8daeb", "#f7f7f7", "#fee0b6", "#fdb863", "#e08214", "#b35806",
+    "#7f3b08",
+)  # fmt: skip
 _MOST = 7  # steps on screen: the latest
 
 
@@ -41,13 +46,13 @@ def history_bars(steps: Sequence[Step], tried: str = "", error: Mapping[str, Any
     of = steps[-1].fit_error if steps else {"metric": "error", "unit": ""}
     head = "".join(f"<th>{kind}</th>" for kind, *_ in _KINDS)
     title = axis_label(of["metric"], of["unit"])
-    return f"<b>{escape(title)}</b><table><tr><th>step</th>{head}</tr>{''.join(lines)}</table>"
+    return f"<p><b>{escape(title)}</b></p><table><tr><th>step</th>{head}</tr>{''.join(lines)}</table>"
 
 
 def failing_map(found: ResidualMap | None, known: bool) -> str:
     """Left-out z of every pair of levels as coloured cells; framed where it is significant."""
     if found is None:
-        return notice("No operating variable varies: there is no map.")
+        return "<p>No operating variable varies: there is no map.</p>"
     title = f"violet: low, orange: high, full colour at {found.end:g}; "
     title += "framed: significant" if known else "relative to 1 %"
     if known and not found.significant.any():
@@ -62,7 +67,7 @@ def failing_map(found: ResidualMap | None, known: bool) -> str:
         f'<td style="border:0"><span style="{style}">{escape(text)}</span></td>' for text in found.columns
     )
     return (
-        f"<b>Where the model fails</b> ({escape(title)})"
+        f"<p><b>Where the model fails</b> ({escape(title)})</p>"
         f'<table style="width:100%;border-spacing:2px;border-collapse:separate;table-layout:fixed">{"".join(lines)}'
         f"<tr><td style='border:0'></td>{foot}</tr></table>{escape(across)}{escape(f'; up: {up}' if up else '')}"
     )
@@ -72,8 +77,8 @@ def _cell(found: ResidualMap, i: int, j: int, across: str, up: str) -> str:
     z = float(found.z[i, j])
     if not np.isfinite(z):
         return '<td style="border:0"></td>'
-    colour = PuOr11[int(np.clip(round(5 + 5 * z / found.end), 0, 10))]
+    colour = _DIVERGING[int(np.clip(round(5 + 5 * z / found.end), 0, 10))]
     frame = "outline:2px solid var(--ink)" if found.significant[i, j] else "outline:1px solid var(--line)"
     place = f"{across} {found.columns[j]}" + (f", {up} {found.rows[i]}" if up else "")
     text = f"{place}: left-out z {z:+.1f}, {found.texts[i][j]} ({found.count[i, j]} values)"
-    return f'<td title="{escape(text)}" style="background:{colour};border:0;height:18px;{frame}"></td>'
+    return f'<td title="{escape(text)}" style="background:{colour};border:0;height:18px;print-color-adjust:exact;{frame}"></td>'
