@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -104,6 +104,13 @@ def heading(figure: Any, title: str, *facts: str) -> None:
 def remark(figure: Figure, text: str) -> None:
     """A line in grey at the top right, where no legend is."""
     figure.text(0.99, 0.992, text, ha="right", va="top", fontsize=7, color=GREY)
+
+
+def name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Names down the side, the first at the top, for what is drawn at 0, 1, 2 ... upwards."""
+    axes.set_yticks(range(len(names)), list(names))
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.grid(False, axis="y")
 
 
 _BELOW, _ABOVE = 6, 7  # columns of a legend at most

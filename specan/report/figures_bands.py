@@ -19,6 +19,7 @@ from specan.report.figure_style import (
     level_label,
     level_limits,
     micro,
+    name_rows,
     new_figure,
     styled,
 )
@@ -221,9 +222,7 @@ def _draw(axes: Axes, found: SignalLevels, rows: list[int]) -> None:
             lw=6, alpha=0.6, label=f"L{least:g} to L{most:g}",
         )  # fmt: skip
     axes.plot(finite(equivalent(found)), places, "o", color=COLOURS[0], ms=5, label="equivalent level")
-    axes.set_yticks(places, [found.channels[r] for r in rows])
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.grid(False, axis="y")
+    name_rows(axes, [found.channels[r] for r in rows])
 
 
 def figure_decay(found: DecayTimes) -> Drawing:

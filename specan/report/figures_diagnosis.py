@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from specan.errors import RequestError
-from specan.report.figure_style import COLOURS, heading, new_figure, styled
+from specan.report.figure_style import COLOURS, heading, name_rows, new_figure, styled
 from specan.study.verdict import Diagnosis, NextMeasurements, Ranked, headline, percent
 from specan.units import axis_label
 
@@ -43,15 +43,10 @@ def figure_diagnosis(found: Diagnosis) -> Figure:
             color=COLOURS[0] if place - first < named else "#bcd6e6", hatch="" if row.plausible else "////",
         )  # fmt: skip
         axes.annotate(f" {_beside(row)}", (row.error_after, place), va="center", fontsize=8, color="0.3")
-    axes.set_yticks(
-        range(len(ranked) + first),
-        [*(["model as it is"] if first else []), *(" + ".join(row.names) for row in ranked)],
-    )
-    axes.set_ylim(len(ranked) + first - 0.4, -0.6)
+    name_rows(axes, [*(["model as it is"] if first else []), *(" + ".join(row.names) for row in ranked)])
     axes.set_xlim(0, 1.28 * max([row.error_after for row in ranked] + [now.rms if now else 0.0]))
     what = f"RMS error of {now.observable}" if now else "RMS error"
     axes.set_xlabel(axis_label(f"{what} that is left", now.unit if now else "1"))
-    axes.grid(False, axis="y")
     fit = (
         "" if found.lack_of_fit is None else f"Model as it is: chi²/n {found.lack_of_fit.reduced_chi2:.3g}. "
     )
@@ -88,9 +83,7 @@ def figure_next(found: NextMeasurements) -> Figure:
         reach = None if row["sigma"] is None else 2 * row["sigma"]
         for place, value in enumerate(values):
             axes.errorbar(value, place, xerr=reach, fmt="o", color=COLOURS[place % len(COLOURS)], capsize=3)
-        axes.set_yticks(range(len(values)), list(row["predictions"]))
-        axes.set_ylim(len(values) - 0.4, -0.6)
-        axes.grid(False, axis="y")
+        name_rows(axes, list(row["predictions"]))
         apart = "" if row["separation_sigma"] is None else f": {row['separation_sigma']:.1f} sigma apart"
         axes.set_title(row["text"].partition(":")[0] + apart)
     axes.set_xlabel(axis_label("Expected reading", shown[-1]["unit"]))

@@ -81,4 +81,5 @@ def _cell(found: ResidualMap, i: int, j: int, across: str, up: str) -> str:
     frame = "outline:2px solid var(--ink)" if found.significant[i, j] else "outline:1px solid var(--line)"
     place = f"{across} {found.columns[j]}" + (f", {up} {found.rows[i]}" if up else "")
     text = f"{place}: left-out z {z:+.1f}, {found.texts[i][j]} ({found.count[i, j]} values)"
-    return f'<td title="{escape(text)}" style="background:{colour};border:0;height:18px;print-color-adjust:exact;{frame}"></td>'
+    style = f"background:{colour};border:0;height:18px;print-color-adjust:exact;{frame}"
+    return f'<td title="{escape(text)}" style="{style}"></td>'
