@@ -5,12 +5,10 @@ from __future__ import annotations
 import base64
 import json
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from bokeh.layouts import row
-from bokeh.models import Button, CustomJS, Div, InlineStyleSheet, Spacer, TextInput, Toggle, Widget
+from bokeh.models import CustomJS, Div, InlineStyleSheet, TextInput, Toggle
 from bokeh.themes import Theme
 
 from specan.report.figure_style import COLOURS as PRINTED
@@ -69,7 +67,7 @@ font: 13px/1.45 system-ui, "Segoe UI", sans-serif; }
 </script>{% endblock %}"""
 )
 
-_WIDGETS = """
+WIDGETS = """
 :host { color: var(--ink); font-family: system-ui, "Segoe UI", sans-serif; font-size: 13px; }
 .bk-input-group > label, .bk-label { color: var(--soft); font-size: 12px; margin-bottom: 1px; }
 .bk-input { background: var(--paper); color: var(--ink); border: 1px solid var(--line); border-radius: 5px;
@@ -165,57 +163,6 @@ def dark_toggle(document: Document) -> Toggle:
     toggle.on_change("active", changed)
     document.js_on_event("document_ready", CustomJS(args={"toggle": toggle}, code=_PREFERRED))
     return toggle
-
-
-class Dress:
-    """Gives widgets the page's style; one for a document."""
-
-    def __init__(self, document: Document) -> None:
-        self._sheet = InlineStyleSheet(css=_WIDGETS)
-        document.template = TEMPLATE
-        document.theme = THEMES[False]
-
-    def put_on(self, *parts: Any) -> None:
-        """Of every widget inside of some parts."""
-        for part in parts:
-            for widget in part.select({"type": Widget}):
-                if self._sheet not in widget.stylesheets:
-                    widget.stylesheets = [self._sheet, *widget.stylesheets]
-
-
-KEYS = (
-    "Keys: 1 to 7 tabs, n save numbers, p save PNG, v save SVG, c copy numbers, l copy the command line, "
-    "d dark or light."
-)
-STUDY_KEYS = "Keys: p save PNG, v save SVG, c copy numbers, l copy the command line, d dark or light."
-
-
-Press = Callable[[], None]
-
-
-def header(document: Document, title: str, kind: str, presses: Iterable[tuple[str, str, Press]]) -> Any:
-    """Name of the program and of what is shown on the left; on the right a button for each text, name and press."""
-    buttons: list[Any] = []
-    for label, key, press in presses:
-        button = Button(label=label, name=key)
-        button.on_click(press)
-        buttons.append(button)
-    text = (
-        '<span style="font-weight:700;color:var(--accent);font-size:15px">specan</span>'
-        f'<span style="color:var(--soft)"> &nbsp;{escape(kind)}&nbsp; </span><b>{escape(title)}</b>'
-    )
-    name = Div(text=text, styles={"white-space": "nowrap", "overflow": "hidden", "text-overflow": "ellipsis"})
-    return row(
-        name, Spacer(sizing_mode="stretch_width"), *buttons, dark_toggle(document), sizing_mode="stretch_width",
-        stylesheets=[on_phone("flex-wrap: wrap;")],
-        styles={"align-items": "center", "border-bottom": "2px solid var(--accent)", "margin-bottom": "5px"},
-    )  # fmt: skip
-
-
-def asked_for(document: Document) -> Mapping[str, Sequence[bytes]]:
-    """Arguments of the address that a page was opened with."""
-    context = document.session_context
-    return context.request.arguments if context is not None and context.request else {}
 
 
 def folded(title: str, content: str) -> str:

@@ -22,19 +22,14 @@ from bokeh.models import (
 from specan.data.calibration import stated
 from specan.errors import RequestError, SpecanError
 from specan.inspect.look import (
-    KEYS,
     PANEL,
     STACKED,
-    BrowserLink,
-    Busy,
-    Dress,
-    asked_for,
-    header,
     notice,
     on_phone,
     whole_width,
 )
 from specan.inspect.opened import Opened
+from specan.inspect.page import Page
 from specan.inspect.plots import plain
 from specan.inspect.tabs.info import InfoTab
 from specan.inspect.tabs.levels import LevelsTab, OctaveTab
@@ -43,7 +38,7 @@ from specan.inspect.tabs.spectra import FftTab, FrfTab, SpectrogramTab
 from specan.inspect.tabs.tab import Found, Tab, text_of
 from specan.inspect.view import View, commands
 from specan.inspect.waveform_view import WaveformView
-from specan.inspect.work import Tell, Work
+from specan.inspect.work import Tell
 from specan.report.figures import figure_of
 from specan.report.html_page import table
 from specan.report.panels import Panel
@@ -64,8 +59,8 @@ _PICTURE_EVERY = 8  # pieces that are read
 _SETTLE_MS = 60  # a pan sends many ranges; one drawing answers them
 
 
-class RecordingPage:
-    """Everything on the page of one browser window.
+class RecordingPage(Page):
+    """Everything on the page of one recording, or of two.
 
     Parameters
     ----------
@@ -73,37 +68,30 @@ class RecordingPage:
     opened : Opened
     """
 
+    kind, saves = "recording", ("txt", "png", "svg")
+    keys = (
+        "Keys: 1 to 7 tabs, n save numbers, p save PNG, v save SVG, c copy numbers, l copy the command line, "
+        "d dark or light."
+    )
+
     def __init__(self, document: Document, opened: Opened) -> None:
-        self.document, self.opened = document, opened
-        self.link = BrowserLink()
-        self.status = Busy(document, "status", height=20, sizing_mode="stretch_width")
+        super().__init__(document, " with ".join(r.label for r in opened.recordings), View, height=20)
+        self.opened = opened
         self.readout = Div(text="", name="readout", sizing_mode="stretch_width")
-        self.refused = ""
-        self.view = self._first_view()
-        self.work = Work(document, self._told, self._failed)
-        self.drawing = Work(document, self._told, self._failed)
-        view = self.view
+        self.drawing = self.worker(self._failed)
+        self.view = view = self._with_channels(self.view)
         self.tabs: dict[str, Tab] = {kind.name: kind(opened, view, self.change) for kind in TABS}
         self.found: Found = []
         self.waveform = WaveformView(opened, view, self._moved, self._chosen)
         self._moving = False
         self._lay_out()
-        document.on_session_destroyed(self._closed)
         self._refresh_waveform()
         self._refresh()
 
-    def _closed(self, context: Any) -> None:
-        self.work.close()
-        self.drawing.close()
-
     # --- what is on the page ----------------------------------------------------------------------
 
-    def _first_view(self) -> View:
-        try:
-            view = View.from_arguments(asked_for(self.document))
-        except RequestError as fault:
-            # Stands until something else is chosen.
-            self.refused, view = str(fault), View()
+    def _with_channels(self, view: View) -> View:
+        """The first channels where the address names none."""
         known = list(self.opened.keys)
         shown = [key for key in view.channel if key in known]
         if not shown:
@@ -128,7 +116,6 @@ class RecordingPage:
         )
         self._body = column(self._waiting, sizing_mode="stretch_both", styles=_GROWS)
         self._side = column(self.readout, sizing_mode="stretch_width")
-        title = " with ".join(r.label for r in self.opened.recordings)
         middle = column(
             self.waveform.sheet, self._front, self._controls, self.status.div, self._body,
             sizing_mode="stretch_both", styles=_GROWS, stylesheets=[whole_width("820px")],
@@ -141,16 +128,10 @@ class RecordingPage:
             self._left(), middle, self._right, sizing_mode="stretch_both", styles={**_GROWS, "gap": "8px"},
             stylesheets=[on_phone(STACKED)],
         )  # fmt: skip
-        self.document.add_root(
-            column(
-                self._header(title), main, *self.link.widgets, sizing_mode="stretch_width",
-                styles={"height": "100vh", "padding": "0 8px 6px", "box-sizing": "border-box"},
-                stylesheets=[on_phone("height: auto !important;")],
-            )
-        )  # fmt: skip
-        self.document.title = f"{title} - specan"
-        apart = [part for tab in self.tabs.values() for part in (*tab.controls, *tab.body, *tab.side)]
-        Dress(self.document).put_on(*self.document.roots, *apart)
+        self.show_page(main, height="100vh")
+        for tab in self.tabs.values():
+            for part in (*tab.controls, *tab.body, *tab.side):
+                self.dressed(part)
 
     def _left(self) -> Any:
         view, keys = self.view, self.opened.keys
@@ -182,17 +163,6 @@ class RecordingPage:
             Div(text=notice(f"Calibration: {self.opened.calibration}"), width=_LEFT - 14, name="calibration"),
             width=_LEFT, sizing_mode="stretch_height", styles=PANEL, stylesheets=[whole_width("340px")],
         )  # fmt: skip
-
-    def _header(self, title: str) -> Any:
-        presses = (
-            ("Save numbers", "save-txt", lambda: self._save("txt")),
-            ("PNG", "save-png", lambda: self._save("png")),
-            ("SVG", "save-svg", lambda: self._save("svg")),
-            ("Copy numbers", "copy-numbers", self._copy_numbers),
-            ("Copy command", "copy-command", self._copy_command),
-            ("?", "keys", lambda: self.status.end(KEYS)),
-        )
-        return header(self.document, title, "recording", presses)
 
     def _show_tab(self) -> None:
         """Put the figures of the tab in front into the page; they have something to show now."""
@@ -308,7 +278,7 @@ class RecordingPage:
         self.status.go_on(f"{self.tabs[self.view.tab].title}: reading, {100 * part:.0f} %")
 
     def _failed(self, message: str) -> None:
-        self.status.end(message, "error")
+        super()._failed(message)
         self._waiting.text = notice(message, "error")
 
     def _save(self, kind: str) -> None:

@@ -6,32 +6,27 @@ import io
 import shlex
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, ScrollBox, TextInput
 
-from specan.errors import RequestError
 from specan.inspect.look import (
     FIGURES,
     PANEL,
     STACKED,
-    STUDY_KEYS,
-    BrowserLink,
     Busy,
-    Dress,
-    asked_for,
     folded,
-    header,
     notice,
     on_phone,
     whole_width,
 )
+from specan.inspect.page import Page
 from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
 from specan.inspect.study_views.ranking import Ranking, Uses
 from specan.inspect.trial import KeptStudy, Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
-from specan.inspect.work import Tell, Work
+from specan.inspect.work import Tell
 from specan.report import study_sheets
 from specan.report.figures_study import figure_comparison
 from specan.report.html_page import table
@@ -47,19 +42,20 @@ _SIDE = 350  # px
 _AS_IT_IS = 112  # px: what the words "Model as it is" take
 
 
-class StudyPage:
-    """Everything on the page of one browser window; accepting writes the study, as ``specan study add`` does.
+class StudyPage(Page):
+    """Everything on the page of a study; accepting writes the study, as ``specan study add`` does.
 
     Fits run beside the page, the diagnosis beside both.
     """
 
+    kind = "study"
+    keys = "Keys: p save PNG, v save SVG, c copy numbers, l copy the command line, d dark or light."
+
     def __init__(self, document: Document, kept: KeptStudy) -> None:
-        self.document, self.kept = document, kept
+        super().__init__(document, kept.directory.resolve().name, StudyView, folds=True)
+        self.kept = kept
         self.study = kept.current()
-        self.work = Work(document, lambda part: None, self._failed)
-        self.diagnosing = Work(document, lambda part: None, self._not_diagnosed)
-        self.dress = Dress(document)
-        self.status = Busy(document, "status", folds=True, sizing_mode="stretch_width")
+        self.diagnosing = self.worker(self._not_diagnosed)
         self.progress = Busy(document, "diagnosis", folds=True, sizing_mode="stretch_width")
         self.trial = Div(text="", name="trial", sizing_mode="stretch_width")
         self.history = Div(text="", name="history", sizing_mode="stretch_width")
@@ -77,24 +73,14 @@ class StudyPage:
         self.tried: Trial | None = None
         self.now: Trial | None = None
         self.adding = self.due = False
-        self.ranking = Ranking(self._try, self._dressed)
+        self.ranking = Ranking(self._try, self.dressed)
         self.agreement = agreement_of(self.study)
-        self.link = BrowserLink()
-        self.view, refused = self._first_view()
         self._follow_microphones()
         self.steps = Div(text="", name="steps", sizing_mode="stretch_width")
         self.map = Div(text="", name="map", sizing_mode="stretch_width")
         self._lay_out()
-        document.on_session_destroyed(self._closed)
         self._show_study()
-        self._begin(refused, self.view.tried)
-
-    def _first_view(self) -> tuple[StudyView, str]:
-        """What the address asks for, and why it is not available."""
-        try:
-            return StudyView.from_arguments(asked_for(self.document)), ""
-        except RequestError as fault:
-            return StudyView(), str(fault)
+        self._begin(self.refused, self.view.tried)
 
     def _follow_microphones(self) -> None:
         """Keep the chosen receivers in the address."""
@@ -103,20 +89,11 @@ class StudyPage:
                 part.choose(self.view.microphone)
                 part.changed = lambda chosen: self._write_address(microphone=chosen)
 
-    def _dressed(self, part: Any) -> Any:
-        self.dress.put_on(part)
-        return part
-
     def _write_address(self, **changes: tuple[str, ...]) -> None:
         self.view = self.view.model_copy(update=changes)
         self.link.address(self.view.query)
 
-    def _closed(self, context: Any) -> None:
-        self.work.close()
-        self.diagnosing.close()
-
     def _lay_out(self) -> None:
-        title = self.kept.directory.resolve().name
         grows = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
         story = column(
             self.verdict, self.progress.div, self.status.div, sizing_mode="stretch_width",
@@ -163,25 +140,8 @@ class StudyPage:
             styles={"height": "calc(100vh - 52px)", "gap": "8px"},
             stylesheets=[on_phone(STACKED)],
         )
-        below = column(self.trial, self.history, sizing_mode="stretch_width")
-        self.document.add_root(
-            column(
-                self._header(title), main, below, *self.link.widgets, sizing_mode="stretch_width",
-                styles={"padding": "0 8px 6px", "box-sizing": "border-box"},
-            )
-        )  # fmt: skip
-        self.dress.put_on(*self.document.roots, bottom)
-        self.document.title = f"{title} - specan"
-
-    def _header(self, title: str) -> Any:
-        presses = (
-            ("PNG", "save-png", lambda: self._save("png")),
-            ("SVG", "save-svg", lambda: self._save("svg")),
-            ("Copy numbers", "copy-numbers", self._copy_numbers),
-            ("Copy command", "copy-command", self._copy_command),
-            ("?", "keys", lambda: self.status.end(STUDY_KEYS)),
-        )
-        return header(self.document, title, "study", presses)
+        self.show_page(main, column(self.trial, self.history, sizing_mode="stretch_width"))
+        self.dressed(bottom)
 
     def _save(self, kind: str) -> None:
         """The figure that ``specan study compare --plot`` draws, of the model as it is."""
@@ -364,7 +324,7 @@ class StudyPage:
         self.adding = False
         self._diagnose_if_due()
         self.accept.disabled = self.tried is None
-        self.status.end(message, "error")
+        super()._failed(message)
 
     def _not_diagnosed(self, message: str) -> None:
         self.progress.end(message, "error")

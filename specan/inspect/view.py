@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 from urllib.parse import urlencode
 
 from pydantic import Field, model_validator
@@ -19,7 +19,7 @@ from specan.inspect.opened import Opened
 from specan.schema import Division, Settings, parse
 
 
-class _InAddress(Settings):
+class InAddress(Settings):
     """Settings that stand in the address of a page."""
 
     @property
@@ -39,8 +39,32 @@ class _InAddress(Settings):
                 pairs.append((name, _text(value)))
         return urlencode(pairs)
 
+    @classmethod
+    def from_arguments(cls, arguments: Mapping[str, Sequence[bytes]]) -> Self:
+        """Settings out of the query of an address.
 
-class View(_InAddress):
+        Raises
+        ------
+        RequestError
+            An unknown name, or a value that cannot be.
+
+        Examples
+        --------
+        >>> View.from_arguments({"fraction": [b"12"], "harmonics": [b"true"]}).fraction
+        12
+        >>> StudyView.from_arguments({"tried": [b"seal-drag", b"windage"]}).query
+        'tried=seal-drag&tried=windage'
+        """
+        content: dict[str, Any] = {}
+        for name, values in arguments.items():
+            texts = tuple(value.decode("utf-8", "replace") for value in values)
+            several = name in cls.model_fields and cls.model_fields[name].default == ()
+            number = name == "fraction" and texts[-1].isdigit()
+            content[name] = texts if several else int(texts[-1]) if number else texts[-1]
+        return parse(cls, content, "the address")
+
+
+class View(InAddress):
     """Everything that can be chosen on the page of a recording.
 
     Attributes
@@ -122,31 +146,8 @@ class View(_InAddress):
         """The same with other values, checked."""
         return parse(View, {**self.model_dump(), **changes}, "this page")
 
-    @classmethod
-    def from_arguments(cls, arguments: Mapping[str, Sequence[bytes]]) -> View:
-        """Settings out of the query of an address.
 
-        Raises
-        ------
-        RequestError
-            An unknown name, or a value that cannot be.
-
-        Examples
-        --------
-        >>> View.from_arguments({"fraction": [b"12"], "harmonics": [b"true"]}).fraction
-        12
-        """
-        content: dict[str, Any] = {}
-        for name, values in arguments.items():
-            texts = [value.decode("utf-8", "replace") for value in values]
-            if name == "channel":
-                content[name] = tuple(texts)
-            else:
-                content[name] = int(texts[-1]) if name == "fraction" and texts[-1].isdigit() else texts[-1]
-        return parse(cls, content, "the address")
-
-
-class StudyView(_InAddress):
+class StudyView(InAddress):
     """What can be chosen on the page of a study.
 
     Attributes
@@ -159,23 +160,6 @@ class StudyView(_InAddress):
 
     tried: tuple[str, ...] = ()
     microphone: tuple[str, ...] = ()
-
-    @classmethod
-    def from_arguments(cls, arguments: Mapping[str, Sequence[bytes]]) -> StudyView:
-        """Settings out of the query of an address.
-
-        Raises
-        ------
-        RequestError
-            An unknown name.
-
-        Examples
-        --------
-        >>> StudyView.from_arguments({"tried": [b"seal-drag", b"windage"]}).query
-        'tried=seal-drag&tried=windage'
-        """
-        content = {n: tuple(v.decode("utf-8", "replace") for v in values) for n, values in arguments.items()}
-        return parse(cls, content, "the address")
 
 
 def _text(value: Any) -> str:
