@@ -19,14 +19,10 @@ from specan.models.trial import check_units, try_assembly, try_model
 Array = NDArray[np.float64]
 Conditions = Mapping[str, Array]
 
-MOST_ROWS = 400  # of the plan that stands for every measurement within the limits
-SMALLEST = 1e-3  # of the largest value of a condition: the smallest but zero
-DRAWS = 3  # places in the ranges of the parameters at which they are asked for
 STEP = 1e-4  # of a parameter's range: central differences are right to 1e-8 there
 # Share of a column below which nothing but rounding is left: differences are right to some 1e-8, see STEP.
 ROUNDING = 1e-6
 SEEN = 0.3  # share of a null direction from which a parameter belongs to it
-NEAR = 0.3  # share of a trace, left by linear combination, below which an effect is fitted to it
 
 
 def check_effect(
@@ -229,10 +225,12 @@ def _told_of(effect: Effect, fault: RequestError) -> RequestError:
 
 def _dense_axes(model: Model) -> list[Array]:
     """Levels of each condition, denser where they are small: what acts at low speed only is met too."""
-    each = max(2, min(100, int(MOST_ROWS ** (1 / len(model.rig.limits)))))
+    # some 400 places stand for every measurement within the limits
+    each = max(2, min(100, int(400 ** (1 / len(model.rig.limits)))))
     axes = []
     for low, high in model.rig.limits.values():
-        sizes = max(abs(low), abs(high)) * np.geomspace(SMALLEST, 1.0, 4 * each)
+        # from a thousandth of the largest value: the smallest but zero
+        sizes = max(abs(low), abs(high)) * np.geomspace(1e-3, 1.0, 4 * each)
         small = np.sort(np.concatenate([-sizes, sizes]))
         small = small[(small > low) & (small < high)]
         picked = np.linspace(0, small.size - 1, min(each // 2, small.size)).astype(int)
@@ -277,7 +275,7 @@ def _draws(assembly: Assembly, names: Sequence[str]) -> list[dict[str, float]]:
     """The defaults, and places in the inner half of the plausible ranges."""
     random = np.random.default_rng(1)
     places = [dict(assembly.defaults)]
-    for _ in range(DRAWS - 1):
+    for _ in range(2):
         place = dict(assembly.defaults)
         for name in names:
             si = assembly.parameters[name].si
@@ -364,7 +362,8 @@ def _imitates(
     columns = np.column_stack(
         [_jacobian(active, names, conditions, active.defaults), with_it - _predict(base, conditions, {})]
     )
-    if np.linalg.norm(_beyond(columns, truth - with_it)) > NEAR * size:
+    # fitted only where linear combination leaves less than three tenths of the trace
+    if np.linalg.norm(_beyond(columns, truth - with_it)) > 0.3 * size:
         return False
     widths = np.array([_range(active, n) for n in names])
     centre = np.array([active.defaults[n] for n in names])

@@ -7,8 +7,6 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 TOLERANCE = 1e-13  # relative change in going once around
-MOST_ROUNDS = 200
-LEAST_STEP, MOST_STEP = 0.05, 10.0  # of the plain iteration's step
 
 State = dict[str, Any]
 
@@ -76,7 +74,7 @@ def fixed_point(around: Callable[[State], State], guess: Mapping[str, Any]) -> b
     with np.errstate(
         all="ignore"
     ):  # one that runs away is told once; an element that has arrived does not move
-        for _ in range(MOST_ROUNDS):
+        for _ in range(200):
             new = around(x)
             gap = {name: new[name] - x[name] for name in x}
             sizes = {name: np.abs(new[name]) + np.abs(x[name]) + 1e-300 for name in x}
@@ -96,6 +94,6 @@ def _steps(x: State, gap: State, x_before: State, gap_before: State) -> State:
     for name in x:
         factor = (x_before[name] - x[name]) / (gap[name] - gap_before[name])
         size = np.abs(factor)
-        limited = factor * np.clip(size, LEAST_STEP, MOST_STEP) / size
+        limited = factor * np.clip(size, 0.05, 10.0) / size  # of the plain iteration's step
         factors[name] = np.where(np.isfinite(size) & (np.real(factor) > 0), limited, 1.0)
     return factors

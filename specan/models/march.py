@@ -26,11 +26,7 @@ from specan.models.effect import ParameterName
 
 Array = NDArray[np.float64]
 Evaluator = Any  # an assembly: its module imports this one
-MOST_STEPS = 16  # a sample; a system for which Runge-Kutta needs more is stiff
 UNSETTLED = False, 4  # method and steps at values at which nothing settles
-RUNAWAY = 1e100
-EXACT = 1e-3  # of a state's RMS: change on doubling the steps that is small where no noise is declared
-NEARLY = 10.0  # times that, with which Runge-Kutta's method is kept: corners, and no stiffness, slow its convergence
 
 
 class Program:
@@ -341,7 +337,7 @@ class Solver:
                         )
                         way(times, steps, given, own, on, states)
                         found[:, :, k] = states
-            found[~(np.abs(found) < RUNAWAY)] = np.nan
+            found[~(np.abs(found) < 1e100)] = np.nan
             return found
 
         return march
@@ -352,14 +348,16 @@ class Solver:
         for implicit in (False, True):
             steps, last = 1, march(implicit, 1)[:, :, 0]
             excess = np.inf
-            while steps < MOST_STEPS:
+            while steps < 16:  # a system for which Runge-Kutta needs more a sample is stiff
                 found = march(implicit, 2 * steps)[:, :, 0]
                 change, size = (np.sqrt(np.mean(part**2, axis=1)) for part in (found - last, found))
-                excess = np.max(change / (np.where(allowed > 0, allowed, EXACT * size) + 1e-300))
+                # where no noise is declared, a thousandth of a state's RMS is a small change
+                excess = np.max(change / (np.where(allowed > 0, allowed, 1e-3 * size) + 1e-300))
                 if excess <= 1:
                     return implicit, steps
                 steps, last = 2 * steps, found
-            if excess <= NEARLY:
+            # ten times that still keeps Runge-Kutta's method: corners, and no stiffness, slow its convergence
+            if excess <= 10.0:
                 return implicit, steps // 2
         return None
 

@@ -17,8 +17,6 @@ from specan.study.evidence.promises import Catalogue
 from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
 
-ROUNDS = 2  # of effects that are added one by one before the noise is looked at
-
 
 def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit]:
     """Observations whitened by what the model with every effect leaves, and the model fitted under that.
@@ -32,7 +30,7 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit]:
     if not all(isinstance(o, TimeObservation) for o in problem.observations):
         return problem, base
     largest, reached = problem, base
-    for _ in range(ROUNDS):
+    for _ in range(2):  # effects that are added before the noise is looked at
         catalogue = Catalogue(largest, reached)
         marginal = Marginal(Tangent.at(largest, reached.theta, reached.residual, reached.jacobian))
         promises = sorted(catalogue.promises(marginal), key=lambda p: -p.ln_gain)

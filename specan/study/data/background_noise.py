@@ -13,9 +13,6 @@ from specan.errors import InputError
 
 NEAR_DB = 10.0  # below the recording, within which a line is said to be near the background
 MOST_RUNS = 6  # of neighbouring lines that are named
-SURE = (
-    0.999  # quantile of a Welch estimate below which the background agrees with the noise between the lines
-)
 
 Real = NDArray[np.float64]
 
@@ -50,7 +47,8 @@ class Background:
         """
         from scipy.stats import chi2
 
-        sure = chi2.ppf(SURE, 2 * self.averages) / (2 * self.averages)
+        # below this quantile of a Welch estimate the background agrees with the noise between the lines
+        sure = chi2.ppf(0.999, 2 * self.averages) / (2 * self.averages)
         return np.where(self.density > sure * noise, self.density, noise)
 
 

@@ -24,9 +24,6 @@ from specan.study.observation.time import TimeObservation
 from specan.units import convert, is_compatible
 
 TITLE = "a recording (TDMS, WAV, CSV, MAT, HDF5, UFF)"
-STATED_DOF, GUESSED_DOF = 10.0, 1.0  # degrees of freedom of a noise that is stated, that the data tell
-FEW = 1000  # samples on which a user's functions are tried
-LEAST_NOISE = 1e-6  # of a channel's scatter
 
 
 def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
@@ -54,7 +51,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     held_out = [whole.take(aside)] if np.any(aside) else []
     held_out += [_observation(model, wanted.validations, checked, noise)] if checked else []
     if model.is_own:
-        few = {n: v[:FEW] for n, v in fitted[0][0].items()}
+        few = {n: v[:1000] for n, v in fitted[0][0].items()}  # samples on which a user's functions are tried
         model.assemble(model.base_effects).evaluate(
             {n: v[:2] for n, v in few.items()}
         )  # compiles, which takes seconds
@@ -135,7 +132,8 @@ def _noise(model: Model, name: str, values: Sequence[Array]) -> tuple[float, boo
         return stated, True
     quick = [np.diff(v, 3) for v in values]
     size = np.sqrt(np.mean(np.concatenate(quick) ** 2) / 20)  # 1 + 9 + 9 + 1: of white noise
-    return max(float(size), LEAST_NOISE * float(np.std(np.concatenate(values))), 1e-300), False
+    least = max(1e-6 * float(np.std(np.concatenate(values))), 1e-300)
+    return max(float(size), least), False
 
 
 def _observation(
@@ -158,7 +156,8 @@ def _observation(
         covariance=sigma**2,
         recordings=tuple(file.name for file in files),
         recording=recording[position],
-        noise_dof=STATED_DOF if all(stated for _, stated in noise.values()) else GUESSED_DOF,
+        # a noise that is stated is known with ten degrees of freedom, one that the data tell with one
+        noise_dof=10.0 if all(stated for _, stated in noise.values()) else 1.0,
         available=frozenset(series),
         series=(series, recording),
         position=position,

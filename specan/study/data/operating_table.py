@@ -262,7 +262,6 @@ def check_varied(rows: Rows, model: Model) -> None:
 
 
 SCATTER = 3.0  # standard deviations of setting by which a limit may be passed
-IDLE = 0.05  # share of the upper limit below which a condition that `idles` does so
 OUTRAGEOUS = 8.0  # standard deviations beyond which a repeat is no scatter
 MOST_NAMED = 5  # lines in one message
 
@@ -350,7 +349,8 @@ def _outside(
     reach = SCATTER * np.asarray(setting.at(values)) + 0.05 * (high - low)
     bad = (values < low - reach) | (values > high + reach)
     if condition.idles:
-        bad &= ~(np.abs(values) <= IDLE * high)
+        # a condition that `idles` does so below a twentieth of its upper limit
+        bad &= ~(np.abs(values) <= 0.05 * high)
     return np.asarray(bad)
 
 

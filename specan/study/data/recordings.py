@@ -21,9 +21,7 @@ Real = NDArray[np.float64]
 
 HUM_S = 1.0  # of a block, in which multiples of 50 and 60 Hz are lines
 HARMONICS, LEAST_HUM = 8, 2  # of the mains that are looked at; that have to stand out
-STANDS_OUT = 10.0  # power of a line over its neighbours; of four averages chance gives 3
 SECTIONS = 24  # of a recording, over which a drift is sought
-BY_CHANCE, LEAST_DRIFT_DB = 1e-5, 0.3  # of 30 channels; less than a calibration is known
 
 
 def reads(path: Path) -> bool:
@@ -127,7 +125,9 @@ def _hum(samples: Real, excitation: Real, rate: float) -> list[str]:
     for mains in (50, 60):
         places = [round(k * mains * HUM_S) for k in range(1, HARMONICS + 1) if k * mains < 0.4 * rate]
         stands = [
-            place for place in places if _above(spectra[0], place) > STANDS_OUT > _above(spectra[1], place)
+            place  # ten times the power of its neighbours; of four averages chance gives three
+            for place in places
+            if _above(spectra[0], place) > 10.0 > _above(spectra[1], place)
         ]
         # A mode may lie on one of the multiples: hum has the first or the second beside others.
         if len(stands) >= LEAST_HUM and stands[0] in places[:2]:
@@ -151,5 +151,6 @@ def _drift(samples: Real, excitation: Real) -> list[str]:
         return []
     level = 20 * np.log10(rms[0] / rms[1])
     line = linregress(np.linspace(0, 1, SECTIONS), level)
-    sure = line.pvalue < BY_CHANCE and abs(line.slope) > LEAST_DRIFT_DB
+    # by chance in none of 30 channels, and no less than a calibration is known
+    sure = line.pvalue < 1e-5 and abs(line.slope) > 0.3
     return [f"a drift of {line.slope:+.1f} dB over the recording"] if sure else []

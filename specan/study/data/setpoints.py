@@ -12,7 +12,6 @@ from specan.study.observation import Array
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
 GROUPS = 8  # of neighbours, into which values without set-points are divided
-NEXT, LATER = 0.5, 0.1  # standard deviations of setting within which two rows are readings of one setting
 ENOUGH = 8  # degrees of freedom above which repeats are believed
 TIME = "elapsed_time"  # orders the readings; never a setting
 CHANCE = 1e-3  # probability below which gaps of two sizes are no accident
@@ -238,7 +237,8 @@ def _set_anew(
     Half the scatter of setting where the one row follows the other in the table, a tenth where other rows lie between.
     """
     changed = np.zeros(order.size, dtype=bool)
-    share = np.where(np.diff(order, prepend=-1) == 1, NEXT, LATER)
+    # standard deviations of setting within which two rows, next to each other or not, are readings of one setting
+    share = np.where(np.diff(order, prepend=-1) == 1, 0.5, 0.1)
     for name, values in conditions.items():
         if name != TIME:
             ordered = values[order]

@@ -32,12 +32,7 @@ from specan.units import convert, printed_unit
 
 Array = NDArray[np.float64]
 
-LEAST_WEIGHT = 0.02  # a wrong leader must not freeze the design
-NEAR = 0.15  # share of the limits within which a point is a near duplicate
-SAME = 1e-6  # share of the limits within which two points are one
-STEPS = 9  # levels of each condition
 MOST_POINTS = 4096  # conditions that are looked at; of more combinations half as many, and the corners
-MOST_CORNERS = 10  # conditions up to which all corners are among them
 
 
 def propose(
@@ -62,7 +57,8 @@ def propose(
     """
     if len(rivals) < 2:
         return ()
-    weights = np.maximum(probabilities or np.ones(len(rivals)), LEAST_WEIGHT)
+    # at least 0.02: a wrong leader must not freeze the design
+    weights = np.maximum(probabilities or np.ones(len(rivals)), 0.02)
     problem = rivals[0].problem
     if can_place(problem):
         found = propose_places(rivals, weights, count)
@@ -88,7 +84,7 @@ def explore(start: Refit, blocks: Sequence[Block]) -> tuple[Proposal, ...]:
     for _ in range(EXPLORED):
         gap = KDTree(measured).query(place)[0]
         row = int(np.argmax(np.where(np.isfinite(predicted), gap, -1.0)))
-        if not np.isfinite(predicted[row]) or gap[row] < SAME:
+        if not np.isfinite(predicted[row]) or gap[row] < 1e-6:
             break
         one = _proposal([start], planned, predicted[None, row], row)
         told = f"where the model fails ({blocks[0].text}) and nothing was measured nearby"
@@ -120,7 +116,8 @@ def _greedy(rivals: Sequence[Refit], weights: Array, planned: TableObservation, 
         found.append(
             _proposal(rivals, planned, predicted[:, best], best, float(apart[best]), float(least[best]))
         )
-        usable &= np.max(np.abs(place - place[best]), axis=1) > NEAR
+        # what is nearer than 0.15 of the limits is a near duplicate
+        usable &= np.max(np.abs(place - place[best]), axis=1) > 0.15
         covariances = [after_reading(c, j[best]) for c, j in zip(covariances, slopes)]
     return found
 
@@ -231,7 +228,7 @@ def operating_grid(problem: Problem, block: Block | None = None) -> dict[str, Ar
         points = np.column_stack(
             [own[(share * own.size).astype(int)] for share, own in zip(spread.T, levels)]
         )
-        if len(levels) <= MOST_CORNERS:
+        if len(levels) <= 10:  # conditions up to which all corners are among them
             points = np.vstack([list(product(*((own[0], own[-1]) for own in levels))), points])
     return dict(zip(axes, points.T))
 
@@ -264,7 +261,7 @@ def _beside(problem: Problem, condition: Condition, level: float) -> Array:
 def _round_steps(condition: Condition, low: float, high: float) -> Array:
     """Levels that a person would set: even steps, round in the column's unit."""
     ends = [float(convert(v, condition.unit, condition.column_unit)) for v in (low, high)]
-    raw = (ends[1] - ends[0]) / (STEPS - 1)
+    raw = (ends[1] - ends[0]) / 8  # nine levels or more
     size = 10.0 ** np.floor(np.log10(raw))
     step = size * next(m for m in (1, 2, 2.5, 5, 10) if m * size >= raw * 0.999)
     inner = np.arange(np.ceil(ends[0] / step), np.floor(ends[1] / step) + 1) * step

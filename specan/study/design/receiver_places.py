@@ -28,12 +28,10 @@ from specan.study.observation import Array
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
 from specan.study.selection.refits import Refit
 
-EVERY_HZ = 3.0  # lines that a planned receiver is looked at
-
 
 def few_lines(observation: FrfObservation) -> FrfObservation:
     """About every third line, seen without windows, each worth what the lines around it are worth together."""
-    every = max(1, round(EVERY_HZ / observation.line_hz))
+    every = max(1, round(3.0 / observation.line_hz))  # lines that a planned receiver is looked at
     lines = np.flatnonzero(observation.kept.any(axis=0))[::every]
     alike = 1 + 2 * sum(LINE_CORRELATION[1:every])  # neighbouring lines say in part the same
     few = observation.of_lines(lines)

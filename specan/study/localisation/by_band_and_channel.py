@@ -28,12 +28,9 @@ from specan.study.localisation.localise import (
 )
 from specan.study.observation import Array, Variable
 
-MOST_SENTENCES = 3  # that are told
 NEAR_MODE = (
     0.03  # of its frequency: about what an error of 10 K or an unmodelled soft boundary moves a mode by
 )
-LONGEST_RUN = 3  # third octaves: an error that goes on further is said of all frequencies
-GAIN = 1.1  # by how much |z| has to be larger for a smaller or larger place to be named instead
 
 Cells = tuple[Sequence[int], Sequence[int]]  # numbers of channels and of third octaves
 
@@ -197,17 +194,19 @@ def _trends(blocks: Sequence[Block], variables: Mapping[str, Variable]) -> tuple
 def _sentences(errors: _Errors, groups: Sequence[tuple[str, Sequence[int]]]) -> list[str]:
     """The clearest places, each a run of third octaves at some receivers; none twice."""
     count = len(errors.bands)
-    ends = [(a, a + n) for n in range(1, LONGEST_RUN + 1) for a in range(count - n + 1)]
+    # of up to three third octaves: an error that goes on further is said of all frequencies
+    ends = [(a, a + n) for n in (1, 2, 3) for a in range(count - n + 1)]
     runs = [range(*pair) for pair in dict.fromkeys([*ends, (0, count)])]
     every = [(errors.failure((m, b)), text, m, b) for text, m in groups for b in runs]
     taken: set[tuple[int, int]] = set()
     found: list[str] = []
-    for _ in range(MOST_SENTENCES):
+    for _ in range(3):
         free = [e for e in every if not taken.intersection((m, b) for m in e[2] for b in e[3])]
         best = max((e[0].clarity for e in free), default=0.0)
         if best < CLEAR:
             break
-        alike = [e for e in free if GAIN * e[0].clarity >= best]
+        # a smaller or larger place is named instead only where |z| is larger by a tenth
+        alike = [e for e in free if 1.1 * e[0].clarity >= best]
         off, text, channels, bands = max(alike, key=lambda e: len(e[2]) * len(e[3]))
         taken |= {(m, b) for m in channels for b in bands}
         z = off.z if abs(off.z) >= abs(off.z_phase) else off.z_phase

@@ -13,8 +13,6 @@ from specan.study.observation import Array, Variable
 from specan.study.observation.time import TimeObservation
 
 SEGMENTS = 8  # of a recording, before their overlap
-FOLLOWS = 0.2  # coherence from which bands are named
-CHANCE = 1e-4
 
 
 def localise(problem: Problem, best: Fit) -> Localisation:
@@ -81,10 +79,10 @@ def _following(
         _, given = welch(values, rate, nperseg=size)
         _, cross = csd(values, gap, rate, nperseg=size)
         coherence = np.abs(cross) ** 2 / np.maximum(left * given, 1e-300)
-        along = np.where(coherence > FOLLOWS, coherence * left, 0.0)
+        along = np.where(coherence > 0.2, coherence * left, 0.0)  # coherence from which bands are named
         along[:2] = 0.0
         k = int(np.argmax(along))
-        if not along[k] > 0 or (1 - coherence[k]) ** (SEGMENTS - 1) * f.size > CHANCE:
+        if not along[k] > 0 or (1 - coherence[k]) ** (SEGMENTS - 1) * f.size > 1e-4:
             continue
         low = high = k
         while low > 1 and along[low - 1] > 0.05 * along[k]:

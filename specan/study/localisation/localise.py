@@ -30,8 +30,6 @@ from specan.study.observation import KINDS, Variable, kind_named, variable_named
 LEVEL = 0.05  # false discovery rate
 CLEAR = 3.0  # |z| from which a mean error is named
 
-MOST_ROWS = 3000  # of data; beyond it blocks are tested by their direction only
-
 
 @dataclass(frozen=True)
 class Block:
@@ -309,7 +307,7 @@ def _block(
     variables: Mapping[str, Variable],
 ) -> Block:
     error, z = direction
-    if rows.size <= MOST_ROWS:
+    if rows.size <= 3000:  # of data; beyond it blocks are tested by their direction only
         statistic, dof = algebra.statistic(rows)
     else:
         statistic, dof = z**2, 1.0

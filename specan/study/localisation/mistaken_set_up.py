@@ -29,13 +29,6 @@ Complex = NDArray[np.complex128]
 # An effect bends the field; a mistake's undoing chooses among whole sets of places, and the best of wrong ones never
 # came below 0.92 of the chi-square in 31 cases with strong effects and no mistake (benchmarks/mistaken_set_ups.py).
 SHARE = 0.5  # of the chi-square on the coarse view that may be left with a mistake undone
-# Another place of the source, a choice among continuous ones, has to leave less than half of the response: with the
-# modes some per cent elsewhere, as in air 10 K off, the best place left two thirds and was wrong (2 of 18 cases).
-MOST_LEFT_PERCENT = 50.0
-EACH_WAY = 7  # places of a source along each edge that are looked at first
-LIKELY = 40  # of them, at which the source is tried itself: with its near field, and as strong as it is
-REFINED = 12  # steps of the place of a source, each half the one before where nothing is better
-FROM_EDGE = 0.04
 
 
 @dataclass(frozen=True)
@@ -130,7 +123,9 @@ def _hypotheses(problem: Problem, receivers: Receivers) -> Iterator[tuple[_Fitte
             return
     if receivers.source is not None:
         fitted, text = _source_elsewhere(problem, receivers.source)
-        if fitted.percent < MOST_LEFT_PERCENT:
+        # Another place, a choice among continuous ones, has to leave less than half of the response: with the modes some
+        # per cent elsewhere, as in air 10 K off, the best place left two thirds and was wrong (2 of 18 cases).
+        if fitted.percent < 50.0:
             yield fitted, text
 
 
@@ -219,11 +214,11 @@ def _listed(names: Sequence[str]) -> str:
 
 def _source_elsewhere(problem: Problem, source: SourcePlaces) -> tuple[_Fitted, str]:
     """The source where it suits the data best, over all faces."""
-    grid = np.linspace(FROM_EDGE, 1 - FROM_EDGE, EACH_WAY)
+    grid = np.linspace(0.04, 0.96, 7)  # along each edge
     misfit = _Misfit(problem, source)
     best = min((misfit(face, a, b), face, a, b) for face, a, b in misfit.likely(source.faces, grid))
     step = float(grid[1] - grid[0]) / 2
-    for _ in range(REFINED):
+    for _ in range(12):  # steps of the place of a source, each half the one before where nothing is better
         _, face, a, b = best
         ways = [(a + i * step, b + j * step) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
         inside = [(x, y) for x, y in ways if 0 <= x <= 1 and 0 <= y <= 1]
@@ -264,7 +259,8 @@ class _Misfit:
             share += np.concatenate(
                 [explained(o.response * o.kept / o.noise, placed, found, face, places, o) for face in faces]
             )
-        return [everywhere[k] for k in np.argsort(-share)[:LIKELY]]
+        # at the likeliest 40 the source is tried itself: with its near field, and as strong as it is
+        return [everywhere[k] for k in np.argsort(-share)[:40]]
 
     def __call__(self, face: str, across: float, along: float) -> float:
         there = _with_source(self._problem, self._source, face, across, along)

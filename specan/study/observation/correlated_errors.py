@@ -15,7 +15,6 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Responses = Callable[[Assembly, Sequence[Mapping[str, Any]]], list[Complex]]
 
-DISCREPANCY_BANDS = 3  # an octave: how quickly the model's own error may turn with frequency
 STEP_M = 1e-3  # of the differences that give slopes of the field
 PLACE = slice(0, 3)  # columns of the three coordinates
 
@@ -148,7 +147,7 @@ def moved_to(
 
 def piecewise_linear_basis(frequency_hz: Array) -> Array:
     """Hat functions a third of an octave apart: a smooth error is a mixture of them."""
-    place = DISCREPANCY_BANDS * np.log2(frequency_hz)
+    place = 3 * np.log2(frequency_hz)  # three an octave: how quickly the model's own error may turn
     centres = np.arange(np.floor(place[0]), np.ceil(place[-1]) + 1)
     basis = np.clip(1 - np.abs(place - centres[:, None]), 0, None)
     found: Array = basis[basis.any(axis=1)]

@@ -14,8 +14,6 @@ from specan.study.observation import Array, Strategy
 from specan.study.observation.autoregression import of_likely_order, spectrum
 from specan.study.observation.table import TableObservation
 
-LEAST_WORTH = 20.0  # independent samples that any recording is worth
-
 
 @dataclass(frozen=True, eq=False)
 class TimeObservation(TableObservation):
@@ -68,5 +66,6 @@ class TimeObservation(TableObservation):
                 power = np.abs(np.fft.rfft(directions[rows], 2 * rows.size, axis=0)) ** 2
                 power[1:-1] *= 2
                 along += spectrum(reflections, 2 * rows.size) @ power / (2 * rows.size)
-        inflation = float(np.clip(np.max(along, initial=1.0), 1.0, max(self.n / LEAST_WORTH, 1.0)))
+        # any recording is worth twenty independent samples
+        inflation = float(np.clip(np.max(along, initial=1.0), 1.0, max(self.n / 20.0, 1.0)))
         return replace(self, covariance=self.covariance * inflation / self.inflation, inflation=inflation)
