@@ -49,9 +49,9 @@ def drop(directory: Path, effect_name: str, effects: tuple[Path, ...], because: 
     \b
     specan study drop my_study seal-drag
     """
-    from specan.study.edit import drop_effect, drop_effect_file, is_effect_file
+    from specan.study.edit import drop_effect, drop_effect_file
 
-    if not is_effect_file(directory, effect_name):
+    if not effect_name.endswith(".py"):
         _show(drop_effect(open_study(directory, effects), effect_name, because), **shown)
         return
     dropped = drop_effect_file(directory, effect_name)

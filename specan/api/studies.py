@@ -232,9 +232,9 @@ class Study:
         Change or None
             Errors before and after, remarks; None for a file, which was only a candidate.
         """
-        from specan.study.edit import drop_effect, drop_effect_file, is_effect_file
+        from specan.study.edit import drop_effect, drop_effect_file
 
-        if is_effect_file(self.directory, effect):
+        if effect.endswith(".py"):
             drop_effect_file(self.directory, effect)
             self._now(OpenedStudy(self.directory))
             return None

@@ -5,7 +5,7 @@ And a rig file to begin with: what a model may be told, with its units, as comme
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from specan.errors import RequestError, nearest
@@ -22,13 +22,10 @@ def describe_model(model: Model) -> dict[str, Any]:
         "title": model.title,
         "notes": list(model.notes),
         "conditions": {
-            c.name: {
-                "column": c.column, "column_unit": c.column_unit, "default": c.default, "doc": c.doc,
-            }
-            for c in model.conditions.values()
+            c.name: _plain(c, ("column", "column_unit", "default", "doc")) for c in model.conditions.values()
         },
         "observables": {
-            o.name: {"quantity": o.quantity, "unit": o.unit, "doc": o.doc} for o in model.observables.values()
+            o.name: _plain(o, ("quantity", "unit", "doc")) for o in model.observables.values()
         },
         "base_effects": list(model.base_effects),
         "effects": {e.name: describe_effect(model, e) for e in model.effects.values()},
@@ -39,38 +36,30 @@ def describe_model(model: Model) -> dict[str, Any]:
 
 
 def describe_effect(model: Model, effect: Effect) -> dict[str, Any]:
-    """Everything that an effect declares."""
-    return {
-        "name": effect.name,
+    """An effect as a mapping: what it changes, its parameters and where it holds."""
+    names = (
+        "name", "instrument", "explanation", "adds_to", "scales", "joins", "reads", "at", "needs", "aliases",
+        "separate_by", "reference",
+    )  # fmt: skip
+    return _plain(effect, names) | {
         "in_base": effect.name in model.base_effects,
-        "instrument": effect.instrument,
-        "explanation": effect.explanation,
-        "adds_to": list(effect.adds_to),
-        "scales": list(effect.scales),
-        "joins": list(effect.joins),
-        "reads": list(effect.reads),
-        "at": effect.at,
         "parameters": _parameters(effect.parameters, effect.neutral),
         "valid": {name: {"low": v[0], "high": v[1], "unit": v[2]} for name, v in effect.valid.items()},
-        "needs": list(effect.needs),
-        "aliases": list(effect.aliases),
-        "separate_by": effect.separate_by,
-        "reference": effect.reference,
     }
 
 
 def describe_quantity(model: Model, quantity: Quantity) -> dict[str, Any]:
-    """What a quantity is, what it reads, and which effects change it."""
-    return {
-        "name": quantity.name,
-        "unit": quantity.unit,
-        "doc": quantity.doc,
-        "axes": list(quantity.axes),
-        "reads": list(quantity.reads),
-        "reference": quantity.reference,
+    """A quantity as a mapping: what it reads and what changes it."""
+    return _plain(quantity, ("name", "unit", "doc", "axes", "reads", "reference")) | {
         "parameters": _parameters(quantity.parameters, {}),
         "changed_by": [e.name for e in model.effects.values() if quantity.name in e.changes],
     }
+
+
+def _plain(one: object, names: Sequence[str]) -> dict[str, Any]:
+    """Some attributes; lists for tuples."""
+    found = {name: getattr(one, name) for name in names}
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in found.items()}
 
 
 def find_part(model: Model, name: str) -> Effect | Quantity:
@@ -85,18 +74,9 @@ def find_part(model: Model, name: str) -> Effect | Quantity:
 
 
 def _parameters(parameters: Mapping[str, Parameter], neutral: Mapping[str, float]) -> dict[str, Any]:
+    names = ("default", "unit", "domain", "fixed", "per", "needs", "doc")
     return {
-        name: {
-            "default": p.default,
-            "unit": p.unit,
-            "plausible": [p.min, p.max],
-            "domain": list(p.domain),
-            "neutral": neutral.get(name),
-            "fixed": p.fixed,
-            "per": p.per,
-            "needs": list(p.needs),
-            "doc": p.doc,
-        }
+        name: _plain(p, names) | {"plausible": [p.min, p.max], "neutral": neutral.get(name)}
         for name, p in parameters.items()
     }
 

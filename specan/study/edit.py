@@ -21,7 +21,7 @@ from specan.study.estimation.fit import fit, intervals_95, profile_interval
 from specan.study.history import History, Step, changing, commit, error_pairs, line_of
 from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
-from specan.study.study_file import NAME, StudyFile, StudyText, read_study_file
+from specan.study.study_file import NAME, StudyText, read_study_file
 from specan.study.user_effects import rival_laws
 
 RISES = "the error on {} data rises"
@@ -160,13 +160,8 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
     return Change(before, after, study, changed, {}, (), tuple(remarks))
 
 
-def is_effect_file(directory: Path, name: str) -> bool:
-    """Whether `name` is an effect file of the study, or an effect that only such a file brings."""
-    return bool(_files_of(read_study_file(directory), directory, name))
-
-
 def drop_effect_file(directory: Path, name: str) -> str:
-    """Take a user's effect file out of a study: by its own name, or by that of an effect that it brings.
+    """Take a user's effect file out of a study.
 
     The study is not opened, so that a file that cannot be loaded or evaluated any more can be taken out too.
 
@@ -175,7 +170,7 @@ def drop_effect_file(directory: Path, name: str) -> str:
     directory : Path
         Of the study.
     name : str
-        ``my_effect.py``, or ``my-effect``.
+        ``my_effect.py``.
 
     Returns
     -------
@@ -190,39 +185,26 @@ def drop_effect_file(directory: Path, name: str) -> str:
     with changing(directory):
         text = StudyText(directory / NAME)
         content = text.content
-        files = _files_of(content, directory, name)
-        if len(files) != 1:
-            known = [Path(e.file).name for e in content.effect_file]
+        files = [e.file for e in content.effect_file]
+        wanted = next((file for file in files if Path(file).name == Path(name).name), None)
+        if wanted is None:
             raise RequestError(
                 f"{name!r} is not an effect file of the study",
-                expected="one of " + ", ".join(known) if known else "",
+                expected="one of " + ", ".join(Path(file).name for file in files) if files else "",
             )
-        source = _source(directory / files[0])
+        path = directory / wanted
+        source = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
         held = [e.use.name for e in content.effect if _defines(source, e.use.name)]
         if held:
-            raise RequestError(f"the model holds {held[0]!r} of {files[0]}", remedy="drop that effect first")
-        text.drop_effect_file(files[0])
+            raise RequestError(f"the model holds {held[0]!r} of {wanted}", remedy="drop that effect first")
+        text.drop_effect_file(wanted)
         commit(directory, text.text, "")
-    return files[0]
-
-
-def _files_of(content: StudyFile, directory: Path, name: str) -> list[str]:
-    """Effect files that are called `name`, or that bring an effect of that name which is not in the model."""
-    files = [e.file for e in content.effect_file]
-    if name.endswith(".py"):
-        return [file for file in files if Path(file).name == Path(name).name]
-    if name in {str(e.use) for e in content.effect}:
-        return []
-    return [file for file in files if _defines(_source(directory / file), name)]
+    return wanted
 
 
 def _defines(source: str, effect: str) -> bool:
     """Whether a file's text declares an effect of that name; the file may be broken and is not run."""
     return re.search(rf"@effect\(\s*(name\s*=\s*)?['\"]{re.escape(effect)}['\"]", source) is not None
-
-
-def _source(path: Path) -> str:
-    return path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
 
 
 def _as_it_stands(study: Study) -> Study:

@@ -123,8 +123,8 @@ def _hypotheses(problem: Problem, receivers: Receivers) -> Iterator[tuple[_Fitte
             return
     if receivers.source is not None:
         fitted, text = _source_elsewhere(problem, receivers.source)
-        # Another place, a choice among continuous ones, has to leave less than half of the response: with the modes some
-        # per cent elsewhere, as in air 10 K off, the best place left two thirds and was wrong (2 of 18 cases).
+        # Another place, a choice among continuous ones, has to leave less than half of the response: with the modes
+        # some per cent elsewhere, as in air 10 K off, the best place left two thirds and was wrong (2 of 18 cases).
         if fitted.percent < 50.0:
             yield fitted, text
 
