@@ -15,7 +15,6 @@ from specan.result import Result, counted
 from specan.study.estimation.fit import intervals_95, profile_interval
 from specan.study.estimation.left_out import left_out_errors
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
-from specan.study.selection.law_search import Law
 from specan.study.selection.pulls import Pull
 from specan.study.selection.refits import Refit
 
@@ -249,7 +248,7 @@ class Diagnosis(Result):
     lack_of_fit: LackOfFit | None = None
     model_discrepancy_percent: float = 0.0
     fails_at: tuple[Mapping[str, Any], ...] = ()
-    residual_law: Law | None = None
+    residual_law: Mapping[str, str] | None = None
     smallest_visible: Mapping[str, Mapping[str, Any] | None] = field(default_factory=dict)
     not_testable: Mapping[str, str] = field(default_factory=dict)
     next_measurement: tuple[Mapping[str, Any], ...] = ()
@@ -287,7 +286,7 @@ class Diagnosis(Result):
 
     def content(self) -> dict[str, Any]:
         """The contract of ``specan study diagnose --json``."""
-        lack, law = self.lack_of_fit, self.residual_law
+        lack = self.lack_of_fit
         names = ("reduced_chi2", "p_value", "n_effective")
         return {
             "verdict": self.verdict,
@@ -305,7 +304,7 @@ class Diagnosis(Result):
             "lack_of_fit": dict.fromkeys(names) if lack is None else lack,
             "model_discrepancy_percent": self.model_discrepancy_percent,
             "fails_at": self.fails_at,
-            "residual_law": law and {"text": law.text_with_values, "quantity": law.quantity},
+            "residual_law": self.residual_law,
             "smallest_visible": self.smallest_visible,
             "not_testable": self.not_testable,
             "next_measurement": self.next_measurement,

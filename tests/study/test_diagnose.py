@@ -11,12 +11,13 @@ from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.estimation.linear import Projection
+from specan.study.history import KeptResults
 from specan.study.observation.table import TableObservation
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.law_search import likeliest_law
 from specan.study.selection.pulls import pulls
 from specan.study.selection.refits import Refit, Refits
-from specan.study.verdict import parameters_of
+from specan.study.verdict import Diagnosis, parameters_of
 
 
 @effect("timid", adds_to="heat", neutral={"c": 0.0})
@@ -112,11 +113,13 @@ def test_a_second_effect_becomes_probable_as_it_grows(toy):
 
 
 def test_something_unknown_is_called_unknown_and_described(toy):
-    found = diagnose(toy.problem(lambda x, z: 6 * x**3, ["cross", "zero-error", "saturating"], seed=6))
+    problem = toy.problem(lambda x, z: 6 * x**3, ["cross", "zero-error", "saturating"], seed=6)
+    found = diagnose(problem)
     assert found.verdict == "unknown-effect"
     assert found.unknown_possible
-    assert _left_of(6 * toy.x**3, found.residual_law, toy) < 0.03
-    assert "heat" in found.residual_law.text_with_values
+    law = likeliest_law(Refit(frozenset(), problem, fit(problem)))
+    assert _left_of(6 * toy.x**3, law, toy) < 0.03
+    assert found.residual_law == {"text": law.text_with_values, "quantity": "heat"}
 
 
 def test_what_a_named_effect_leaves_is_told(toy):
@@ -329,9 +332,13 @@ ROW = {
 
 
 @pytest.mark.parametrize("truth", [nothing, lambda x, z: 3 * x**2, lambda x, z: 6 * x**3])
-def test_json_is_the_contract(toy, truth):
+def test_json_is_the_contract_and_a_diagnosis_can_be_kept(toy, truth, tmp_path):
     names = ["cross", "zero-error", "wave"] if truth(1.0, 0.0) == 6 else CATALOGUE
-    found = diagnose(toy.problem(truth, names, seed=16)).to_dict()
+    whole = diagnose(toy.problem(truth, names, seed=16))
+    kept = KeptResults(tmp_path, {})
+    kept.keep("diagnosis", whole)
+    assert kept.find("diagnosis", Diagnosis).to_dict() == whole.to_dict()
+    found = whole.to_dict()
     assert set(found) == KEYS
     assert all(set(row) == ROW for row in found["ranking"])
     assert set(found["lack_of_fit"]) == {"reduced_chi2", "p_value", "n_effective"}

@@ -126,7 +126,7 @@ class _Telling:
             lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
             model_discrepancy_percent=float(self.problem.assembly.model.rig.discrepancy_percent),
             fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
-            residual_law=law,
+            residual_law=law and {"text": law.text_with_values, "quantity": law.quantity},
             smallest_visible=visible,
             not_testable=self.explanations.forms[0].catalogue.not_testable,
             other_form=_form(self._best.best) if kind == "nothing-missing" else "",
