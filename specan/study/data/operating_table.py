@@ -151,8 +151,6 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
     # From rows of the tables to measured values, of which a row may hold several.
     row, observable, measured, printed = _measured(tables, frame, model)
     kinds = cells(observable)
-    columns = [*(values[row] for values in conditions.values()), measured, kinds]
-    copied = duplicates(columns, [places[k] for k in row]) if conditions else ""
     said = {n: {t.units.get(model.conditions[n].column, "") for t in tables} for n in conditions}
     return Rows(
         recordings=recordings,
@@ -172,7 +170,6 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
             *notes,
             *outside,
             *nearness,
-            *([copied] if copied else []),
         ),
         groups=groups,
         units={n: next(iter(units)) for n, units in said.items() if len(units) == 1 and "" not in units},
@@ -321,25 +318,6 @@ def check_limits(
             remedy=f"{unit}; convert the column" if unit else "correct the rows or the limits",
         )
     return remarks
-
-
-def duplicates(columns: Sequence[NDArray[Any]], places: Sequence[str]) -> str:
-    """A sentence on rows that equal another one in every number; empty where there are none.
-
-    Readings that are printed coarsely agree by chance now and then: only where a reading has four digits or more, or a
-    tenth of all rows equal another, is that worth a word.
-    """
-    table = np.stack(list(columns), axis=1)
-    _, first, index = np.unique(table, axis=0, return_index=True, return_inverse=True)
-    again = np.flatnonzero(first[np.ravel(index)] != np.arange(table.shape[0]))
-    if not again.size or again.size < 0.1 * table.shape[0]:
-        return ""
-    row = int(again[0])
-    more = f" (and {again.size - 1} more rows like that)" if again.size > 1 else ""
-    return (
-        f"{places[row]} equals {places[int(first[np.ravel(index)[row]])]} to the last digit{more}: a copied row is "
-        "not a repeat and makes the scatter look too small"
-    )
 
 
 def _outside(

@@ -64,14 +64,6 @@ def test_a_setting_that_scatters_as_declared_stays_one_level():
     assert whole >= 170
 
 
-def test_copied_rows_are_named_by_their_lines(tables, tmp_path):
-    columns = tables.bench(points=tables.grid(**PLAN), repeats=1, marks=False)
-    twice = {name: np.concatenate([v, v]) for name, v in columns.items()}
-    said = observed(tables, tmp_path, twice).statements
-    assert any("line 26 equals t.csv, line 2 " in text for text in said)
-    assert not any("equals" in text for text in observed(tables, tmp_path, columns).statements)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(("kind", "lines"), [("reading", "line 7"), ("condition", "line 31")])
 def test_a_reading_or_a_condition_that_is_off_is_named_by_its_lines(tables, tmp_path, kind, lines):
