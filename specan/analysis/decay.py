@@ -12,8 +12,15 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.excitation import recognise
-from specan.analysis.section import SectionSettings, compared, of_one_rate, section
-from specan.analysis.transfer_function import RESPONSES, TransferFunction
+from specan.analysis.section import (
+    SectionSettings,
+    channel_named,
+    compared,
+    of_one_rate,
+    responses_to,
+    section,
+)
+from specan.analysis.transfer_function import TransferFunction
 from specan.data.channel import Channel
 from specan.data.decay import DecayTimes, ImpulseResponses
 from specan.data.recording import Recording
@@ -283,19 +290,9 @@ class ImpulseResponse(SectionSettings):
     def __call__(self, recording: Recording) -> ImpulseResponses:
         """Read the section and return the responses."""
         recording, others = compared(recording, self.reference, self.channels)
-        reference = _excitation_channel(recording, self.reference)
-        chosen, notes = of_one_rate(
-            recording,
-            self.channels or [c.path for c in recording.channels if c.role in RESPONSES],
-            like=reference,
-        )
-        responses = tuple(c for c in chosen if c != reference)
-        if not responses or responses[0].sampling_rate != reference.sampling_rate:
-            raise InputError(
-                f"{recording.label}: no response is sampled together with {reference.label}",
-                expected=f"channels at {reference.sampling_rate:g} Hz besides it",
-                remedy="; ".join(notes) or "choose channels other than the reference",
-            )
+        roles = ("generator", "vibrometer")
+        reference = channel_named(recording, self.reference, roles, "a channel that holds the excitation")
+        responses, notes = responses_to(recording, (reference,), self.channels)
         method = self.method or ("H1" if recognise(recording).kind == "noise" else "deconvolution")
         how = _averaged if method == "H1" else _deconvolved
         samples, upper, remarks = how(self, recording, reference, responses)
@@ -311,20 +308,6 @@ class ImpulseResponse(SectionSettings):
             notes=(*others, *notes, *remarks),
             settings=self.model_dump(mode="json"),
         )
-
-
-def _excitation_channel(recording: Recording, name: str | None) -> Channel:
-    if name is not None:
-        return recording.channel(name)
-    for role in ("generator", "vibrometer"):
-        found = recording.by_role(role)
-        if found:
-            return found[0]
-    raise InputError(
-        f"{recording.label} has neither a generator nor a vibrometer channel",
-        expected="a channel that holds the excitation",
-        remedy="name one as the reference",
-    )
 
 
 def _averaged(

@@ -237,24 +237,53 @@ def _run_meant(
     return run, (remark,) if others else ()
 
 
-def reference_channel(recording: Recording, name: str | None) -> Channel:
-    """The named channel, or the vibrometer.
+# Roles that are responses unless channels are named.
+RESPONSES = ("microphone", "accelerometer")
+
+
+def channel_named(
+    recording: Recording, name: str | None, roles: Sequence[str], what: str, remedy: str = ""
+) -> Channel:
+    """The channel of a name, or else the first of the first role that there is.
 
     Raises
     ------
     InputError
-        There is no vibrometer and no name was given.
+        There is none; `what` it was wanted as.
     """
     if name is not None:
         return recording.channel(name)
-    found = recording.by_role("vibrometer")
+    found = [channel for role in roles for channel in recording.by_role(role)]
     if not found:
         raise InputError(
-            f"{recording.label} has no vibrometer channel",
-            expected="a reference",
-            remedy="name a channel as the reference",
+            f"{recording.label} has no {' or '.join(roles)} channel",
+            expected=what,
+            remedy=remedy or "name a channel as the reference",
         )
     return found[0]
+
+
+def responses_to(
+    recording: Recording, helpers: Sequence[Channel], patterns: Sequence[str]
+) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+    """Channels that respond to the first of the helpers, sampled together with all of these, and notes on others.
+
+    Raises
+    ------
+    InputError
+        There are none.
+    """
+    lead = helpers[0]
+    every = patterns or [c.path for c in recording.channels if c.role in RESPONSES]
+    chosen, notes = of_one_rate(recording, every, like=lead)
+    responses = tuple(c for c in chosen if c not in helpers)
+    if not responses or any(c.sampling_rate != lead.sampling_rate for c in helpers):
+        raise InputError(
+            f"{recording.label}: no response is sampled together with {lead.label}",
+            expected=f"channels at {lead.sampling_rate:g} Hz",
+            remedy="; ".join(notes) or "choose channels other than the reference",
+        )
+    return responses, notes
 
 
 # Channels whose bands are found together. A channel takes up to 8 MB for its lags and transforms at every stage of

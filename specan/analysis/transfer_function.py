@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,8 +20,7 @@ from specan.analysis.response_length import (
     shifts_of,
     sufficient_block,
 )
-from specan.analysis.section import SectionSettings, compared, of_one_rate, reference_channel, section
-from specan.data.channel import Channel
+from specan.analysis.section import SectionSettings, channel_named, compared, responses_to, section
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
 from specan.data.recording import Recording
 from specan.dsp.statistics import median
@@ -35,7 +33,6 @@ from specan.units import MOTION, QUANTITIES, quotient
 # Lines up to rate / 2.56: above them the converters' anti-aliasing filters fall off.
 SAMPLES_PER_LINE = 2.56
 DEFAULT_LINES, LEAST_LINES = 3200, 100
-RESPONSES = ("microphone", "accelerometer")  # roles that are responses unless channels are named
 # Share of the reference's power that is not the generator's from which on H3c is recommended: H1 is low by as much.
 _FOREIGN = 0.01
 
@@ -121,10 +118,15 @@ class TransferFunctionAccumulator:
         recording, others = compared(recording, settings.reference, settings.channels)
         self.recording, self.asked = recording, settings.lines
         self.settings = settings
-        self.reference = reference_channel(recording, settings.reference)
-        self.instrument = self._find_instrument()
+        self.reference = channel_named(recording, settings.reference, ("vibrometer",), "a reference")
+        self.instrument = None
+        if settings.estimator == "H3c":
+            remedy = "name a channel as the instrument, or use H1"
+            self.instrument = channel_named(
+                recording, settings.instrument, ("generator",), "an instrument for H3c", remedy
+            )
         helpers = (self.reference,) if self.instrument is None else (self.reference, self.instrument)
-        self.responses, notes = self._find_responses(helpers)
+        self.responses, notes = responses_to(recording, helpers, settings.channels)
         self.notes = (*others, *notes)
         self.channels = (*helpers, *self.responses)
         self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
@@ -155,33 +157,16 @@ class TransferFunctionAccumulator:
         self._whole = None
         if seen is not None and seen.block == self.settings.block and not any(self.shifts):
             self._whole = None if self.instrument is not None else seen.whole
-        self._spectra = self._accumulate(self.settings.lines, self.shifts)
-
-    def _find_instrument(self) -> Channel | None:
-        if self.settings.estimator != "H3c":
-            return None
-        if self.settings.instrument is not None:
-            return self.recording.channel(self.settings.instrument)
-        found = self.recording.by_role("generator")
-        if not found:
-            raise InputError(
-                f"{self.recording.label} has no generator channel",
-                expected="an instrument for H3c",
-                remedy="name a channel as the instrument, or use H1",
-            )
-        return found[0]
-
-    def _find_responses(self, helpers: Sequence[Channel]) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
-        patterns = self.settings.channels or [c.path for c in self.recording.channels if c.role in RESPONSES]
-        chosen, notes = of_one_rate(self.recording, patterns, like=self.reference)
-        responses = tuple(c for c in chosen if c not in helpers)
-        if not responses or any(c.sampling_rate != self.reference.sampling_rate for c in helpers):
-            raise InputError(
-                f"{self.recording.label}: no response is sampled together with {self.reference.label}",
-                expected=f"channels at {self.reference.sampling_rate:g} Hz",
-                remedy="; ".join(notes) or "choose channels other than the reference",
-            )
-        return responses, notes
+        self._spectra = CrossSpectra(
+            self.reference.sampling_rate,
+            self.settings.block,
+            self.settings.window,
+            self.settings.overlap,
+            n_channels=len(self.channels),
+            references=[0] if self.instrument is None else [0, 1],
+            lines=self.settings.lines,
+            shifts=self.shifts,
+        )
 
     def _most_lines(self, lines: int) -> int:
         """As many lines, or half of them and so on until the section holds eight independent averages."""
@@ -212,19 +197,6 @@ class TransferFunctionAccumulator:
             whole=self._passes_once,
         )
 
-    def _accumulate(self, lines: int | None, shifts: Sequence[int]) -> CrossSpectra:
-        settings = self.settings
-        return CrossSpectra(
-            self.reference.sampling_rate,
-            settings.block,
-            settings.window,
-            settings.overlap,
-            n_channels=len(self.channels),
-            references=[0] if self.instrument is None else [0, 1],
-            lines=lines,
-            shifts=shifts,
-        )
-
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples (channels, m) of `channels`."""
         if self._whole is None:
@@ -233,11 +205,10 @@ class TransferFunctionAccumulator:
     def result(self) -> FrequencyResponse:
         """Transfer functions from what was added so far; from all of a section that the first look took in."""
         spectra = self._spectra.result() if self._whole is None else self._whole
-        spectra = _without_mean(spectra.part(len(self.channels), self.settings.n_lines))
+        spectra = spectra.part(len(self.channels), self.settings.n_lines)
         found = self._estimate(spectra)
-        spectra = spectra._replace(
-            cross=spectra.cross[..., :0].copy()
-        )  # the largest array by far, and used up
+        # The largest array by far, and used up.
+        spectra = spectra._replace(cross=spectra.cross[..., :0].copy())
         f, settings = spectra.frequency_hz, self.settings
         base = self.reference.correction(f)
         response = np.empty_like(found.response)
@@ -271,10 +242,7 @@ class TransferFunctionAccumulator:
             reference_rms=float(np.sqrt(np.sum(spectra.auto[0] * np.abs(base) ** 2) * step)),
             reference_unit=self.reference.target_unit,
             flags=tuple(
-                (
-                    *self.recording.flags,
-                    *_flags(spectra, found, u_relative, lost, row, first),
-                )
+                (*self.recording.flags, *_flags(spectra, found, u_relative, lost, row, first))
                 for row in range(len(self.responses))
             ),
             notes=(*self.notes, *self._remarks(found, lost)),
@@ -372,13 +340,6 @@ def _percent(share: float) -> str:
 def block_of(lines: int) -> int:
     """Samples of a block with as many lines up to rate / 2.56."""
     return round(lines * SAMPLES_PER_LINE)
-
-
-def _without_mean(spectra: SpectralMatrix) -> SpectralMatrix:
-    """The line at 0 Hz holds what detrending has left: nothing."""
-    return spectra._replace(
-        frequency_hz=spectra.frequency_hz[1:], auto=spectra.auto[:, 1:], cross=spectra.cross[..., 1:]
-    )
 
 
 def _flags(

@@ -41,11 +41,12 @@ class SpectralMatrix(NamedTuple):
     n_effective: float
 
     def part(self, channels: int, lines: int) -> SpectralMatrix:
-        """The first channels, and lines 0 to `lines`."""
+        """The first channels and the first lines above 0 Hz."""
+        kept = slice(1, lines + 1)
         return self._replace(
-            frequency_hz=self.frequency_hz[: lines + 1],
-            auto=self.auto[:channels, : lines + 1],
-            cross=self.cross[:, :channels, : lines + 1],
+            frequency_hz=self.frequency_hz[kept],
+            auto=self.auto[:channels, kept],
+            cross=self.cross[:, :channels, kept],
         )
 
 
