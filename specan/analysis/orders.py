@@ -31,7 +31,7 @@ from specan.dsp.order_lines import (
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.errors import InputError, RequestError
 from specan.result import counted
-from specan.units import MOTION, QUANTITIES, Quantity
+from specan.units import MOTION, Quantity
 
 Real = NDArray[np.float64]
 
@@ -138,7 +138,8 @@ class OrderAccumulator:
             recording, others = aligned(recording, [lead, *recording.select(settings.channels)])
         self.recording, self.settings = recording, settings
         chosen, notes = _channels(recording, settings)
-        self.notes = (*others, *notes)
+        chosen, remarks = _converted(chosen, settings, recording.label)
+        self.notes = (*others, *notes, *remarks)
         self.channels, self.rate = chosen, chosen[0].sampling_rate
         self.shaft = _shaft(recording, settings)
         self.start, self.stop = self._section()
@@ -159,21 +160,14 @@ class OrderAccumulator:
         self._averages, self._sum, self._square, self._seen = 0, np.zeros(count), np.zeros(count), 0
         self._average_grid = OverlappedBlocks(self.period * self.per_turn, self.period * self.per_turn)
         self._kept: list[Real] = []
-        self._times = _derivations(chosen, settings, self)
 
     # --- what is laid down before the samples come -----------------------------------------------
 
     def _section(self) -> tuple[int, int]:
         settings = self.settings
         start, stop = section(self.recording, self.channels, settings.start_s, settings.stop_s)
-        first = (
-            max(start, math.ceil(self.shaft.start_s * self.rate))
-            if math.isfinite(self.shaft.start_s)
-            else start
-        )
-        last = (
-            min(stop, math.floor(self.shaft.stop_s * self.rate)) if math.isfinite(self.shaft.stop_s) else stop
-        )
+        first = int(np.clip(np.ceil(self.shaft.start_s * self.rate), start, stop))
+        last = int(np.clip(np.floor(self.shaft.stop_s * self.rate), start, stop))
         if last - first < 16:
             raise InputError(f"{self.recording.label}: the tacho gives no pulses in the section")
         return first, last
@@ -289,12 +283,13 @@ class OrderAccumulator:
         column = self._number // self.per_column
         middle = self.first_turn + (self._number * max(1, self.block // 2) + self.block / 2) / self.per_turn
         speed = float(self.shaft.speed(self._time_of(middle)))
-        spectra = np.fft.rfft((block - block.mean(axis=1, keepdims=True)) * self._window)[
-            :, : self.order.size
-        ]
+        spectra = np.fft.rfft((block - block.mean(axis=1, keepdims=True)) * self._window)
+        spectra = spectra[:, : self.order.size]
         amplitude = (spectra.real**2 + spectra.imag**2) * (4.0 / self._window.sum() ** 2)
-        if any(self._times):
-            amplitude *= self._gain(speed)
+        if any(c.derivatives for c in self.channels):
+            frequency = self.order * speed
+            factors = [derivative_factor(frequency, c.derivatives) for c in self.channels]
+            amplitude *= np.abs(np.stack(factors)) ** 2
         self._power[column] += amplitude
         self._speed[column] += speed
         self._in_column[column] += 1
@@ -312,11 +307,6 @@ class OrderAccumulator:
     def _time_of(self, turn: float | Real) -> Real:
         """When the shaft has made so many turns."""
         return np.asarray(np.interp(turn, *self._clock))
-
-    def _gain(self, speed: float) -> Real:
-        """Squared factor of the conversion to another quantity at a speed."""
-        frequency = self.order * speed
-        return np.stack([np.abs(derivative_factor(frequency, n)) ** 2 for n in self._times])
 
     # --- the result --------------------------------------------------------------------------------
 
@@ -341,7 +331,7 @@ class OrderAccumulator:
         return OrderSpectrum(
             label=self.recording.label,
             channels=tuple(c.label for c in self.channels),
-            units=tuple(_unit(c, n) for c, n in zip(self.channels, self._times)),
+            units=tuple(c.target_unit for c in self.channels),
             order=self.order,
             amplitude=np.sqrt(mean),
             speed_hz=speed,
@@ -383,10 +373,7 @@ class OrderAccumulator:
             return None
         wanted, (found, turns) = self.settings.wanted, self._fitted
         frequency = np.array(wanted) * self.speed_range[1]
-        plain = [
-            c.correction(frequency) * derivative_factor(frequency, -c.derivatives) for c in self.channels
-        ]
-        factor = np.stack([p * derivative_factor(frequency, n) for p, n in zip(plain, self._times)])
+        factor = np.stack([c.correction(frequency) for c in self.channels])
         size, u = np.abs(factor), found.u
         if self._departure is not None:
             u = np.hypot(u, np.abs(found.amplitude) * self._departure.relative_error(wanted))
@@ -487,28 +474,21 @@ def _shaft(recording: Recording, settings: Orders) -> Shaft:
     return tracked_shaft(recording, settings.tacho, settings.pulses_per_turn, settings.ratio, section_s)
 
 
-def _derivations(channels: tuple[Channel, ...], settings: Orders, into: OrderAccumulator) -> list[int]:
-    """How often each channel is differentiated to give the quantity that is wanted."""
+def _converted(
+    channels: tuple[Channel, ...], settings: Orders, label: str
+) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+    """The channels in the quantity that is asked for, and a note on those that have none."""
     if settings.quantity is None:
-        return [c.derivatives for c in channels]
+        return channels, ()
     if settings.envelope_hz is not None:
         raise RequestError(
             "an envelope cannot be converted to another quantity", remedy="leave one of them out"
         )
-    wanted = QUANTITIES.index(settings.quantity)
     other = [c.label for c in channels if c.unit not in MOTION]
     if len(other) == len(channels):
         raise RequestError(
-            f"{into.recording.label}: no chosen channel can be converted to {settings.quantity}",
+            f"{label}: no chosen channel can be converted to {settings.quantity}",
             expected="channels in m, m/s or m/s^2",
         )
-    if other:
-        into.notes = (*into.notes, f"not converted to {settings.quantity}: {', '.join(other)}")
-    return [wanted - MOTION.index(c.unit) if c.unit in MOTION else c.derivatives for c in channels]
-
-
-def _unit(channel: Channel, times: int) -> str:
-    if not times:
-        return channel.unit
-    at = MOTION.index(channel.unit) + times
-    return MOTION[at] if 0 <= at < len(MOTION) else channel.unit
+    notes = (f"not converted to {settings.quantity}: {', '.join(other)}",) if other else ()
+    return tuple(c.in_quantity(settings.quantity) for c in channels), notes
