@@ -93,8 +93,10 @@ LEVEL_REFERENCES = {
 VELOCITY_50_NM_S = LevelReference(50e-9, "m/s", "50 nm/s")
 
 
-def level_reference(unit: str) -> LevelReference:
+def level_reference(unit: str, velocity: str = "1 nm/s") -> LevelReference:
     """Level reference of an SI unit (ISO 1683); 1 of that unit where the standard has none."""
+    if unit == "m/s" and velocity == VELOCITY_50_NM_S.text:
+        return VELOCITY_50_NM_S
     return LEVEL_REFERENCES.get(unit, LevelReference(1.0, unit, f"1 {unit}"))
 
 

@@ -18,7 +18,7 @@ from specan.dsp.band_history import Histories
 from specan.dsp.bands import Bands
 from specan.dsp.record_edges import Fade
 from specan.dsp.weighting import WEIGHTINGS
-from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
+from specan.units import LevelReference, level_reference
 
 Real = NDArray[np.float64]
 
@@ -230,10 +230,8 @@ def scatter_of_noise(bandwidth: Real, duration: float | Real) -> Real:
 
 
 def channel_reference(channel: Channel, settings: OctaveSettings) -> LevelReference:
-    """What 0 dB is for a channel."""
-    if channel.target_unit == "m/s" and settings.velocity_reference == "50 nm/s":
-        return VELOCITY_50_NM_S
-    return level_reference(channel.target_unit)
+    """What levels of the channel are over."""
+    return level_reference(channel.target_unit, settings.velocity_reference)
 
 
 def quality_flags(

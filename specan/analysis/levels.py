@@ -14,13 +14,12 @@ from specan.analysis.band_results import level, quality_flags
 from specan.analysis.quality import QualityAccumulator
 from specan.analysis.section import SectionSettings, joined, of_one_rate, section, slices, slow_part
 from specan.data.band_levels import apart
-from specan.data.channel import Channel
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
 from specan.dsp.band_history import BandHistoryAccumulator, weighting_filter
 from specan.dsp.statistics import exceeded
 from specan.dsp.weighting import FAST, SLOW, WEIGHTINGS, Weighting
-from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
+from specan.units import level_reference
 
 # Readings of the time-weighted level: five in a time constant, but no more of them than this.
 READINGS_PER_TIME_CONSTANT, READINGS = 5, 200_000
@@ -132,7 +131,7 @@ class LevelsAccumulator:
         with np.errstate(invalid="ignore", over="ignore"):
             histories = self._history.result()
             rms = np.sqrt(histories.mean_square[:, self._weightings.index("Z")])
-        references = tuple(self._reference(channel) for channel in self.channels)
+        references = tuple(level_reference(c.unit, self.settings.velocity_reference) for c in self.channels)
         zero = np.array([reference.value**2 for reference in references])
         low, high = (np.array([getattr(q, name) for q in quality]) for name in ("minimum", "maximum"))
         mean = self._constant
@@ -201,11 +200,6 @@ class LevelsAccumulator:
         found["C_peak"] = level(np.square(peak), zero)
         found = {n: v if n == "Leq_Z" else np.where(self._pressure, v, np.nan) for n, v in found.items()}
         return {**found, "max": level(maximum, zero)}
-
-    def _reference(self, channel: Channel) -> LevelReference:
-        if channel.unit == "m/s" and self.settings.velocity_reference == "50 nm/s":
-            return VELOCITY_50_NM_S
-        return level_reference(channel.unit)
 
 
 def _edges(with_cut: dict[str, float]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,6 @@ class _Rail:
         self.here = top == self.extreme
 
 
-@dataclass
 class QualityAccumulator:
     """Finds dead, clipped and non-finite channels in one pass over consecutive blocks.
 
@@ -60,20 +59,12 @@ class QualityAccumulator:
     ('clipped',)
     """
 
-    channels: tuple[Channel, ...]
-    start: int = 0
-    stop: int = 0
-    _count: int = 0
-    _grid: OverlappedBlocks = field(init=False)
-    _not_finite: NDArray[np.int64] = field(init=False)
-    _rails: list[tuple[_Rail, _Rail]] = field(init=False)
-    _tail: NDArray[np.float64] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._grid = OverlappedBlocks(_GRID)
-        self._not_finite = np.zeros(len(self.channels), dtype=np.int64)
-        self._rails = [(_Rail(), _Rail()) for _ in self.channels]
-        self._tail = np.empty((len(self.channels), 0))
+    def __init__(self, channels: tuple[Channel, ...], start: int = 0, stop: int = 0) -> None:
+        self.channels, self.start, self.stop = channels, start, stop
+        self._count, self._grid = 0, OverlappedBlocks(_GRID)
+        self._not_finite = np.zeros(len(channels), dtype=np.int64)
+        self._rails = [(_Rail(), _Rail()) for _ in channels]
+        self._tail = np.empty((len(channels), 0))
 
     def add(self, block: NDArray[np.float64]) -> None:
         """Take the next block, shape (channels, samples) of any length."""
@@ -97,12 +88,9 @@ class QualityAccumulator:
             high.rise_to(float(samples.max()), channel.full_scale)
             for sign, rail in ((-1.0, low), (1.0, high)):
                 if not rail.clipped and (rail.here or channel.full_scale is not None):
+                    span = low.extreme + high.extreme
                     rail.clipped = _rests(
-                        sign * samples,
-                        sign * border,
-                        rail.extreme,
-                        low.extreme + high.extreme,
-                        channel.full_scale,
+                        sign * samples, sign * border, rail.extreme, span, channel.full_scale
                     )
         self._count += block.shape[1]
         self._tail = np.concatenate([self._tail, block[:, -_HEAD:]], axis=1)[:, -_HEAD:]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,8 +62,8 @@ def power_weighting(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.fl
     >>> (10 * np.log10(power_weighting([31.62, 1000.0], "A"))).round(2).tolist()
     [-39.44, 0.0]
     """
-    f2 = np.square(np.asarray(frequency, dtype=np.float64))
-    return np.asarray(_shape(f2, weighting) / _shape(np.asarray(1e6), weighting))
+    found = _shape(np.square(np.asarray(frequency, dtype=np.float64)), 2, weighting)
+    return np.asarray(found / _shape(np.asarray(1e6), 2, weighting))
 
 
 def weighting_level(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.float64]:
@@ -77,28 +77,16 @@ def complex_weighting(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.
 
     Poles at -f_1 (twice) and -f_4 (twice), for A also at -f_2 and -f_3, for B at -f_5; zeros at 0 Hz.
     """
-    s = np.asarray(1j * np.asarray(frequency, dtype=np.float64))
-    magnitude = math.sqrt(1.0 / float(_shape(np.asarray(1e6), weighting)))
-    if weighting == "Z":
-        return np.ones_like(s)
-    response = np.asarray(magnitude * F_4**2 * np.square(s / ((s + F_1) * (s + F_4))), dtype=np.complex128)
-    if weighting == "A":
-        return response * np.square(s) / ((s + F_2) * (s + F_3))
-    if weighting == "B":
-        return response * s / (s + F_5)
-    return response
+    found = _shape(1j * np.asarray(frequency, dtype=np.float64), 1, weighting)
+    return np.asarray(found / abs(_shape(np.asarray(1e3j), 1, weighting)), dtype=np.complex128)
 
 
-def _shape(f2: NDArray[np.float64], weighting: Weighting) -> NDArray[np.float64]:
-    """The curve before it is made 1 at 1 kHz; of the squared frequency."""
-    if weighting == "Z":
-        return np.ones_like(f2)
-    c = np.square(F_4**2 * f2 / ((f2 + F_1**2) * (f2 + F_4**2)))
-    if weighting == "A":
-        return c * np.square(f2) / ((f2 + F_2**2) * (f2 + F_3**2))
-    if weighting == "B":
-        return c * f2 / (f2 + F_5**2)
-    return c
+def _shape(s: NDArray[Any], power: int, weighting: Weighting) -> NDArray[Any]:
+    """Zeros over poles, not yet 1 at 1 kHz: of s = j f, or of their squared magnitudes, f^2."""
+    found = s ** ZEROS[weighting]
+    for pole in POLES[weighting]:
+        found = found / (s + pole**power)
+    return found
 
 
 # The lowest poles of A, B and C are at 20.6 Hz: seconds to fall by 180 dB.

@@ -99,7 +99,8 @@ def doubts(recording: Recording, channels: Sequence[Channel], reference: Channel
     from specan.analysis.quality import rms_and_quality
 
     part = replace(recording, channels=tuple(channels))
-    flags = {channel.name: rms_and_quality(part)[k][1].flags for k, channel in enumerate(channels)}
+    looks = rms_and_quality(part)
+    flags = {channel.name: looks[k][1].flags for k, channel in enumerate(channels)}
     excitation = recording.read([reference])[0]
     found: dict[str, list[str]] = {}
     for channel in channels:
