@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from specan.analysis.levels import Levels
 from specan.analysis.octave import Octave
 from specan.analysis.tone import Tone
-from specan.data.channel import Channel
-from specan.data.recording import ArraySource, Recording
+from specan.data.recording import Recording
 from specan.divisions import FRACTIONS
 from specan.dsp import bands
 from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio, class_1_limits
@@ -90,10 +89,8 @@ def checks(rate: float = 51200.0) -> Iterator[Check]:
             f"the sampling rate is {rate:g} Hz",
             expected=f"{low:g} to {high:g} Hz, which hold the audio range",
         )
-    for standard, rows in (
-        (FILTERS, _filters(rate)), (METERS, _meters(rate)), (RECORDERS, _sine_fit(rate)),
-    ):  # fmt: skip
-        for clause, what, expected, found, below, above, unit in rows:
+    for standard, rows in ((FILTERS, _filters), (METERS, _meters), (RECORDERS, _sine_fit)):
+        for clause, what, expected, found, below, above, unit in rows(rate):
             about = 0.0 if math.isnan(expected) else expected
             yield Check(standard, clause, what, expected, float(found), about + below, about + above, unit)
 
@@ -103,20 +100,16 @@ Row = tuple[str, str, float, float, float, float, str]
 
 
 def _filters(rate: float) -> Iterator[Row]:
+    parts = (
+        ("5.12", "effective bandwidth", _bandwidth, -0.4, 0.4),
+        ("5.16", "summation of bands", _summation, -1.8, 0.8),
+        ("5.14", "time-invariant operation", _sweep, -0.4, 0.4),
+    )
     for fraction in FRACTIONS:
         yield from _attenuation(fraction, rate)
-        name = f"1/{fraction} octave"
-        yield "5.12", f"{name}, effective bandwidth", 0.0, _worst(_bandwidth(fraction, rate)), -0.4, 0.4, "dB"
-        yield "5.16", f"{name}, summation of bands", 0.0, _worst(_summation(fraction, rate)), -1.8, 0.8, "dB"
-        yield (
-            "5.14",
-            f"{name}, time-invariant operation",
-            0.0,
-            _worst(_sweep(fraction, rate)),
-            -0.4,
-            0.4,
-            "dB",
-        )
+        for clause, what, errors, below, above in parts:
+            worst = _worst(errors(fraction, rate))
+            yield clause, f"1/{fraction} octave, {what}", 0.0, worst, below, above, "dB"
     yield "5.13", "1/3 octave, level linearity over 120 dB", 0.0, _worst(_linearity(rate)), -0.5, 0.5, "dB"
 
 
@@ -131,11 +124,8 @@ def _meters(rate: float) -> Iterator[Row]:
 
 
 def _recording(rate: float, *signals: Real) -> Recording:
-    channels = tuple(
-        Channel(f"signal {k}", unit="Pa", role="microphone", sampling_rate=rate, n_samples=signals[0].size)
-        for k in range(len(signals))
-    )
-    return Recording("signals", channels, ArraySource(signals))
+    named = {f"signal {k}": signal for k, signal in enumerate(signals)}
+    return Recording.from_arrays(named, rate, units=dict.fromkeys(named, "Pa"))
 
 
 def _tone(frequency: float, seconds: float, rate: float) -> Real:
@@ -261,10 +251,8 @@ def _peaks(rate: float) -> Iterator[Row]:
     """5.13 and table 5."""
     for cycles, frequency, expected, limit in _PEAKS:
         steady = _STEADY + float(weighting_level(np.array([frequency]), "C")[0])
-        kinds = (
-            {"one cycle": 1.0} if cycles == 1.0 else {"positive half cycle": 1.0, "negative half cycle": -1.0}
-        )
-        for kind, sign in kinds.items():
+        halves = {"positive half cycle": 1.0, "negative half cycle": -1.0}
+        for kind, sign in halves.items() if cycles == 0.5 else (("one cycle", 1.0),):
             samples = _burst(frequency, cycles / frequency, 1.0, rate, sign)
             found = Levels()(_recording(rate, samples)).c_peak_dB[0] - steady
             yield "5.13", f"C peak, {kind} of {frequency:g} Hz", expected, found, -limit, limit, "dB"

@@ -24,10 +24,8 @@ from specan.units import quotient
 
 LOW_SNR_DEG = 1.0  # random uncertainty of a phase from which on it is flagged
 _LOOK_S = 2.0
-_NEAR, _FAR = (
-    0.01,
-    0.05,
-)  # how far from a stated frequency the tone is looked for, and at most in a short section
+# How far from a stated frequency the tone is looked for, and at most in a short section.
+_NEAR, _FAR = 0.01, 0.05
 
 
 class Tone(SectionSettings):

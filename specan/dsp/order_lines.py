@@ -15,11 +15,8 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 APART = 4.0  # line widths 1/turns between orders from which on a Hann window keeps them from each other
-_NEAR, _NEAREST, _LINES = (
-    2.0,
-    3,
-    24,
-)  # bins about a given order that are not noise; first and number of those that are
+# Bins about a given order that are not noise; first and number of those that are.
+_NEAR, _NEAREST, _LINES = 2.0, 3, 24
 MOST_TURNS = 60  # longest common period that is looked for
 LOSS_DB = 0.1  # of a line, from which on it is told: twice what a good tacho leaves
 MOST_LOSS_DB = 60.0  # that is reckoned with

@@ -68,9 +68,8 @@ class Oscillators:
     ) -> None:
         self._filters = [oscillator(float(f), quality, rate, response) for f in frequency_hz]
         self._states = [np.zeros((channels, 2)) for _ in self._filters]
-        self._rest = np.ceil(rate / frequency_hz).astype(
-            int
-        )  # of one period, in which the residual response peaks
+        # Of one period, in which the residual response peaks.
+        self._rest = np.ceil(rate / frequency_hz).astype(int)
         self.highest = np.zeros((channels, frequency_hz.size))
         self.lowest = np.zeros((channels, frequency_hz.size))
 

@@ -18,9 +18,8 @@ MOST_FAULTS = 0.05  # of the pulses: with more the tacho is not repaired but ref
 # An edge over within a few samples: at least this part of the step between two of them (of a sine with ten samples a
 # turn 0.44), and the outer two of the samples that are summed as near to its levels as filters ring.
 _STEEP, _SETTLED, _REACHES = 0.49, 0.1, (3, 4)
-_LEVELS_APART = (
-    3.0  # standard deviations about them that the levels must lie apart: noise has 2.2, a sine 4.5
-)
+# Standard deviations about them that the levels must lie apart: noise has 2.2, a sine 4.5.
+_LEVELS_APART = 3.0
 _NEAR = 4  # intervals to either side whose median tells what an interval should be
 _SHORT, _LONG = 0.6, 1.5  # of that: below, one pulse is too many; above, pulses are missing
 # Intervals whose pulses can be counted: no more than the neighbours reach that tell what an interval should be.

@@ -31,16 +31,8 @@ _NAMES = {
     "names", "name", "channels", "channelnames", "channelname", "labels", "label", "signals", "signalnames",
 }  # fmt: skip
 _UNITS = {"units", "unit", "unitname", "unitstring", "channelunits", "ylabelunit", "quantityunit"}
-_BARE = {
-    "data",
-    "values",
-    "value",
-    "y",
-    "samples",
-    "signal",
-    "x",
-    "array",
-}  # names that say nothing of a signal
+# Names that say nothing of a signal.
+_BARE = {"data", "values", "value", "y", "samples", "signal", "x", "array"}
 
 
 @dataclass(frozen=True)
