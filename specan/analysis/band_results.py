@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,10 +15,10 @@ from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.dsp.band_energy import EnergySpectrum
 from specan.dsp.band_history import Histories
-from specan.dsp.bands import Bands
 from specan.dsp.record_edges import Fade
 from specan.dsp.weighting import WEIGHTINGS
-from specan.units import LevelReference, level_reference
+from specan.result import picked
+from specan.units import level_reference
 
 Real = NDArray[np.float64]
 
@@ -50,134 +50,162 @@ MIN_SETTLING = (
 )
 
 
-def band_levels(
-    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: OctaveSettings, **about: Any
-) -> BandLevels:
-    """Divide an energy spectrum into bands; no sample is read again.
+class BandResults:
+    """What mean squares of some channels are as levels.
 
     Parameters
     ----------
-    spectrum : EnergySpectrum
-        Linear average over a section; see `OctaveAccumulator.spectrum`.
     channels : sequence of Channel
-        In the order of its rows.
+        In the order of the rows of all mean squares.
     settings : OctaveSettings
-        The fraction, weighting and range to use; `averaging` does not count.
+        The fraction, weighting and range to use, and what is shown.
+    sampling_rate : float
+        In Hz.
+    **about
+        Label, flags and notes of the result.
     """
-    found = settings.bands(spectrum.sampling_rate)
-    duration, width = spectrum.n_samples / spectrum.sampling_rate, found.upper - found.lower
-    with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold anything
-        counted, left_out = (
-            _levels_of(each, channels, settings, found) for each in (spectrum, spectrum.between_ends())
-        )
-        with_cut = _totals(replace(spectrum, cut={}), channels, settings)
-    narrow = width * Fade.of(spectrum.n_samples, spectrum.sampling_rate).samples < (
-        LEAST_FADE_CYCLES * spectrum.sampling_rate
-    )
-    without_ends = left_out[0]
-    left_out = (np.where(narrow, counted[0], without_ends), counted[1])
-    averaged = np.full(len(found), duration)
-    if settings.settling == "left-out" and spectrum.inner is not None:
-        averaged[~narrow] = spectrum.independent / spectrum.sampling_rate
-    shown, other = (counted, left_out) if settings.settling == "counted" else (left_out, counted)
-    u_dB = scatter_of_noise(width, averaged)
-    if settings.settling == "counted":
+
+    def __init__(
+        self, channels: Sequence[Channel], settings: OctaveSettings, sampling_rate: float, **about: Any
+    ) -> None:
+        self.channels, self.settings, self.sampling_rate = channels, settings, sampling_rate
+        self.bands = settings.bands(sampling_rate)
+        self.references = tuple(level_reference(c.target_unit, settings.velocity_reference) for c in channels)
+        self._about = {"label": "", "flags": ((),) * len(channels), **about}
+        self._zero = np.array([reference.value**2 for reference in self.references])
+        self._pressure = np.array([channel.target_unit == "Pa" for channel in channels])
+        self._derivatives = np.array([channel.derivatives for channel in channels])
+
+    def of_spectrum(self, spectrum: EnergySpectrum) -> BandLevels:
+        """A linear average over a section, divided into bands; no sample is read again."""
+        settings, counts = self.settings, self.settings.settling == "counted"
+        duration, width = spectrum.n_samples / self.sampling_rate, self.bands.upper - self.bands.lower
+        with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold anything
+            counted, without_ends = (self._of_bands(each) for each in (spectrum, spectrum.between_ends()))
+            overall, with_cut = (self._totals(each) for each in (spectrum, replace(spectrum, cut={})))
+        fade = Fade.of(spectrum.n_samples, self.sampling_rate).samples / self.sampling_rate
+        narrow = width * fade < LEAST_FADE_CYCLES
+        left_out = np.where(narrow, counted, without_ends)
+        averaged = np.full(width.size, duration)
+        if not counts:
+            averaged[~narrow] = spectrum.independent / self.sampling_rate
+        u_dB = scatter_of_noise(width, averaged)
         with np.errstate(invalid="ignore"):  # no energy: -inf in both
-            by_ends = narrow & (np.abs(without_ends - counted[0]) > np.minimum(BY_ENDS * u_dB, BY_ENDS_DB))
-        other = (np.where(by_ends, without_ends, left_out[0]), left_out[1])
-    return BandLevels(
-        **_common(found, channels, settings, **about),
-        averaging="linear",
-        hold=None,
-        level_dB=shown[0],
-        u_dB=u_dB,
-        overall_dB=shown[1],
-        duration_s=duration,
-        sampling_rate=spectrum.sampling_rate,
-        settling=LINEAR_SETTLING[settings.settling],
-        # A weighting's share of the cut is known and taken off totals in either case.
-        other=OtherSettling(_exchanged(settings), other[0], with_cut),
-    )
+            by_ends = narrow & (np.abs(without_ends - counted) > np.minimum(BY_ENDS * u_dB, BY_ENDS_DB))
+        other = np.where(by_ends, without_ends, left_out) if counts else counted
+        return self._result(
+            level_dB=counted if counts else left_out,
+            u_dB=u_dB,
+            overall_dB=overall,
+            duration_s=duration,
+            settling=LINEAR_SETTLING[settings.settling],
+            # A weighting's share of the cut is known and taken off totals in either case.
+            other=OtherSettling(self._exchanged, other, with_cut),
+        )
 
+    def of_histories(
+        self, histories: Histories, overall: Sequence[str], elapsed: Real, duration: float
+    ) -> BandLevels:
+        """Time-weighted mean squares.
 
-def _levels_of(
-    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: OctaveSettings, found: Bands
-) -> tuple[Real, dict[str, Real]]:
-    """Levels of the bands and of the whole."""
-    quantity = _as_quantity(channels, spectrum.frequencies)
-    weights = None if settings.weighting == "Z" else spectrum.weights(settings.weighting)
-    if quantity is not None:
-        weights = quantity if weights is None else weights * quantity
-    mean_square = spectrum.band_mean_square(found, weights)
-    return level(mean_square, _zero(channels, settings)[:, None]), _totals(spectrum, channels, settings)
+        Parameters
+        ----------
+        histories : Histories
+            Of the bands, then of the weightings `overall` of the whole signal; the last reading is that at
+            the end of the section.
+        elapsed : array
+            When the other readings are, in s from the beginning of the section.
+        """
+        settings, n, zero = self.settings, len(self.bands), self._zero
 
+        def totals(levels_dB: Real) -> dict[str, Real]:
+            """Of levels (channels, filters) or (channels, filters, times), the overall ones.
 
-def weighted_levels(
-    histories: Histories,
-    overall: Sequence[str],
-    elapsed: Real,
-    duration: float,
-    channels: Sequence[Channel],
-    settings: OctaveSettings,
-    *,
-    sampling_rate: float,
-    **about: Any,
-) -> BandLevels:
-    """Time-weighted mean squares as levels.
+            A, B and C are of sound pressure. The derivative of a whole signal has no end at high frequencies, its
+            integral none at low ones.
+            """
+            found = {}
+            for k, weighting in enumerate(overall):
+                usable = (self._derivatives == 0) & (self._pressure | (weighting == "Z"))
+                usable = usable.reshape(-1, *[1] * (levels_dB.ndim - 2))
+                found[weighting] = np.where(usable, levels_dB[:, n + k], np.nan)
+            return found
 
-    Parameters
-    ----------
-    histories : Histories
-        Of the bands, then of the weightings `overall` of the whole signal; the last reading is that at
-        the end of the section.
-    elapsed : array
-        When the other readings are, in s from the beginning of the section.
-    """
-    found = settings.bands(sampling_rate)
-    n, zero, usable = len(found), _zero(channels, settings), _usable(channels, overall)
-
-    def totals(levels_dB: Real) -> dict[str, Real]:
-        """Of levels (channels, filters) or (channels, filters, times), the overall ones."""
-        return {
-            w: np.where(usable[w].reshape(-1, *[1] * (levels_dB.ndim - 2)), levels_dB[:, n + k], np.nan)
-            for k, w in enumerate(overall)
+        shown, highest, other, settling = _held(histories, settings)
+        shown_dB, other_dB, highest_dB = (level(each, zero[:, None]) for each in (shown, other, highest))
+        other_dB[:, n:] = level(histories.with_cut[0][:, n:], zero[:, None])  # totals leave the cut out
+        readings_dB = level(histories.readings[:, :, :-1], zero[:, None, None])
+        exceeded_dB = {
+            percent: level(values, zero[:, None])
+            for percent, values in _exceeded(histories, highest, elapsed, settings.percentiles).items()
         }
+        other = OtherSettling(self._exchanged, other_dB[:, :n], totals(other_dB))
+        # An exponential average of time constant tau scatters like a linear one over 2 tau.
+        averaged = min(2.0 * settings.time_constant, duration)
+        return self._result(
+            level_dB=shown_dB[:, :n],
+            u_dB=scatter_of_noise(self.bands.upper - self.bands.lower, averaged),
+            overall_dB=totals(shown_dB),
+            duration_s=duration,
+            settling=settling,
+            unsettled=histories.settled_s[:n] > duration,
+            other=other if settings.hold == "max" else None,
+            history=LevelHistory(
+                time_s=settings.start_s + elapsed,
+                level_dB=readings_dB[:, :n],
+                overall_dB=totals(readings_dB),
+                interval_s=settings.reading_interval(duration),
+                max_dB=highest_dB[:, :n],
+                overall_max_dB=totals(highest_dB),
+            ),
+            percentile_dB={p: v[:, :n] for p, v in exceeded_dB.items()} or None,
+            percentile_overall_dB={p: totals(v) for p, v in exceeded_dB.items()} or None,
+        )
 
-    shown, highest, other, settling = _held(histories, settings)
-    shown_dB, other_dB, highest_dB = (level(each, zero[:, None]) for each in (shown, other, highest))
-    other_dB[:, n:] = level(histories.with_cut[0][:, n:], zero[:, None])  # totals leave the cut out
-    readings_dB = level(histories.readings[:, :, :-1], zero[:, None, None])
-    exceeded_dB = {
-        percent: level(values, zero[:, None])
-        for percent, values in _exceeded(histories, highest, elapsed, settings.percentiles).items()
-    }
-    # An exponential average of time constant tau scatters like a linear one over 2 tau.
-    averaged = min(2.0 * settings.time_constant, duration)
-    return BandLevels(
-        **_common(found, channels, settings, **about),
-        averaging=settings.averaging_name,
-        hold=settings.hold,
-        level_dB=shown_dB[:, :n],
-        u_dB=scatter_of_noise(found.upper - found.lower, averaged),
-        overall_dB=totals(shown_dB),
-        duration_s=duration,
-        sampling_rate=sampling_rate,
-        settling=settling,
-        unsettled=histories.settled_s[:n] > duration,
-        other=OtherSettling(_exchanged(settings), other_dB[:, :n], totals(other_dB))
-        if settings.hold == "max"
-        else None,
-        history=LevelHistory(
-            time_s=settings.start_s + elapsed,
-            level_dB=readings_dB[:, :n],
-            overall_dB=totals(readings_dB),
-            interval_s=settings.reading_interval(duration),
-            max_dB=highest_dB[:, :n],
-            overall_max_dB=totals(highest_dB),
-        ),
-        percentile_dB={p: v[:, :n] for p, v in exceeded_dB.items()} or None,
-        percentile_overall_dB={p: totals(v) for p, v in exceeded_dB.items()} or None,
-    )
+    def _result(self, **found: Any) -> BandLevels:
+        return BandLevels(
+            channels=tuple(channel.label for channel in self.channels),
+            groups=tuple(channel.group for channel in self.channels),
+            units=tuple(channel.target_unit for channel in self.channels),
+            references=self.references,
+            exact_hz=self.bands.mid,
+            **picked(self.bands, "nominal_hz=nominal lower_hz=lower upper_hz=upper"),
+            **picked(self.settings, "fraction weighting averaging=averaging_name hold start_s"),
+            sampling_rate=self.sampling_rate,
+            settings=self.settings.model_dump(mode="json"),
+            **self._about,
+            **found,
+        )
+
+    @property
+    def _exchanged(self) -> str:
+        return "left-out" if self.settings.settling == "counted" else "counted"
+
+    def _of_bands(self, spectrum: EnergySpectrum) -> Real:
+        weights = None if self.settings.weighting == "Z" else spectrum.weights(self.settings.weighting)
+        if self._derivatives.any():
+            quantity = self._as_quantity(spectrum)
+            weights = quantity if weights is None else weights * quantity
+        return level(spectrum.band_mean_square(self.bands, weights), self._zero[:, None])
+
+    def _as_quantity(self, spectrum: EnergySpectrum) -> Real:
+        """|j w|^2 or its inverse for channels whose samples have to be differentiated or integrated."""
+        squared = np.square(2 * np.pi * spectrum.frequencies)
+        return np.stack([squared ** int(times) for times in self._derivatives])
+
+    def _totals(self, spectrum: EnergySpectrum) -> dict[str, Real]:
+        """Levels of the whole signal, with each weighting."""
+        whole = spectrum.alternating_mean_square
+        if self._derivatives.any():
+            # Integration makes drift infinite: from the lowest band upwards, for channels that need it.
+            above = spectrum.frequencies >= self.bands.lower[0]
+            converted = np.add.reduce(spectrum.nodes * self._as_quantity(spectrum) * above, axis=1)
+            whole = np.where(self._derivatives != 0, converted, whole)
+        overall = {"Z": whole}
+        for name in WEIGHTINGS:
+            if name != "Z":
+                overall[name] = np.where(self._pressure, spectrum.weighted(name), np.nan)
+        return {name: level(values, self._zero) for name, values in overall.items()}
 
 
 def _held(histories: Histories, settings: OctaveSettings) -> tuple[Real, Real, Real, str]:
@@ -189,10 +217,6 @@ def _held(histories: Histories, settings: OctaveSettings) -> tuple[Real, Real, R
     if settings.hold == "max":
         return highest, highest, other, MAX_SETTLING[settings.settling]
     return histories.minimum, highest, other, MIN_SETTLING
-
-
-def _exchanged(settings: OctaveSettings) -> str:
-    return "left-out" if settings.settling == "counted" else "counted"
 
 
 def _exceeded(
@@ -229,81 +253,9 @@ def scatter_of_noise(bandwidth: Real, duration: float | Real) -> Real:
     return 10.0 / np.log(10.0) / np.sqrt(bandwidth * duration)
 
 
-def channel_reference(channel: Channel, settings: OctaveSettings) -> LevelReference:
-    """What levels of the channel are over."""
-    return level_reference(channel.target_unit, settings.velocity_reference)
-
-
 def quality_flags(
     channels: Sequence[Channel], file_flags: Sequence[str], quality: Sequence[Quality] | None
 ) -> tuple[tuple[str, ...], ...]:
     """Words for each channel: those of its samples, and those of the file."""
     found = [()] * len(channels) if quality is None else [q.flags for q in quality]
     return tuple((*words, *file_flags) for words in found)
-
-
-def _common(
-    found: Bands,
-    channels: Sequence[Channel],
-    settings: OctaveSettings,
-    *,
-    label: str = "",
-    file_flags: Sequence[str] = (),
-    quality: Sequence[Quality] | None = None,
-    notes: Sequence[str] = (),
-) -> Mapping[str, Any]:
-    """What both averagings have in common."""
-    return {
-        "label": label,
-        "channels": tuple(channel.label for channel in channels),
-        "groups": tuple(channel.group for channel in channels),
-        "units": tuple(channel.target_unit for channel in channels),
-        "references": tuple(channel_reference(channel, settings) for channel in channels),
-        "fraction": settings.fraction,
-        "weighting": settings.weighting,
-        "exact_hz": found.mid,
-        "nominal_hz": found.nominal,
-        "lower_hz": found.lower,
-        "upper_hz": found.upper,
-        "start_s": settings.start_s,
-        "flags": quality_flags(channels, file_flags, quality),
-        "notes": tuple(notes),
-        "settings": settings.model_dump(mode="json"),
-    }
-
-
-def _zero(channels: Sequence[Channel], settings: OctaveSettings) -> Real:
-    return np.array([channel_reference(channel, settings).value ** 2 for channel in channels])
-
-
-def _usable(channels: Sequence[Channel], overall: Sequence[str]) -> dict[str, NDArray[np.bool_]]:
-    """For which channels an overall level means something: A, B and C of sound pressure."""
-    pressure = np.array([channel.target_unit == "Pa" for channel in channels])
-    # The derivative of a whole signal has no end at high frequencies, its integral none at low ones.
-    measured = np.array([channel.derivatives == 0 for channel in channels])
-    return {name: measured if name == "Z" else measured & pressure for name in overall}
-
-
-def _as_quantity(channels: Sequence[Channel], frequencies: Real) -> Real | None:
-    """|j w|^2 or its inverse for channels whose samples have to be differentiated or integrated."""
-    if not any(channel.derivatives for channel in channels):
-        return None
-    return np.stack([np.square(2 * np.pi * frequencies) ** channel.derivatives for channel in channels])
-
-
-def _totals(
-    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: OctaveSettings
-) -> dict[str, Real]:
-    """Levels of the whole signal, with each weighting."""
-    whole, quantity = spectrum.alternating_mean_square, _as_quantity(channels, spectrum.frequencies)
-    if quantity is not None:
-        # Integration makes drift infinite: from the lowest band upwards, for channels that need it.
-        above = spectrum.frequencies >= settings.bands(spectrum.sampling_rate).lower[0]
-        converted = np.add.reduce(spectrum.nodes * quantity * above, axis=1)
-        whole = np.where([channel.derivatives != 0 for channel in channels], converted, whole)
-    pressure = np.array([channel.target_unit == "Pa" for channel in channels])
-    overall = {"Z": whole}
-    for name in WEIGHTINGS:
-        if name != "Z":
-            overall[name] = np.where(pressure, spectrum.weighted(name), np.nan)
-    return {name: level(values, _zero(channels, settings)) for name, values in overall.items()}

@@ -6,13 +6,12 @@ Decisions: docs/decisions/bands.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.accumulator import feed
-from specan.analysis.band_results import band_levels, weighted_levels
+from specan.analysis.band_results import BandResults, quality_flags
 from specan.analysis.octave_settings import OctaveSettings
 from specan.analysis.quality import QualityAccumulator
 from specan.analysis.section import joined, section, slices, slow_part, weightable
@@ -162,20 +161,14 @@ class OctaveAccumulator:
 
     def result(self, quality: Sequence[Quality] | None = None) -> BandLevels:
         """Band levels of what was added; call it once. `quality` gives the channels' flags."""
-        about: dict[str, Any] = {
-            "label": self.recording.label,
-            "file_flags": self.recording.flags,
-            "quality": quality,
-            "notes": self.notes,
-        }
+        flags = quality_flags(self.channels, self.recording.flags, quality)
+        about = {"label": self.recording.label, "flags": flags, "notes": tuple(self.notes)}
+        found = BandResults(self.channels, self.settings, self.sampling_rate, **about)
         if isinstance(self._at_work, BandEnergyAccumulator):
-            return band_levels(self.spectrum(self.settings.fraction), self.channels, self.settings, **about)
+            return found.of_spectrum(self.spectrum(self.settings.fraction))
         with np.errstate(invalid="ignore", over="ignore"):
             histories = self._at_work.result()
-        return weighted_levels(
-            histories, self._overall, self._times, self._duration, self.channels, self.settings,
-            sampling_rate=self.sampling_rate, **about,
-        )  # fmt: skip
+        return found.of_histories(histories, self._overall, self._times, self._duration)
 
 
 def joined_levels(parts: Sequence[BandLevels]) -> BandLevels:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from specan.analysis.band_results import band_levels
+from specan.analysis.band_results import BandResults
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
@@ -68,7 +68,7 @@ def test_other_bands_from_the_same_pass() -> None:
     accumulator.add(source.read(accumulator.channels))
     spectrum = accumulator.spectrum()
     for settings in (Octave(fraction=24, weighting="A"), Octave(fraction=1, fmin=60)):
-        again = band_levels(spectrum, accumulator.channels, settings)
+        again = BandResults(accumulator.channels, settings, spectrum.sampling_rate).of_spectrum(spectrum)
         # A short record is transformed no longer than its widest bands need: equal far below the printed digits.
         np.testing.assert_allclose(again.level_dB, settings(source).level_dB, rtol=0, atol=1e-8)
 

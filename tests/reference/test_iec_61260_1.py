@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from specan.analysis.band_results import band_levels
+from specan.analysis.band_results import BandResults
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.divisions import FRACTIONS
@@ -47,7 +47,9 @@ def worst_excess(tones: np.ndarray, bandwidth: np.ndarray, rate: float, fraction
             spectrum = accumulator.spectrum()
             own = 10 * np.log10(np.mean(samples**2, axis=1) / 4e-10)
             for fraction in fractions:
-                found = band_levels(spectrum, accumulator.channels, Octave(fraction=fraction))
+                found = BandResults(
+                    accumulator.channels, Octave(fraction=fraction), spectrum.sampling_rate
+                ).of_spectrum(spectrum)
                 attenuation = own[:, None] - found.level_dB
                 low, high = class_1_limits(part[:, None] / found.exact_hz, fraction)
                 above = np.where(np.isinf(high), -np.inf, attenuation - np.minimum(high, 1e9))
