@@ -77,6 +77,16 @@ class Array:
         return ""
 
 
+def column_of(data: Any, start: int, stop: int, column: int) -> np.ndarray:
+    """Samples of one of the signals that an array, or a data set of a file, holds along its longest side."""
+    long = int(np.argmax(data.shape))
+    index: list[Any] = [0] * len(data.shape)
+    index[long] = slice(start, stop)
+    for other in [k for k, length in enumerate(data.shape) if length > 1 and k != long][:1]:
+        index[other] = column
+    return np.asarray(data[tuple(index)])
+
+
 @dataclass(frozen=True)
 class Tree:
     """Arrays and words of a file by their paths.

@@ -9,7 +9,7 @@ import numpy as np
 
 from specan.data.recording import Recording
 from specan.errors import InputError, library
-from specan.io.array_tree import Array, Tree
+from specan.io.array_tree import Array, Tree, column_of
 from specan.io.channel_table import ChannelTable
 
 SUFFIXES = (".h5", ".hdf5")
@@ -92,7 +92,12 @@ def _dataset(h5py: Any, file: Any, path: Path, where: tuple[str, ...], node: Any
     elif node.size == 1 or node.dtype.kind in "OSU":
         _sort(where, node[()], tree)
     else:
-        tree.arrays[where] = _on_demand(h5py, path, "/".join(where), node.shape, node.dtype.kind)
+
+        def read(start: int, stop: int, column: int) -> np.ndarray:
+            with h5py.File(path, "r") as again:
+                return column_of(again["/".join(where)], start, stop, column)
+
+        tree.arrays[where] = Array(tuple(node.shape), node.dtype.kind, read)
 
 
 def _sort(where: tuple[str, ...], value: Any, tree: Tree) -> None:
@@ -102,20 +107,3 @@ def _sort(where: tuple[str, ...], value: Any, tree: Tree) -> None:
         tree.words[where] = flat[0] if len(flat) == 1 else flat
     elif len(flat) == 1 and isinstance(flat[0], (int, float)):
         tree.numbers[where] = float(flat[0])
-
-
-def _on_demand(h5py: Any, path: Path, name: str, shape: tuple[int, ...], kind: str) -> Array:
-    """An array that is read from its file when samples are asked for."""
-    long = int(np.argmax(shape))
-
-    def read(start: int, stop: int, column: int) -> np.ndarray:
-        with h5py.File(path, "r") as file:
-            index = [0] * len(shape)
-            others = [k for k, length in enumerate(shape) if length > 1 and k != long]
-            where: list[Any] = index
-            where[long] = slice(start, stop)
-            if others:
-                where[others[0]] = column
-            return np.asarray(file[name][tuple(where)])
-
-    return Array(tuple(shape), kind, read)

@@ -6,14 +6,13 @@ import os
 import pickle
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from specan.data.recording import Recording
 from specan.errors import InputError
-from specan.io.array_tree import Array, Tree
+from specan.io.array_tree import Array, Tree, column_of
 from specan.io.channel_table import ChannelTable
 
 SUFFIXES = (".mat",)
@@ -50,7 +49,7 @@ def open_recording(
         elif isinstance(value, float):
             tree.numbers[where] = value
         elif value is not None:
-            tree.arrays[where] = _in_memory(value)
+            tree.arrays[where] = Array(value.shape, value.dtype.kind, partial(column_of, value))
     return tree.recording(label, channel_table, sampling_rate)
 
 
@@ -70,14 +69,3 @@ def _variables(path: Path) -> dict[tuple[str, ...], Any]:
     if isinstance(found, str):
         raise InputError(f"{path.name} is a damaged MAT file ({found})", remedy="save it again")
     return dict(found)
-
-
-def _in_memory(value: np.ndarray) -> Array:
-    flat = value.reshape(-1, 1) if value.ndim < 2 or (1 in value.shape and value.ndim == 2) else value
-    if flat.ndim == 2 and flat.shape[0] < flat.shape[1]:
-        flat = flat.T
-
-    def read(start: int, stop: int, column: int) -> np.ndarray:
-        return flat[start:stop, column]
-
-    return Array(value.shape, value.dtype.kind, read)
