@@ -34,7 +34,7 @@ def recognises(start: bytes) -> bool:
     (True, False)
     """
     try:
-        lines = _lines(_decoded(start))
+        lines = _lines(decoded(start))
     except InputError:
         return False
     if len(lines) < LEAST:
@@ -60,7 +60,7 @@ def open_recording(
     InputError
         A cell that is not a number, rows of different lengths, times that are not equally spaced.
     """
-    lines = _lines(_decoded(path.read_bytes()))
+    lines = _lines(decoded(path.read_bytes()))
     delimiter = _delimiter(lines[0])
     titles = [cell.strip() for cell in next(csv.reader([lines[0]], delimiter=delimiter))]
     units = [""] * len(titles)
@@ -117,12 +117,18 @@ def _numbers(path: Path, lines: list[str], delimiter: str, columns: int) -> NDAr
     return np.ascontiguousarray(found.T)
 
 
-def _decoded(raw: bytes) -> str:
-    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return raw.decode("utf-16", errors="ignore")
-    for cut in range(4):  # the beginning of a file may end in the middle of a character
+def decoded(raw: bytes) -> str:
+    """The text of a file, or of its beginning, which may end in the middle of a character.
+
+    Raises
+    ------
+    InputError
+        It is no text in UTF-8, nor in UTF-16 that says so.
+    """
+    encoding = "utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    for cut in range(4):
         try:
-            text = raw[: len(raw) - cut].decode("utf-8-sig")
+            text = raw[: len(raw) - cut].decode(encoding)
         except UnicodeDecodeError:
             continue
         if all(c.isprintable() or c in "\r\n\t" for c in text[:4096]):

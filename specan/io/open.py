@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -15,6 +15,7 @@ from specan.data.recording import Recording
 from specan.errors import InputError, NoSignalError, RequestError, SpecanError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import NAMES, ChannelTable, find_channel_table, read_channel_table
+from specan.io.csv_signals import decoded
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ, is_rate
 from specan.schema import regular
 
@@ -175,18 +176,12 @@ def channel_table_of(path: Path, root: Path | None = None) -> Path | None:
     RequestError
         A directory holds two of them.
     """
-    for directory in _upwards(path.parent, root):
+    for directory in path.parents:
         if (table := find_channel_table(directory)) is not None:
             return table
+        if root is None or directory == root or not path.is_relative_to(root):
+            break
     return None
-
-
-def _upwards(directory: Path, root: Path | None) -> Iterable[Path]:
-    yield directory
-    if root is not None and directory.is_relative_to(root):
-        while directory != root:
-            directory = directory.parent
-            yield directory
 
 
 _POINTER = b"version https://git-lfs.github.com/spec/"
@@ -227,7 +222,7 @@ def format_of(path: Path) -> Any:
     what, remedy = _describe(start)
     named = path.suffix.lower() in (".tdms", ".wav")
     expected = "a TDMS or WAV recording" if named else "a recording: TDMS, WAV, UFF, MAT, HDF5 or CSV"
-    kind = NoSignalError if _is_text(start) and start and not named else InputError
+    kind = NoSignalError if _is_text(start) and not named else InputError
     raise kind(f"{path.name} is {what}", expected=expected, remedy=remedy)
 
 
@@ -257,13 +252,10 @@ def _describe(start: bytes) -> tuple[str, str]:
 
 
 def _is_text(start: bytes) -> bool:
-    for cut in range(4):  # the last character may be cut in the middle
-        try:
-            text = start[: len(start) - cut].decode("utf-8")
-        except UnicodeDecodeError:
-            continue
-        return all(c.isprintable() or c in "\r\n\t\ufeff" for c in text)
-    return False
+    try:
+        return bool(decoded(start))
+    except InputError:
+        return False
 
 
 # File formats of recordings: the built-in ones, tried in this order, then those that installed packages bring.
