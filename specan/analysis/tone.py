@@ -212,7 +212,6 @@ class ToneAccumulator:
                 quotient(c.target_unit, self.reference.target_unit) if self.reference else ""
                 for c in channels
             ),
-            "u_random_phase_deg": random_phase,
             "u_random_percent": random_percent,
             "degrees_of_freedom": freedom,
             "u_common_phase_deg": common_phase,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -140,8 +141,7 @@ class FrequencyResponse(RecordingResult):
 
     def line_words(self, row: int, own: tuple[str, ...]) -> list[str]:
         """The words of a channel, and those of each of its lines."""
-        doubts = _doubts(self.u_magnitude_percent[row], self.coherence[row], self.u_leakage_percent[row])
-        extra = {name: lines for name, lines in doubts.items() if name not in own}
+        extra = {name: lines[row] for name, lines in self.line_flags.items() if name not in own}
         code = sum(lines.astype(int) << bit for bit, lines in enumerate(extra.values()))
         texts = [
             " ".join((*own, *(name for bit, name in enumerate(extra) if combination >> bit & 1)))
@@ -224,21 +224,15 @@ class FrequencyResponse(RecordingResult):
             row[known] = np.unwrap(row[known], period=360.0)
         return phase
 
-    @property
+    @cached_property
     def line_flags(self) -> dict[str, NDArray[np.bool_]]:
         """Lines (channels, n) that are worth little: ``low-snr``, ``low-coherence`` and ``leakage``."""
-        return _doubts(self.u_magnitude_percent, self.coherence, self.u_leakage_percent)
-
-
-def _doubts(
-    u_magnitude_percent: Real, coherence: Real, u_leakage_percent: Real
-) -> dict[str, NDArray[np.bool_]]:
-    with np.errstate(invalid="ignore"):
-        return {
-            "low-snr": ~(u_magnitude_percent <= LOW_SNR_PERCENT),
-            "low-coherence": coherence < LOW_COHERENCE,
-            "leakage": leaking(u_leakage_percent, u_magnitude_percent),
-        }
+        with np.errstate(invalid="ignore"):
+            return {
+                "low-snr": ~(self.u_magnitude_percent <= LOW_SNR_PERCENT),
+                "low-coherence": self.coherence < LOW_COHERENCE,
+                "leakage": leaking(self.u_leakage_percent, self.u_magnitude_percent),
+            }
 
 
 def leaking(u_leakage_percent: Real, u_magnitude_percent: Real) -> NDArray[np.bool_]:

@@ -37,7 +37,7 @@ class ToneTable(Result):
         Of the channel over the reference, exp(+j w t), in (-180, 180]; NaN without a reference.
     u_phase_deg, u_magnitude_percent : arrays
         Combined standard uncertainties of phase and magnitude over the reference.
-    u_random_phase_deg, u_random_percent : arrays
+    u_random_percent : arrays
         The random part, from the noise close to the tone. Twice it is the 95 % interval, however few the blocks: it is
         raised by the factor of Student's distribution.
     degrees_of_freedom : int
@@ -71,7 +71,6 @@ class ToneTable(Result):
     phase_deg: Real
     u_phase_deg: Real
     u_magnitude_percent: Real
-    u_random_phase_deg: Real
     u_random_percent: Real
     degrees_of_freedom: int
     u_common_phase_deg: Real

@@ -706,7 +706,7 @@ class BandHistoryAccumulator:
         keep_freed_memory()
         self._peak_of, self._read = peak_of, len(filters) if read is None else read
         self._peaks, self._peaks_with_cut = Peaks(rows), Peaks(rows)
-        self._n_samples, nowhere = n_samples, np.empty(0)
+        nowhere = np.empty(0)
         self._slow, self._taken = slow, 0
         self._derivatives = np.zeros(rows, dtype=int) if derivatives is None else np.asarray(derivatives)
         self._times = len(times)

@@ -35,15 +35,12 @@ class WindowProperties(NamedTuple):
         Mean of the window: the factor on the amplitude of a tone that falls on a line.
     enbw_lines : float
         Equivalent noise bandwidth in lines, n sum(w^2) / sum(w)^2 (Harris 1978, eq. 11).
-    scallop_loss_dB : float
-        Loss of a tone halfway between two lines.
     half_lobe_lines : int
         Half the width of the main lobe, in lines.
     """
 
     coherent_gain: float
     enbw_lines: float
-    scallop_loss_dB: float
     half_lobe_lines: int
 
 
@@ -74,10 +71,9 @@ def _made(name: WindowName, n: int) -> NDArray[np.float64]:
 
 
 def window_properties(name: WindowName) -> WindowProperties:
-    """Coherent gain, noise bandwidth, scallop loss and lobe of a window, in closed form.
+    """Coherent gain, noise bandwidth and lobe of a window, in closed form.
 
-    With the cosine coefficients a_0, a_1, ...: gain a_0, sum(w^2)/n = a_0^2 + sum(a_m^2)/2; a tone d lines
-    away is seen through sin(pi d)/pi * sum of (-1)^m a_m d/(d^2 - m^2) (large n).
+    With the cosine coefficients a_0, a_1, ...: gain a_0, sum(w^2)/n = a_0^2 + sum(a_m^2)/2.
 
     Examples
     --------
@@ -86,13 +82,9 @@ def window_properties(name: WindowName) -> WindowProperties:
     """
     a = np.array(_COEFFICIENTS[name])
     power = a[0] ** 2 + np.sum(a[1:] ** 2) / 2
-    m = np.arange(len(a))
-    half = 0.5
-    response = np.sum((-1.0) ** m * a * half / (half**2 - m**2)) / np.pi  # sin(pi/2) = 1
     return WindowProperties(
         coherent_gain=float(a[0]),
         enbw_lines=float(power / a[0] ** 2),
-        scallop_loss_dB=float(-20 * np.log10(response / a[0])),
         half_lobe_lines=len(a),
     )
 

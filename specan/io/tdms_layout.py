@@ -39,7 +39,6 @@ class Part:
 
     position: int
     chunk_bytes: int
-    n_chunks: int
     strips: dict[str, Strip]
 
 
@@ -159,7 +158,7 @@ class _Builder:
 
     def _append(self, position: int, chunk_bytes: int, n_chunks: int, strips: dict[str, Strip]) -> None:
         number = len(self.parts)
-        self.parts.append(Part(position, chunk_bytes, n_chunks, strips))
+        self.parts.append(Part(position, chunk_bytes, strips))
         for path, strip in strips.items():
             if strip.count:
                 self.pieces.setdefault(path, []).append((number, strip.count * n_chunks))

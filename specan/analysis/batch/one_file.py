@@ -81,12 +81,9 @@ def _together(parts: Sequence[tuple[Recording, FileResult]]) -> FileResult:
     if not done:
         return parts[0][1]
     blocks: dict[str, str] = defaultdict(str)
-    units: dict[str, dict[str, str]] = defaultdict(dict)
     for part in done:
         for table, lines in part.blocks.items():
             blocks[table] += lines
-        for table, said in part.units.items():
-            units[table] |= said
     failed = [("", f"{run.channels[0].group}: {part.reason}") for run, part in parts if part.kind != "done"]
     return replace(
         done[0],
@@ -94,7 +91,6 @@ def _together(parts: Sequence[tuple[Recording, FileResult]]) -> FileResult:
         about=tuple(dict.fromkeys(line for part in done for line in part.about)),
         blocks=dict(blocks),
         tones=tuple(tone for part in done for tone in part.tones),
-        units=dict(units),
         set_aside=(*(aside for part in done for aside in part.set_aside), *failed),
     )
 
@@ -180,7 +176,6 @@ def _levels(recording: Recording, settings: BatchSettings, found: FileResult, ki
     taken = [analysis.channels for analysis in analyses]
     blocks: dict[str, str] = defaultdict(str)
     notes: list[str] = []
-    units: dict[str, dict[str, str]] = defaultdict(dict)
 
     def write(analysis: Reader, quality: Mapping[int, Quality]) -> None:
         if isinstance(analysis, TransferFunctionAccumulator):
@@ -188,7 +183,6 @@ def _levels(recording: Recording, settings: BatchSettings, found: FileResult, ki
             also = ("sweep",) if kind == "sweep" else ()
             words = [(*quality[id(c)].flags, *also) for c in analysis.responses]
             blocks["noise.txt"] += noise_lines(response, words)
-            units["noise.txt"] |= zip(response.channels, response.units, strict=True)
             notes.append(
                 f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
                 f"{response.n_effective:.1f} independent"
@@ -204,12 +198,11 @@ def _levels(recording: Recording, settings: BatchSettings, found: FileResult, ki
             levels = analysis.result(own)
             if kind == "noise":
                 blocks["bands.txt"] += band_lines(levels)
-                units["bands.txt"] |= zip(levels.channels, (r.text for r in levels.references), strict=True)
             else:
                 blocks["other.txt"] += other_lines(levels, tuple(c.role for c in analysis.channels))
 
     _few_at_once(recording, analyses, write)
-    found = replace(found, blocks=dict(blocks), about=(*found.about, *notes), units=dict(units))
+    found = replace(found, blocks=dict(blocks), about=(*found.about, *notes))
     return _with_rest(found, recording, faults, taken)
 
 

@@ -27,8 +27,6 @@ class FileResult:
         Lines of each table.
     tones : tuple of ToneTable
         Of sine recordings, one for each run, for the stepped-sine characteristic of its directory.
-    units : mapping
-        For tables without a column of units, by name: what the values of each channel are in, or are over 0 dB.
     set_aside : tuple of (channel, reason)
         Channels that gave no result; the channel is empty for the whole file.
     """
@@ -39,5 +37,4 @@ class FileResult:
     about: tuple[str, ...] = ()
     blocks: Mapping[str, str] = field(default_factory=dict)
     tones: tuple[ToneTable, ...] = ()
-    units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     set_aside: tuple[tuple[str, str], ...] = ()

@@ -118,7 +118,7 @@ def program_identity() -> str:
     return f"specan {specan.__version__} ({digest.hexdigest()[:12]}), numpy {np.__version__}, scipy {scipy.__version__}"
 
 
-_SCHEMA, _SUFFIX = 5, ".result"
+_SCHEMA, _SUFFIX = 6, ".result"
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,6 @@ class Store:
             "reason": result.reason,
             "about": result.about,
             "set_aside": result.set_aside,
-            "units": result.units,
             "tones": [_plain(tone) for tone in result.tones],
             "checksum": zlib.crc32(b"".join(encoded.values())),
             "lines": {table: len(lines) for table, lines in encoded.items()},
@@ -274,7 +273,7 @@ def _result(found: Mapping[str, Any]) -> FileResult:
         ToneTable(**{name: _restored(value) for name, value in tone.items()}) for tone in found["tones"]
     )
     about, aside = _restored(found["about"]), _restored(found["set_aside"])
-    return FileResult(found["label"], found["kind"], found["reason"], about, {}, tones, found["units"], aside)
+    return FileResult(found["label"], found["kind"], found["reason"], about, {}, tones, aside)
 
 
 def _restored(value: Any) -> Any:
