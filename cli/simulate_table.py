@@ -11,7 +11,7 @@ import numpy as np
 
 from specan.errors import RequestError
 from specan_cli.options import opt
-from specan_cli.output import emit_json, say
+from specan_cli.output import TABLES, OutputFile, emit_json, say
 from specan_cli.output import table as print_table
 
 if TYPE_CHECKING:
@@ -141,10 +141,23 @@ def _values(text: str, values: str) -> list[float]:
 
 
 def write(path: Path, rows: Columns) -> None:
-    """Write a table."""
-    from specan.io.output_file import write_csv
+    """Write a table in the format that the ending names.
 
-    write_csv(path, rows, _cells(rows, ".9g"))
+    Raises
+    ------
+    RequestError
+        It names none of a table.
+    """
+    import pandas as pd
+
+    from specan.io.output_file import write_csv
+    from specan.io.result_file import write_frame
+
+    OutputFile(*TABLES, ".json").check_ending(path)
+    if path.suffix.lower() in ("", ".csv", ".txt"):
+        write_csv(path, rows, _cells(rows, ".9g"))
+    else:
+        write_frame(pd.DataFrame(dict(rows)), path, ["simulated"])
 
 
 def _cells(rows: Columns, form: str) -> Iterator[list[str]]:

@@ -13,7 +13,7 @@ from specan_cli.study import open_study, study_options
 
 @click.command("report", cls=Verb)
 @study_options
-@opt("-o --output", OutputFile(), "HTML file to write.", required=True)
+@opt("-o --output", OutputFile(".html", ".htm"), "HTML file to write.", required=True)
 def command(directory: Path, effects: tuple[Path, ...], as_json: bool, output: Path) -> None:
     """Write a report of DIR on one page: figures, verdict, history, assumptions.
 

@@ -231,3 +231,17 @@ def test_an_ending_of_another_format_is_refused(recording, tmp_path, ending):
     assert done.returncode == 2
     assert b".txt, .tsv, .csv, .xlsx, .parquet, .json" in done.stderr
     assert not (tmp_path / f"new{ending}").exists()
+
+
+def test_a_simulated_table_is_written_in_the_format_of_its_ending(tmp_path):
+    rig = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "rig.toml"
+    for ending in (".csv", ".xlsx", ".parquet"):
+        done = specan("simulate", "worm-gear", rig, "-o", f"table{ending}", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    as_text = pd.read_csv(tmp_path / "table.csv")
+    for found in (pd.read_excel(tmp_path / "table.xlsx"), pd.read_parquet(tmp_path / "table.parquet")):
+        pd.testing.assert_frame_equal(found, as_text, check_dtype=False, rtol=1e-5)
+    done = specan("simulate", "worm-gear", rig, "-o", "table.tdms", cwd=tmp_path)
+    assert done.returncode == 2
+    assert b".xlsx" in done.stderr
+    assert not (tmp_path / "table.tdms").exists()
