@@ -20,7 +20,7 @@ from specan_cli.output import (
     show_sheets,
     to_standard_output,
 )
-from specan_cli.recording_verb import expand, given
+from specan_cli.recording_verb import expand, given, left_out
 
 
 @click.command("calibrate", cls=Verb)
@@ -70,7 +70,7 @@ def command(
     """
     from specan.analysis.calibration import join_insertions
     from specan.analysis.calibrator_tone import CalibrationSettings
-    from specan.analysis.insertion import evaluate_insertion
+    from specan.analysis.insertion import Insertion, evaluate_insertion
     from specan.errors import InputError
     from specan.io.calibration_file import write_calibration
     from specan.io.open import open_recording
@@ -82,17 +82,12 @@ def command(
     check_directory(output)
     files = tuple(found.path for found in expand(files))
     common = os.path.commonpath([path.resolve().parent for path in files])
-    insertions, failures = [], []
+    insertions, failures = list[Insertion](), list[dict[str, str]]()
     for path in files:
-        try:
+        with left_out(str(path), failures, len(files) > 1):
             label = path.resolve().relative_to(common).as_posix()
             recording = open_recording(path, label=label, channel_table=channel_table)
             insertions.append(evaluate_insertion(recording, settings))
-        except InputError as fault:
-            if len(files) == 1:
-                raise
-            failures.append({"file": str(path), "reason": str(fault)})
-            say(f"Left out: {fault}")
     if not insertions:
         raise InputError("no file could be used for a calibration", remedy="see the reasons above")
     calibration = join_insertions(insertions, settings)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opening_options, opt
-from specan_cli.output import Verb, draw, emit_json, plot_option, say, show_sheets, table, to_standard_output
-from specan_cli.recording_verb import expand, opened_with
+from specan_cli.output import Verb, draw, emit_json, plot_option, show_sheets, table, to_standard_output
+from specan_cli.recording_verb import expand, left_out, opened_with
 
 if TYPE_CHECKING:
     from specan.data.levels import Quality
@@ -48,26 +48,20 @@ def command(
     if plot is not None and len(found) > 1:
         raise RequestError(f"--plot draws one recording, and there are {len(found)}", remedy="name one")
     for item in found:
-        try:
+        with left_out(item.label, failures, len(found) > 1):
             source = opened_with(item.path, opening)[0]
             recording = replace(source.open(), label=source.file.name if item.label == "-" else item.label)
             excitation = recognise(recording)
             quality = rms_and_quality(recording) if levels else {}
-        except InputError as fault:
-            if len(found) == 1:
-                raise
-            failures.append({"file": item.label, "reason": str(fault)})
-            say(f"Left out: {fault}")
-            continue
-        seen.append(_content(recording, source.file, excitation, quality))
-        if len(found) > 1 and not show_all:
-            short.append(_row(recording, excitation))
-        elif not as_json and not to_standard_output(plot):
-            click.echo("\n".join(_lines(recording, seen[-1]["size_bytes"], excitation)))
-            for sheet in sheets(recording, quality, show_all):
-                click.echo()
-                show_sheets([sheet])
-        draw(recording, plot)
+            seen.append(_content(recording, source.file, excitation, quality))
+            if len(found) > 1 and not show_all:
+                short.append(_row(recording, excitation))
+            elif not as_json and not to_standard_output(plot):
+                click.echo("\n".join(_lines(recording, seen[-1]["size_bytes"], excitation)))
+                for sheet in sheets(recording, quality, show_all):
+                    click.echo()
+                    show_sheets([sheet])
+            draw(recording, plot)
     if not seen:
         raise InputError("no file could be read", remedy="see the reasons above")
     if as_json:

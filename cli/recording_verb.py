@@ -9,7 +9,8 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -109,6 +110,20 @@ class RecordingVerb(Verb):
         if ctx.params.get("as_json"):
             emit_json({"files": done, "failures": failures})
         return 1 if any(not isinstance(fault, NoSignalError) for fault in faults) else code
+
+
+@contextmanager
+def left_out(file: str, failures: list[dict[str, str]], several: bool) -> Iterator[None]:
+    """What cannot be read is named and left out where there are several files."""
+    from specan.errors import InputError
+
+    try:
+        yield
+    except InputError as fault:
+        if not several:
+            raise
+        failures.append({"file": file, "reason": str(fault)})
+        say(f"Left out: {fault}")
 
 
 def expand(paths: Sequence[Path]) -> list[Found]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -236,14 +236,15 @@ class RecordingPage(Page):
 
         def compute(tell: Tell) -> Panel:
             waiting = [w for _, w in self.waveform.waveforms(view) if w.needs_overview(*visible)]
-            if waiting:
+            pieces = count()
 
-                def told(part: float) -> bool:
+            def told(part: float) -> bool:
+                if next(pieces) % _PICTURE_EVERY == 0:  # as far as it is known
                     partly = self.waveform.curves(view, *visible)
                     self.drawing.later(lambda: show(partly))
-                    return tell(part)
+                return tell(part)
 
-                read_overviews(waiting, _now_and_then(tell, told))
+            read_overviews(waiting, told)
             return self.waveform.curves(view, *visible)
 
         self.waveform.show_section(view)
@@ -336,15 +337,3 @@ def _notes(found: Found) -> tuple[str, str]:
         if words
     ]
     return "; ".join([*notes, *warned]), "error" if warned else ""
-
-
-def _now_and_then(tell: Tell, told: Callable[[float], bool]) -> Tell:
-    """At first and every few pieces the picture as far as it is known, else the progress alone."""
-    count = 0
-
-    def both(part: float) -> bool:
-        nonlocal count
-        count += 1
-        return told(part) if count % _PICTURE_EVERY == 1 else tell(part)
-
-    return both

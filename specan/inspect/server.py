@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import ipaddress
 import secrets
 import socket
@@ -50,8 +51,7 @@ def start_server(fill: Callable[[Document], None], address: str = LOOPBACK, port
 
     # A widget that is taken off the page and put back is known to the browser already.
     warnings.filterwarnings("ignore", message="reference already known")
-    port = _available(address, port)
-    server = PageServer(fill, _in_url(address), address, port)
+    server = PageServer(fill, f"[{address}]" if ":" in address else address, address, port)
     server.start()
     return server
 
@@ -64,46 +64,22 @@ def open_browser(url: str) -> bool:
         return False
 
 
-def _available(address: str, port: int) -> int:
-    """The port, or any free one for 0; a clear message where it is not available."""
-    family = socket.AF_INET6 if _is_v6(address) else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((address, port))
-        except OSError as fault:
-            if port and _is_own(address):
-                raise RequestError(
-                    f"port {port} of {address} is not available ({fault.strerror or fault})",
-                    remedy="another specan inspect may be running; choose another --port, or leave it out",
-                ) from None
-            raise RequestError(
-                f"{address} is not an address of this machine ({fault.strerror or fault})",
-                expected=f"such as {LOOPBACK}",
-            ) from None
-        except OverflowError:
-            raise RequestError(f"there is no port {port}", expected="0 to 65535") from None
-        return int(probe.getsockname()[1])
-
-
-def _is_own(address: str) -> bool:
-    with socket.socket(socket.AF_INET6 if _is_v6(address) else socket.AF_INET) as probe:
-        try:
-            probe.bind((address, 0))
-        except OSError:
-            return False
-    return True
-
-
-def _is_v6(address: str) -> bool:
+def _bound(address: str, port: int) -> tuple[list[socket.socket], int]:
+    """Sockets of an address, and the port: any free one for 0; a clear message where it is not available."""
     try:
-        return ipaddress.ip_address(address).version == 6
-    except ValueError:  # a name
-        return False
-
-
-def _in_url(address: str) -> str:
-    return f"[{address}]" if _is_v6(address) else address
+        return bind_sockets(address, port)
+    except OverflowError:
+        raise RequestError(f"there is no port {port}", expected="0 to 65535") from None
+    except OSError as fault:
+        if fault.errno in (errno.EADDRINUSE, errno.EACCES):
+            raise RequestError(
+                f"port {port} of {address} is not available ({fault.strerror or fault})",
+                remedy="another specan inspect may be running; choose another --port, or leave it out",
+            ) from None
+        raise RequestError(
+            f"{address} is not an address of this machine ({fault.strerror or fault})",
+            expected=f"such as {LOOPBACK}",
+        ) from None
 
 
 # Bokeh's server behind a guard: who does not know the page's address gets nothing.
@@ -141,7 +117,7 @@ class PageServer(BaseServer):
     """
 
     def __init__(self, fill: Callable[[Document], None], host: str, address: str, port: int) -> None:
-        sockets, port = bind_sockets(address, port)
+        sockets, port = _bound(address, port)
         key, code = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
         try:
             app = _Guarded(f"{host}:{port}", key, code, {"/": Application(FunctionHandler(fill))})

@@ -116,13 +116,13 @@ def name_rows(axes: Axes, names: Sequence[str]) -> None:
 _BELOW, _ABOVE = 6, 7  # columns of a legend at most
 
 
-def legend_below(figure: Figure, axes: Axes) -> None:
+def legend_below(figure: Figure, axes: Axes, most: int = _BELOW, title: str | None = None) -> None:
     """Legend of some axes under the figure, where it covers nothing; in columns that fit the width."""
     handles, labels = axes.get_legend_handles_labels()
     known = dict(zip(labels, handles, strict=True))
     if known:
-        ncols = _columns(list(known), float(figure.get_size_inches()[0]), _BELOW)
-        figure.legend(list(known.values()), list(known), loc="outside lower center", ncols=ncols)
+        ncols = _columns(list(known), float(figure.get_size_inches()[0]), most)
+        figure.legend(list(known.values()), list(known), loc="outside lower center", ncols=ncols, title=title)
 
 
 def legend_above(axes: Axes) -> None:

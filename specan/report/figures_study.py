@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.report.figure_style import COLOURS, heading, new_figure, styled
+from specan.report.figure_style import COLOURS, heading, legend_below, new_figure, styled
 from specan.report.figures import figure_named
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.figures_study_time import figure_compare_time
@@ -88,9 +88,16 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
         _draw(study, observation, predicted, panel, top, bottom)
     for name in dict.fromkeys(panel.observable for panel in panels):
         same = [pair for panel, pair in zip(panels, grid.T, strict=True) if panel.observable == name]
-        for row, axes in enumerate(zip(*same, strict=True)):
-            _share_limits(axes, symmetric=row == 1)
-        _legend(figure, panels, grid[0], name, observation)
+        line = next(panel.line for panel in panels if panel.observable == name)
+        for first, *others in zip(*same, strict=True):
+            for axes in others:
+                axes.sharey(first)
+                axes.tick_params(labelleft=False)
+                axes.set_ylabel("")
+        reach = max(3.0, *(abs(end) for _, bottom in same for end in bottom.get_ylim()))
+        same[0][1].set_ylim(-reach, reach)
+        if line:
+            legend_below(figure, same[0][0], MOST_LINES, title=axis_text(line, observation.variables))
     figure.align_ylabels(grid[:, 0])
     grid[1, 0].set_ylabel("(Model - measured) / sigma" if study.data.known else "Relative to 1 %")
     heading(
@@ -103,30 +110,6 @@ def _explained(study: Study) -> str:
     bars = " with two standard uncertainties" if study.data.known else ""
     band = " Grey band: two standard uncertainties." if study.data.known else ""
     return f"Points: measured{bars}. Lines: model.{band}"
-
-
-def _share_limits(axes: Sequence[Axes], symmetric: bool) -> None:
-    low, high = (f(end) for f, end in zip((min, max), zip(*(one.get_ylim() for one in axes), strict=True)))
-    if symmetric:
-        high = max(-low, high, 3.0)
-        low = -high
-    for k, one in enumerate(axes):
-        one.set_ylim(low, high)
-        if k:
-            one.tick_params(labelleft=False)
-            one.set_ylabel("")
-
-
-def _legend(
-    figure: Figure, panels: Sequence[_Panel], tops: Sequence[Axes], name: str, observation: TableObservation
-) -> None:
-    """One for the lines of an observable, above its first panel."""
-    panel, axes = next((p, a) for p, a in zip(panels, tops, strict=True) if p.observable == name)
-    if panel.line:
-        figure.legend(
-            *axes.get_legend_handles_labels(), title=axis_text(panel.line, observation.variables),
-            loc="outside lower center", ncols=MOST_LINES,
-        )  # fmt: skip
 
 
 def _order(labels: Mapping[str, NDArray[Any]], rows: NDArray[np.bool_]) -> list[str]:
