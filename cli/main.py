@@ -38,11 +38,9 @@ VERBS: dict[str, tuple[str, str]] = {
     "study": ("study", "Compare a model with measurements: where it fails, what is missing, what to add."),
     "conformance": ("conformance", "Clauses of IEC 61260-1, IEC 61672-1, IEEE 1057: expected, found."),
     "demo": ("demo", "The sample data of the examples, written to a directory."),
-    "completion": ("completion", "Tab completion for bash, zsh and fish."),
 }
 
 CLOSED_PIPE = 141  # as a shell reports it: 128 + SIGPIPE
-COMPLETE = "_SPECAN_COMPLETE"  # environment variable under which a shell asks for completions
 
 
 class LazyGroup(click.Group):
