@@ -139,7 +139,7 @@ class BandResults:
             percent: level(values, zero[:, None])
             for percent, values in _exceeded(histories, highest, elapsed, settings.percentiles).items()
         }
-        other = OtherSettling(self._exchanged, other_dB[:, :n], totals(other_dB))
+        exchanged = OtherSettling(self._exchanged, other_dB[:, :n], totals(other_dB))
         # An exponential average of time constant tau scatters like a linear one over 2 tau.
         averaged = min(2.0 * settings.time_constant, duration)
         return self._result(
@@ -149,7 +149,7 @@ class BandResults:
             duration_s=duration,
             settling=settling,
             unsettled=histories.settled_s[:n] > duration,
-            other=other if settings.hold == "max" else None,
+            other=exchanged if settings.hold == "max" else None,
             history=LevelHistory(
                 time_s=settings.start_s + elapsed,
                 level_dB=readings_dB[:, :n],

@@ -218,9 +218,8 @@ class LagSpectrum:
     ) -> NDArray[np.float64] | None:
         """Add conj(X_b) (X_b + X_{b+1}); with Y = X - E what conj(Y_b) (Y_b + Y_{b+1}) is more."""
         previous, end = self._before()
-        product, conjugate = (
-            _memory.take(name, *previous.shape, _COMPLEX) for name in ("product", "conjugate")
-        )
+        rows, lines = previous.shape
+        product, conjugate = (_memory.take(name, rows, lines, _COMPLEX) for name in ("product", "conjugate"))
         np.conjugate(previous, out=conjugate)
         if following is None:
             product[...] = previous

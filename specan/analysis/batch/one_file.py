@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple, TypeVar
@@ -158,70 +158,74 @@ def _levels(recording: Recording, settings: BatchSettings, found: FileResult, ki
     Bands of a sweep say how fast it was: they stand with the others.
     """
     faults: list[str] = []
-    driven, analyses = kind in ("noise", "sweep"), list[Reader]()
+    driven, analyses = kind in ("noise", "sweep"), list[tuple[Reader, Write]]()
     if driven:
         make = partial(TransferFunctionAccumulator, recording, settings.transfer_function)
         transfer = _attempt("transfer function", make, recording.label, faults)
-        analyses += [] if transfer is None else [transfer]
+        analyses += [] if transfer is None else [(transfer, partial(_transfer_functions, transfer, kind))]
         del transfer
     for channels, bands in _band_passes(recording, settings.octave, faults):
         if bands is not None:
-            analyses.append(bands)
+            analyses.append((bands, partial(_bands, bands, kind)))
         elif not driven:
-            analyses.append(QualityAccumulator(channels, 0, min(c.n_samples for c in channels)))
+            look = QualityAccumulator(channels, 0, min(c.n_samples for c in channels))
+            analyses.append((look, partial(_rms, look, recording)))
         del bands
     if not analyses:
         reason = "; ".join(faults) or "none of its channels was chosen"
         return replace(found, kind="failed", reason=reason)
-    taken = [analysis.channels for analysis in analyses]
+    taken = [analysis.channels for analysis, _ in analyses]
     blocks: dict[str, str] = defaultdict(str)
-    notes: list[str] = []
-
-    def write(analysis: Reader, quality: Mapping[int, Quality]) -> None:
-        if isinstance(analysis, TransferFunctionAccumulator):
-            response = analysis.result()
-            also = ("sweep",) if kind == "sweep" else ()
-            words = [(*quality[id(c)].flags, *also) for c in analysis.responses]
-            blocks["noise.txt"] += noise_lines(response, words)
-            notes.append(
-                f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
-                f"{response.n_effective:.1f} independent"
-            )
-            notes.extend(response.notes)
-            return
-        own = [quality[id(c)] for c in analysis.channels]
-        if isinstance(analysis, QualityAccumulator):
-            rms = rms_about_mean(recording, analysis.channels, analysis.stop)
-            flags = [(*q.flags, *recording.flags) for q in own]
-            blocks["other.txt"] += rms_lines(recording.label, analysis.channels, rms, flags)
-        elif isinstance(analysis, OctaveAccumulator):
-            levels = analysis.result(own)
-            if kind == "noise":
-                blocks["bands.txt"] += band_lines(levels)
-            else:
-                blocks["other.txt"] += other_lines(levels, tuple(c.role for c in analysis.channels))
-
-    _few_at_once(recording, analyses, write)
-    found = replace(found, blocks=dict(blocks), about=(*found.about, *notes))
-    return _with_rest(found, recording, faults, taken)
+    about = list(found.about)
+    for table, lines, notes in _few_at_once(recording, analyses):
+        blocks[table] += lines
+        about += notes
+    return _with_rest(replace(found, blocks=dict(blocks), about=tuple(about)), recording, faults, taken)
 
 
-def _few_at_once(
-    recording: Recording,
-    analyses: list[Reader],
-    write: Callable[[Reader, Mapping[int, Quality]], None],
-) -> None:
+# Table, its lines and notes on them, of an analysis that has seen all samples; given the quality of its channels.
+Written = tuple[str, str, Sequence[str]]
+Write = Callable[[Sequence[Quality]], Written]
+
+
+def _transfer_functions(done: TransferFunctionAccumulator, kind: str, quality: Sequence[Quality]) -> Written:
+    response = done.result()
+    flags = {id(c): q.flags for c, q in zip(done.channels, quality, strict=True)}
+    also = ("sweep",) if kind == "sweep" else ()
+    about = (
+        f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
+        f"{response.n_effective:.1f} independent"
+    )
+    words = [(*flags[id(c)], *also) for c in done.responses]
+    return "noise.txt", noise_lines(response, words), (about, *response.notes)
+
+
+def _bands(done: OctaveAccumulator, kind: str, quality: Sequence[Quality]) -> Written:
+    levels = done.result(quality)
+    if kind == "noise":
+        return "bands.txt", band_lines(levels), ()
+    return "other.txt", other_lines(levels, [c.role for c in done.channels]), ()
+
+
+def _rms(done: QualityAccumulator, recording: Recording, quality: Sequence[Quality]) -> Written:
+    flags = [(*q.flags, *recording.flags) for q in quality]
+    rms = rms_about_mean(recording, done.channels, done.stop)
+    return "other.txt", rms_lines(recording.label, done.channels, rms, flags), ()
+
+
+def _few_at_once(recording: Recording, analyses: list[tuple[Reader, Write]]) -> Iterator[Written]:
     """Feed and write down the analyses: in one pass where they have few channels, else one after the other.
 
     Each is let go of when it is written (`analyses` is empty in the end): memory is bounded in channels too.
     """
-    few = len({id(c) for analysis in analyses for c in analysis.channels}) <= AT_ONCE
+    few = len({id(c) for analysis, _ in analyses for c in analysis.channels}) <= AT_ONCE
     while analyses:
         together = [analyses.pop(0) for _ in range(len(analyses) if few else 1)]
-        quality = _read(recording, together)
-        for analysis in together:
-            write(analysis, quality)
-        del analysis, together
+        quality = _read(recording, [analysis for analysis, _ in together])
+        while together:
+            analysis, write = together.pop(0)
+            yield write([quality[id(c)] for c in analysis.channels])
+            del analysis, write
 
 
 def _read(recording: Recording, passes: Sequence[Reader]) -> dict[int, Quality]:
