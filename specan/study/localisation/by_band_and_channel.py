@@ -13,19 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from specan.study.estimation.distributions import discoveries
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.frf_errors import FrfErrors, curve_errors  # also offered to `localise`
-from specan.study.localisation.localise import (
-    CLEAR,
-    LEVEL,
-    Block,
-    Localisation,
-    Trend,
-    level_and_phase,
-    tested,
-)
+from specan.study.localisation.localise import CLEAR, Block, Localisation, level_and_phase, tested, trends_of
 from specan.study.observation import Array, Variable
 
 NEAR_MODE = (
@@ -155,7 +146,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     fails = any(b.significant for b in marked)
     return Localisation(
         blocks=tuple(sorted(marked, key=lambda b: (b.p_value, -b.statistic))),
-        trends=_trends(marked, variables),
+        trends=tuple(trends_of(marked, ("third_octave_hz", "channel"), variables, problem.noise_dof)),
         notes=tuple(_sentences(errors, groups)) if fails else (),
     )
 
@@ -176,19 +167,6 @@ def _places(
         yield {"third_octave_hz": band}, (everywhere, [b])
         for where, chosen in groups:
             yield {"third_octave_hz": band, **where}, (chosen, [b])
-
-
-def _trends(blocks: Sequence[Block], variables: Mapping[str, Variable]) -> tuple[Trend, ...]:
-    """A model depends wrongly on what it fails at one level of, the number of levels allowed for."""
-    names, p = [], []
-    for name in ("third_octave_hz", "channel"):
-        alone = [b.p_value for b in blocks if set(b.where) == {name}]
-        if alone:
-            names.append(name)
-            p.append(min(1.0, len(alone) * min(alone)))
-    passed = discoveries(p, LEVEL)
-    found = [Trend(n, v, bool(ok), "", variables[n].words) for n, v, ok in zip(names, p, passed, strict=True)]
-    return tuple(sorted(found, key=lambda t: t.p_value))
 
 
 def _sentences(errors: _Errors, groups: Sequence[tuple[str, Sequence[int]]]) -> list[str]:

@@ -11,7 +11,7 @@ curves, ``curve_errors(observation, predicted)``. So may an installed kind (an e
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from specan.errors import RequestError
 from specan.study.estimation.distributions import discoveries
 from specan.study.estimation.fit import Fit, misfit_p_value
-from specan.study.estimation.linear import orthonormal
 from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
 from specan.study.observation import KINDS, Variable, kind_named, variable_named
@@ -257,16 +256,42 @@ def by_blocks(problem: Problem, best: Fit) -> Localisation:
         _block(algebra, *place, along, variables) for place, along in zip(places, directions, strict=True)
     ]
     marked = tested(blocks)
-    return Localisation(
-        blocks=tuple(sorted(marked, key=lambda b: b.p_value)),
-        trends=tuple(sorted(_trends(algebra, labels, marked, variables), key=lambda t: t.p_value)),
-    )
+    trends = [
+        replace(t, sentence=_sentence(algebra, t.variable, labels[t.variable], marked, variables))
+        if t.significant
+        else t
+        for t in trends_of(marked, labels, variables, problem.noise_dof)
+    ]
+    return Localisation(tuple(sorted(marked, key=lambda b: b.p_value)), tuple(trends))
 
 
 def tested(blocks: Sequence[Block]) -> list[Block]:
     """The blocks, told which of them are significant among all."""
     passed = discoveries([b.p_value for b in blocks], LEVEL)
     return [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
+
+
+def trends_of(
+    blocks: Sequence[Block], names: Iterable[str], variables: Mapping[str, Variable], noise_dof: float
+) -> list[Trend]:
+    """A model depends wrongly on what it is far off at one level of, the number of levels allowed for."""
+    found = {}
+    for name in names:
+        alone = [b for b in blocks if set(b.where) == {name}]
+        p = [
+            misfit_p_value(b.z**2, 1.0, noise_dof)
+            if b.z_phase is None
+            else misfit_p_value(b.z**2 + b.z_phase**2, 2.0, noise_dof)
+            for b in alone
+        ]
+        if p:
+            found[name] = min(1.0, len(p) * min(p))
+    passed = discoveries(list(found.values()), LEVEL)
+    trends = [
+        Trend(name, p, bool(ok), "", variable_named(name, variables).words)
+        for (name, p), ok in zip(found.items(), passed, strict=True)
+    ]
+    return sorted(trends, key=lambda t: t.p_value)
 
 
 def _labels(problem: Problem) -> dict[str, NDArray[Any]]:
@@ -320,38 +345,15 @@ def _block(
     )
 
 
-def _trends(
+def _sentence(
     algebra: LeftOut,
-    labels: Mapping[str, NDArray[Any]],
+    name: str,
+    values: NDArray[Any],
     blocks: Sequence[Block],
     variables: Mapping[str, Variable],
-) -> list[Trend]:
-    raw = []
-    for name, values in labels.items():
-        dummies = np.stack(
-            [np.where(values == level, algebra.predicted, 0.0) for level in _levels(values)], axis=1
-        )
-        basis = orthonormal(algebra.columns(dummies), 1e-6)
-        fall = float(np.sum((basis.T @ algebra.projected) ** 2))
-        raw.append((name, misfit_p_value(fall, basis.shape[1], algebra.problem.noise_dof)))
-    passed = discoveries([p for _, p in raw], LEVEL)
-    return [
-        Trend(
-            name,
-            p,
-            bool(ok),
-            _sentence(algebra, name, labels[name], blocks, variable_named(name, variables)) if ok else "",
-            variable_named(name, variables).words,
-        )
-        for (name, p), ok in zip(raw, passed, strict=True)
-    ]
-
-
-def _sentence(
-    algebra: LeftOut, name: str, values: NDArray[Any], blocks: Sequence[Block], variable: Variable
 ) -> str:
     """The end of a variable's range, the level, or the level in company, at which the model is furthest off."""
-    levels = _levels(values)
+    levels, variable = _levels(values), variable_named(name, variables)
     tried = [(f"at {variable.spoken(level)}", values == level) for level in levels]
     if not isinstance(levels[0], str):
         tried += [(f"from {variable.spoken(level)} up", values >= level) for level in levels[1:-1]]
