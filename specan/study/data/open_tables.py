@@ -15,7 +15,8 @@ from specan.models import Condition, Model, SettingError
 from specan.models.groups import grouped
 from specan.models.trial import try_model
 from specan.schema import regular
-from specan.study.data.operating_table import SCATTER, Rows, check_varied, grouping_of, join
+from specan.study.data.operating_table import SCATTER, Rows, check_varied, join
+from specan.study.data.setpoints import grouping_of
 from specan.study.data.table_covariance import uncertainty
 from specan.study.data.table_file import Table
 from specan.study.data.table_reader import read_measurement

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,20 +13,11 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Condition, Model, SettingError
-from specan.study.data.setpoints import (
-    TIME,
-    cells,
-    grouped,
-    levels,
-    not_repeats,
-    parted,
-    said_of_near_rows,
-    set_ups,
-    within_files,
-)
+from specan.study.data.setpoints import TIME, SetPoints, cells, grouped, grouping_of
 from specan.study.data.table_file import Table
 from specan.study.data.table_reader import MARKS
 from specan.study.observation import Array, Variable
+from specan.study.observation.table import TableObservation
 from specan.units import convert, often_mistaken_for, printed_unit, scale_to
 
 
@@ -98,6 +90,22 @@ class Rows:
         """File and line of a row, for messages."""
         return f"{self.recordings[self.recording[row]]}, line {self.lines[row]}"
 
+    def observed(self, covariance: Array, conditions: Mapping[str, Array] | None = None) -> TableObservation:
+        """As an observation with some covariance, at other conditions if need be."""
+        return TableObservation(
+            name=", ".join(dict.fromkeys(self.recordings[k] for k in self.recording)),
+            observable=self.observable,
+            measured=self.measured,
+            conditions=self.conditions if conditions is None else conditions,
+            covariance=covariance,
+            recordings=self.recordings,
+            recording=self.recording,
+            available=frozenset(self.conditions),
+            groups=self.groups,
+            lines=self.lines,
+            replicate_group=self.replicate_group,
+        )
+
     def variables(self, model: Model) -> dict[str, Variable]:
         """Words and unit of each label."""
         known = {c.column: Variable(c.words, printed_unit(c.column_unit)) for c in model.conditions.values()}
@@ -122,11 +130,6 @@ class Rows:
         return found
 
 
-def grouping_of(model: Model, condition: Condition) -> SettingError:
-    """Uncertainty of setting by which levels are distinguished: the rig's, or what is usual for the condition."""
-    return model.rig.setting.get(condition.name, condition.usual_setting)
-
-
 def join(tables: Sequence[Table], model: Model) -> Rows:
     """Put the rows of several tables under each other.
 
@@ -137,17 +140,14 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
     recordings = tuple(t.name for t in tables)
     places = [f"{recordings[k]}, line {line}" for k, line in zip(recording, lines, strict=True)]
     conditions, steps, groups, notes = _conditions(tables, frame, model)
-    settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
-    outside = check_limits(conditions, places, model, settings)
-    level, is_set = _levels(conditions, settings, groups)
+    outside = check_limits(conditions, places, model)
     marks = {how: frame[how].to_numpy() for how in MARKS if all(how in t.frame for t in tables)}
-    if "repeat" in marks and "setup" not in frame:
-        level = parted(level, is_set, cells(recording, marks["repeat"]), conditions, settings)
-    exact = () if marks else not_repeats(conditions, level, model)
-    alike = cells(*(conditions[n] if n in exact else v for n, v in level.items() if n != TIME))
-    nearness = said_of_near_rows(conditions, level, exact, alike, lines, recordings, recording, bool(marks))
-    replicate_group = within_files(alike, recording)
-    setup, how = set_ups(marks, recording, replicate_group, conditions, settings)
+    points = SetPoints(conditions, model, recording, marks)
+
+    def place(rows: NDArray[np.intp]) -> str:
+        file = f"{recordings[int(recording[rows[0]])]}, " if len(recordings) > 1 else ""
+        return f"{file}lines {', '.join(str(lines[k]) for k in rows)}"
+
     # From rows of the tables to measured values, of which a row may hold several.
     row, observable, measured, printed = _measured(tables, frame, model)
     kinds = cells(observable)
@@ -159,39 +159,21 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
         observable=observable,
         measured=measured,
         conditions={name: values[row] for name, values in conditions.items()},
-        levels={name: values[row] for name, values in level.items()},
-        is_set=is_set,
+        levels={name: values[row] for name, values in points.levels.items()},
+        is_set=points.is_set,
         steps={**{name: values[row] for name, values in steps.items()}, "": printed},
-        replicate_group=cells(replicate_group[row], kinds),
-        setup=setup[row],
-        setups_from=how,
+        replicate_group=cells(points.replicate_group[row], kinds),
+        setup=points.setup[row],
+        setups_from=points.setups_from,
         notes=(
             *(f"{t.name}: {note}" for t in tables for note in t.notes),
             *notes,
             *outside,
-            *nearness,
+            *points.said(place),
         ),
         groups=groups,
         units={n: next(iter(units)) for n, units in said.items() if len(units) == 1 and "" not in units},
     )
-
-
-def _levels(
-    conditions: Mapping[str, Array], settings: Mapping[str, SettingError], groups: Mapping[str, Any]
-) -> tuple[dict[str, Array], dict[str, bool]]:
-    """What each value was meant to be, and whether a column holds set values."""
-    if not conditions:
-        return {}, {}
-    distinct = np.unique(np.stack([*conditions.values()], axis=1), axis=0)
-    level, is_set = {}, {}
-    for k, (name, values) in enumerate(conditions.items()):
-        if name in groups:
-            level[name], is_set[name] = values, True
-            continue
-        points, is_set[name] = levels(distinct[:, k], settings[name])
-        back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
-        level[name] = np.array([back[x] for x in values.tolist()])
-    return level, is_set
 
 
 def _steps(tables: Sequence[Table], column: str) -> Array:
@@ -263,12 +245,7 @@ OUTRAGEOUS = 8.0  # standard deviations beyond which a repeat is no scatter
 MOST_NAMED = 5  # lines in one message
 
 
-def check_limits(
-    conditions: Mapping[str, Array],
-    places: Sequence[str],
-    model: Model,
-    settings: Mapping[str, SettingError],
-) -> list[str]:
+def check_limits(conditions: Mapping[str, Array], places: Sequence[str], model: Model) -> list[str]:
     """Refuse values that the bench cannot run; a likely unit is named.
 
     What lies outside by less than the whole range, and in no other unit inside, is only remarked on: a bench may run a
@@ -282,8 +259,6 @@ def check_limits(
         File and line of every row.
     model : Model
         Its rig holds the ``[limits]``.
-    settings : mapping
-        Scatter of setting each condition.
 
     Returns
     -------
@@ -300,13 +275,16 @@ def check_limits(
         if name not in conditions:
             continue
         values, condition = conditions[name], model.conditions[name]
-        bad = _outside(values, low, high, condition, settings[name])
+        outside = partial(
+            _outside, low=low, high=high, condition=condition, setting=grouping_of(model, condition)
+        )
+        bad = outside(values)
         if not np.any(bad):
             continue
         shown = _shown(values[bad], condition)
         ends = _shown(np.array([low, high]), condition)
         most = bad.sum() >= 0.5 * np.count_nonzero(values)  # a wrong unit is that of the whole column
-        unit = _likely_unit(values, low, high, condition, settings[name]) if most else ""
+        unit = _likely_unit(values, condition, outside) if most else ""
         span = f"{shown.min():.4g} to {shown.max():.4g}" if np.ptp(shown) > 0 else f"{shown[0]:.4g}"
         said = f"{_named(places, bad)}: {condition.column} is {span} {condition.column_unit}"
         if not unit and values.min() > low - (high - low) and values.max() < high + (high - low):
@@ -332,18 +310,18 @@ def _outside(
     return np.asarray(bad)
 
 
-def _likely_unit(values: Array, low: float, high: float, condition: Condition, setting: SettingError) -> str:
+def _likely_unit(values: Array, condition: Condition, outside: Callable[[Array], NDArray[np.bool_]]) -> str:
     """``rev/s?``: a unit in which all values lie within the limits; empty where none does."""
     shown = _shown(values, condition)
     for unit, name in often_mistaken_for(condition.column_unit).items():
         meant = np.asarray(
             convert(convert(shown, unit, condition.column_unit), condition.column_unit, condition.unit)
         )
-        if not np.any(_outside(meant, low, high, condition, setting)):
+        if not np.any(outside(meant)):
             return f"they are likely in {name}"
     # 1000.0: a point that parts thousands, read as a decimal point
     meant = np.asarray(convert(1000.0 * shown, condition.column_unit, condition.unit))
-    if not np.any(_outside(meant, low, high, condition, setting)):
+    if not np.any(outside(meant)):
         return "a thousands separator was probably read as a decimal point (1.200 for 1200)"
     return ""
 

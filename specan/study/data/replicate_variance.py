@@ -233,7 +233,10 @@ class Reference:
 
     def predict(self, rows: Rows) -> Array:
         """What the reference expects in every row."""
-        return crude(rows).predict(self.assembly, self.values)
+        return self._predict(rows, rows.conditions)
+
+    def _predict(self, rows: Rows, conditions: Mapping[str, Array]) -> Array:
+        return rows.observed(np.ones(rows.n), conditions).predict(self.assembly, self.values)
 
     def slope(self, rows: Rows, condition: str) -> Array:
         """Derivative of the reading over one condition."""
@@ -242,7 +245,7 @@ class Reference:
         ends = []
         for side in (1, -1):
             moved = {**rows.conditions, condition: x + side * step}
-            ends.append(crude(rows, moved).predict(self.assembly, self.values))
+            ends.append(self._predict(rows, moved))
         slope = (ends[0] - ends[1]) / (2 * step)
         return np.where(np.isfinite(slope), slope, 0.0)
 
@@ -261,26 +264,16 @@ class Reference:
         if not model.base_effects:
             return predicted
         ideal = model.assemble()
-        return predicted - crude(rows).predict(ideal, ideal.defaults)
+        return predicted - Reference(ideal, ideal.defaults).predict(rows)
 
 
-def crude(rows: Rows, conditions: Mapping[str, Array] | None = None) -> TableObservation:
+def crude(rows: Rows) -> TableObservation:
     """Rows as an observation, each weighted by its size: good enough for a first fit."""
     size = np.abs(rows.measured)
     largest = {name: float(size[rows.observable == name].max()) for name in set(rows.observable.tolist())}
     # 0.01: relative weight of a row in the first fit
     weight = 0.01 * np.maximum(size, [0.01 * (largest[name] or 1.0) for name in rows.observable.tolist()])
-    return TableObservation(
-        name=", ".join(rows.recordings),
-        observable=rows.observable,
-        measured=rows.measured,
-        conditions=rows.conditions if conditions is None else conditions,
-        covariance=np.diag(weight**2),
-        recordings=rows.recordings,
-        recording=rows.recording,
-        available=frozenset(rows.conditions),
-        groups=rows.groups,
-    )
+    return rows.observed(weight**2)
 
 
 def reference(model: Model, rows: Rows) -> Reference:

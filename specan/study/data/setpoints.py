@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models import Model, SettingError
+from specan.models import Condition, Model, SettingError
 from specan.study.observation import Array
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
@@ -17,33 +18,40 @@ TIME = "elapsed_time"  # orders the readings; never a setting
 CHANCE = 1e-3  # probability below which gaps of two sizes are no accident
 
 
+def grouping_of(model: Model, condition: Condition) -> SettingError:
+    """Uncertainty of setting by which levels are distinguished: the rig's, or what is usual for the condition."""
+    return model.rig.setting.get(condition.name, condition.usual_setting)
+
+
 def levels(values: Array, setting: SettingError) -> tuple[Array, bool]:
     """The level that each value was meant to be at, and whether the column holds set values.
 
-    Values on a round grid that is coarser than the scatter of setting are set values and levels as they
-    stand. Otherwise neighbours within the scatter form a level; where the values of a level hardly ever
-    differ they were set, else read.
+        Values on a round grid that is coarser than the scatter of setting are set values and levels as they
+        stand. Otherwise neighbours within the scatter form a level; where the values of a level hardly ever
+        differ they were set, else read.
 
-    Parameters
-    ----------
-    values : array
-        One value for each different operating point (repeats count once).
-    setting : SettingError
-        Scatter of setting this variable.
+        Parameters
+        ----------
+        values : array
+            One value for each different operating point (repeats count once).
+        setting : SettingError
+            Scatter of setting this variable.
 
-    Returns
-    -------
-    level : array
-        Mean of the values that were meant to be equal.
-    is_set : bool
+        Returns
+        -------
+        level : array
+            Mean of the values that were meant to be equal.
+        is_set : bool
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> levels(np.array([5.0, 20.0, 5.0, 20.0]), SettingError(0.05))
-    (array([ 5., 20.,  5., 20.]), True)
-    >>> levels(np.array([5.1, 20.4, 4.9, 19.6]), SettingError(0.05))
-    (array([ 5., 20.,  5., 20.]), False)
+        Examples
+        --------
+        >>> from typing import Any
+
+    import numpy as np
+        >>> levels(np.array([5.0, 20.0, 5.0, 20.0]), SettingError(0.05))
+        (array([ 5., 20.,  5., 20.]), True)
+        >>> levels(np.array([5.1, 20.4, 4.9, 19.6]), SettingError(0.05))
+        (array([ 5., 20.,  5., 20.]), False)
     """
     distinct = np.unique(values)
     step = round_step(distinct)
@@ -68,11 +76,13 @@ def levels(values: Array, setting: SettingError) -> tuple[Array, bool]:
 def round_step(distinct: Array) -> float:
     """Largest of 1, 2, 2.5, 5 times a power of ten that divides all values.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> round_step(np.array([5.0, 20.0, 35.0]))
-    5.0
+        Examples
+        --------
+        >>> from typing import Any
+
+    import numpy as np
+        >>> round_step(np.array([5.0, 20.0, 35.0]))
+        5.0
     """
     top = float(np.max(np.abs(distinct)))
     if top == 0:
@@ -128,24 +138,26 @@ def _break(ordered: Array, setting: SettingError) -> float:
 def apart_in_rounds(values: Array, level: Array, rounds: NDArray[np.intp], scatter: Array) -> Array:
     """Levels of a column that was read, parted where one round of a plan holds several rows of a level.
 
-    A round of a plan sets each condition once. Neighbouring set values that scatter into each other look like one
-    level; their order in each round distinguishes them.
+        A round of a plan sets each condition once. Neighbouring set values that scatter into each other look like one
+        level; their order in each round distinguishes them.
 
-    Parameters
-    ----------
-    values, level : array
-        Of one condition, every row.
-    rounds : array of int
-        Rows that share all other levels and the number of the round share a number.
-    scatter : array
-        Standard deviation of setting, every row: rows closer than half of it are readings of one setting.
+        Parameters
+        ----------
+        values, level : array
+            Of one condition, every row.
+        rounds : array of int
+            Rows that share all other levels and the number of the round share a number.
+        scatter : array
+            Standard deviation of setting, every row: rows closer than half of it are readings of one setting.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> read = np.array([66.2, 75.9, 69.1, 79.8])
-    >>> apart_in_rounds(read, np.full(4, 72.75), np.array([0, 0, 1, 1]), 0.05 * read).round(2)
-    array([67.65, 77.85, 67.65, 77.85])
+        Examples
+        --------
+        >>> from typing import Any
+
+    import numpy as np
+        >>> read = np.array([66.2, 75.9, 69.1, 79.8])
+        >>> apart_in_rounds(read, np.full(4, 72.75), np.array([0, 0, 1, 1]), 0.05 * read).round(2)
+        array([67.65, 77.85, 67.65, 77.85])
     """
     out = level.copy()
     for value in np.unique(level):
@@ -180,11 +192,13 @@ def grouped(values: Array) -> Array:
 def cells(*columns: NDArray[np.generic]) -> NDArray[np.intp]:
     """Number of the combination of levels that each row belongs to.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> cells(np.array([1.0, 1.0, 2.0]), np.array([5.0, 6.0, 5.0]))
-    array([0, 1, 2])
+        Examples
+        --------
+        >>> from typing import Any
+
+    import numpy as np
+        >>> cells(np.array([1.0, 1.0, 2.0]), np.array([5.0, 6.0, 5.0]))
+        array([0, 1, 2])
     """
     index = np.zeros(columns[0].size, dtype=np.intp)
     for column in columns:
@@ -193,123 +207,138 @@ def cells(*columns: NDArray[np.generic]) -> NDArray[np.intp]:
     return index
 
 
-def within_files(alike: NDArray[np.intp], recording: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Repeats are looked for inside each file, where there are enough of them.
+class SetPoints:
+    """What each row of all tables was meant to be set to, which rows are repeats, and which share a set-up.
 
-    What differs between files (another day, another specimen) is common to all rows of a file and no
-    scatter. Files that hold one round of the same plan each are repeats of each other.
+    Parameters
+    ----------
+    conditions : mapping
+        What was read or set, SI, every row; names of groups by number.
+    model : Model
+    recording : array of int
+        File of every row.
+    marks : mapping
+        Columns ``repeat`` and ``setup`` where all tables have them.
+
+    Attributes
+    ----------
+    levels, is_set : mapping
+        What each value was meant to be, and whether a column holds set values.
+    replicate_group, setup : array of int
+        Rows at the same condition, and rows at the same setting of it, share a number.
+    setups_from : str
+        What told the set-ups: ``setup``, ``repeat`` or ``order``.
     """
-    apart = cells(recording, alike)
-    repeats = alike.size - np.unique(apart).size
-    return apart if repeats >= ENOUGH else alike
 
+    def __init__(
+        self,
+        conditions: Mapping[str, Array],
+        model: Model,
+        recording: NDArray[np.intp],
+        marks: Mapping[str, Array],
+    ) -> None:
+        self.conditions, self._recording, self._marks = conditions, recording, marks
+        self._settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
+        self.levels: dict[str, Array] = {}
+        self.is_set: dict[str, bool] = {}
+        self._find_levels(model)
+        self._set = [n for n in conditions if n != TIME]
+        self._moved = [n for n in self._set if not np.array_equal(conditions[n], self.levels[n])]
+        # Rows are alike only where these values are equal: nobody has said how well they are set.
+        assumed = [
+            n for n in self._moved if model.conditions[n].setting_assumed and n not in model.rig.setting
+        ]
+        self._exact = [] if marks else assumed
+        columns = [conditions[n] if n in self._exact else self.levels[n] for n in self._set]
+        self._alike = cells(np.zeros(recording.size), *columns)
+        self.replicate_group = self._within_files()
+        self.setup, self.setups_from = self._set_ups()
 
-def set_ups(
-    marks: Mapping[str, Array],
-    recording: NDArray[np.intp],
-    replicate_group: NDArray[np.intp],
-    conditions: Mapping[str, Array],
-    settings: Mapping[str, SettingError],
-) -> tuple[NDArray[np.intp], str]:
-    """Number of the set-up that each row was read at, and what told it: ``setup``, ``repeat`` or ``order``."""
-    if "setup" in marks:
-        return cells(recording, replicate_group, marks["setup"]), "setup"
-    if "repeat" in marks:
-        # One round sets a condition once: rows of it at other values are other settings, not second readings.
-        marked = cells(recording, replicate_group, marks["repeat"])
-        order = np.argsort(marked, kind="stable")
-        new = (np.diff(marked[order], prepend=-1) != 0) | _set_anew(conditions, settings, order)
-        number = np.empty(order.size, dtype=np.intp)
-        number[order] = np.cumsum(new)
-        return number, "repeat"
-    # Without a mark: the next row at the same condition, at values that were not set anew, is a second
-    # reading; a condition that comes back later was set again.
-    everything = np.arange(recording.size)
-    changed = (np.diff(recording, prepend=-1) != 0) | (np.diff(replicate_group, prepend=-1) != 0)
-    return np.cumsum(changed | _set_anew(conditions, settings, everything)), "order"
+    def _find_levels(self, model: Model) -> None:
+        distinct: Any = (
+            np.unique(np.stack([*self.conditions.values()], axis=1), axis=0) if self.conditions else []
+        )
+        for k, (name, values) in enumerate(self.conditions.items()):
+            if model.conditions[name].group:
+                self.levels[name], self.is_set[name] = values, True
+                continue
+            points, self.is_set[name] = levels(distinct[:, k], self._settings[name])
+            back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
+            self.levels[name] = np.array([back[x] for x in values.tolist()])
+        if "repeat" not in self._marks or "setup" in self._marks:
+            return
+        rounds = cells(self._recording, self._marks["repeat"])
+        for name, values in self.conditions.items():
+            if name != TIME and not self.is_set[name]:
+                others = [c for other, c in self.levels.items() if other not in (name, TIME)]
+                scatter = np.asarray(self._settings[name].at(values), dtype=float) + 1e-300
+                self.levels[name] = apart_in_rounds(
+                    values, self.levels[name], cells(rounds, *others), scatter
+                )
 
+    def _within_files(self) -> NDArray[np.intp]:
+        """Repeats are looked for inside each file, where there are enough of them.
 
-def _set_anew(
-    conditions: Mapping[str, Array], settings: Mapping[str, SettingError], order: NDArray[np.intp]
-) -> NDArray[np.bool_]:
-    """Whether a row lies further from the one before it, in an order, than readings of one setting do.
+        What differs between files (another day, another specimen) is common to all rows of a file and no
+        scatter. Files that hold one round of the same plan each are repeats of each other.
+        """
+        apart = cells(self._recording, self._alike)
+        repeats = apart.size - np.unique(apart).size
+        return apart if repeats >= ENOUGH else self._alike
 
-    Half the scatter of setting where the one row follows the other in the table, a tenth where other rows lie between.
-    """
-    changed = np.zeros(order.size, dtype=bool)
-    # standard deviations of setting within which two rows, next to each other or not, are readings of one setting
-    share = np.where(np.diff(order, prepend=-1) == 1, 0.5, 0.1)
-    for name, values in conditions.items():
-        if name != TIME:
-            ordered = values[order]
+    def _set_ups(self) -> tuple[NDArray[np.intp], str]:
+        if "setup" in self._marks:
+            return cells(self._recording, self.replicate_group, self._marks["setup"]), "setup"
+        if "repeat" in self._marks:
+            # One round sets a condition once: rows of it at other values are other settings, not second readings.
+            marked = cells(self._recording, self.replicate_group, self._marks["repeat"])
+            order = np.argsort(marked, kind="stable")
+            number = np.empty(order.size, dtype=np.intp)
+            number[order] = np.cumsum((np.diff(marked[order], prepend=-1) != 0) | self._set_anew(order))
+            return number, "repeat"
+        # Without a mark: the next row at the same condition, at values that were not set anew, is a second
+        # reading; a condition that comes back later was set again.
+        changed = np.diff(cells(self._recording, self.replicate_group), prepend=-1) != 0
+        return np.cumsum(changed | self._set_anew(np.arange(changed.size))), "order"
+
+    def _set_anew(self, order: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Whether a row lies further from the one before it, in an order, than readings of one setting do.
+
+        Half the scatter of setting where the one row follows the other in the table, a tenth where other rows lie
+        between.
+        """
+        changed = np.zeros(order.size, dtype=bool)
+        share = np.where(np.diff(order, prepend=-1) == 1, 0.5, 0.1)
+        for name in self._set:
+            ordered = self.conditions[name][order]
             apart = np.abs(np.diff(ordered, prepend=ordered[0]))
-            changed |= apart > share * settings[name].at(ordered) + 1e-12
-    return changed
+            changed |= apart > share * self._settings[name].at(ordered) + 1e-12
+        return changed
 
+    def said(self, place: Callable[[NDArray[np.intp]], str]) -> list[str]:
+        """Which rows that are near each other are taken for repeats, or are not, and why; `place` names rows."""
+        near = cells(np.zeros(self._recording.size), *(self.levels[n] for n in self._set))
+        groups = [np.flatnonzero(near == k) for k in np.unique(near)]
+        taken = [
+            g
+            for g in groups
+            if np.unique(self._alike[g]).size < g.size
+            and any(np.ptp(self.conditions[n][g]) > 0 for n in self._moved)
+        ]
+        left = [g for g in groups if np.unique(self._alike[g]).size > 1]
 
-def not_repeats(conditions: Mapping[str, Array], level: Mapping[str, Array], model: Model) -> tuple[str, ...]:
-    """Conditions at which rows are alike only where their values are equal: nobody has said how well they are set."""
-    return tuple(
-        name
-        for name in conditions
-        if model.conditions[name].setting_assumed
-        and name not in model.rig.setting
-        and not np.array_equal(conditions[name], level[name])
-    )
+        def some(found: list[NDArray[np.intp]]) -> str:
+            more = f", and {len(found) - 3} more groups" if len(found) > 3 else ""
+            return "; ".join(place(g[:4]) for g in found[:3]) + more
 
-
-def said_of_near_rows(
-    conditions: Mapping[str, Array],
-    level: Mapping[str, Array],
-    exact: Sequence[str],
-    alike: NDArray[np.intp],
-    lines: NDArray[np.int_],
-    recordings: Sequence[str],
-    recording: NDArray[np.intp],
-    marked: bool,
-) -> list[str]:
-    """Which rows that are near each other are taken for repeats, or are not, and why."""
-    near = cells(*(v for n, v in level.items() if n != TIME))
-    differ = [n for n, v in conditions.items() if n != TIME and not np.array_equal(v, level[n])]
-    groups = [np.flatnonzero(near == k) for k in np.unique(near)]
-    taken = [
-        g
-        for g in groups
-        if np.unique(alike[g]).size < g.size and any(np.ptp(conditions[n][g]) > 0 for n in differ)
-    ]
-    left = [g for g in groups if np.unique(alike[g]).size > 1]
-
-    def some(found: list[NDArray[np.intp]]) -> str:
-        texts = [", ".join(str(lines[k]) for k in g[:4]) for g in found[:3]]
-        more = f", and {len(found) - 3} more groups" if len(found) > 3 else ""
-        file = f"{recordings[int(recording[found[0][0]])]}: " if len(recordings) > 1 else ""
-        return file + "lines " + "; ".join(texts) + more
-
-    said = []
-    if left:
-        said.append(
-            f"{some(left)}: near each other in {' and '.join(exact)}, and not taken for repeats, since nothing "
-            f"says how well it is set (declare {exact[0]}_setting_percent, or give a column 'repeat')"
-        )
-    if taken and not marked and not left:
-        said.append(
-            f"{some(taken)}: taken for repeats, since they differ in {' and '.join(differ)} by no more than the "
-            "scatter of setting"
-        )
-    return said
-
-
-def parted(
-    level: dict[str, Array],
-    is_set: Mapping[str, bool],
-    rounds: NDArray[np.intp],
-    conditions: Mapping[str, Array],
-    settings: Mapping[str, SettingError],
-) -> dict[str, Array]:
-    """Levels parted by what a round of the plan holds."""
-    for name, values in conditions.items():
-        if name != TIME and not is_set[name]:
-            others = [c for other, c in level.items() if other not in (name, TIME)]
-            scatter = np.asarray(settings[name].at(values), dtype=float) + 1e-300
-            level[name] = apart_in_rounds(values, level[name], cells(rounds, *others), scatter)
-    return level
+        if left:
+            return [
+                f"{some(left)}: near each other in {' and '.join(self._exact)}, and not taken for repeats, since "
+                f"nothing says how well it is set (declare {self._exact[0]}_setting_percent, or give a column 'repeat')"
+            ]
+        if taken and not self._marks:
+            return [
+                f"{some(taken)}: taken for repeats, since they differ in {' and '.join(self._moved)} by no more than "
+                "the scatter of setting"
+            ]
+        return []

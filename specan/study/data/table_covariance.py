@@ -12,7 +12,7 @@ Decisions: docs/decisions/covariance.md.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,24 +87,14 @@ class Uncertainty:
             part = np.where(rows.observable == name, own, part)
         part = np.where(np.isfinite(part), part, 0.0)
         covariance += np.outer(part, part) * self._discrepancy_correlation(rows)
-        return TableObservation(
-            name=", ".join(dict.fromkeys(rows.recordings[k] for k in rows.recording)),
-            observable=rows.observable,
-            measured=rows.measured,
-            conditions=rows.conditions,
-            covariance=covariance,
+        return replace(
+            rows.observed(covariance),
             labels=rows.labels(self.model),
             variables=rows.variables(self.model),
-            recordings=rows.recordings,
-            recording=rows.recording,
             noise_dof=self._dof(rows),
             pure_error_dof=sum(noise.pure_error_dof for noise in self.noise.values()),
             parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(part)},
-            available=frozenset(rows.conditions),
             known=self.known,
-            groups=rows.groups,
-            lines=rows.lines,
-            replicate_group=rows.replicate_group,
         )
 
     def _variances(self, rows: Rows) -> tuple[Array, Array]:
@@ -130,7 +120,7 @@ class Uncertainty:
             total = reading[mine] + setup[mine]
             reading[mine] += np.maximum(resolution[mine] - total, 0.0)
             if not noise.known:
-                reading[mine] = np.diag(crude(rows).covariance)[mine]
+                reading[mine] = crude(rows).covariance[mine]
         return reading, setup
 
     def _dof(self, rows: Rows) -> float:
@@ -253,8 +243,6 @@ def is_declared(model: Model, observable: str) -> bool:
 
 def _predicted_as(centre: Reference, rows: Rows, mine: NDArray[np.bool_], observable: str) -> Array:
     """What the reference expects some rows to be as another observable."""
-    from dataclasses import replace
-
     part = rows.take(mine)
     return centre.predict(replace(part, observable=np.full(part.n, observable, dtype="U64")))
 
