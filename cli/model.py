@@ -34,10 +34,12 @@ def list_models(as_json: bool) -> None:
     \b
     specan model list
     """
-    from specan.models.catalogue import model_effects, model_names, model_summary
+    from specan.models.catalogue import example_model, model_names, model_summary
 
     names = model_names()
-    rows = [{"name": n, "summary": model_summary(n), "effects": list(model_effects(n))} for n in names]
+    rows = [
+        {"name": n, "summary": model_summary(n), "effects": list(example_model(n).effects)} for n in names
+    ]
     if as_json:
         emit_json(rows)
         return

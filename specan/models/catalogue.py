@@ -153,14 +153,6 @@ def model_summary(name: str) -> str:
     return (_package(name).__doc__ or "").split("\n")[0]
 
 
-def model_effects(name: str) -> tuple[str, ...]:
-    """Names of the effects that an installed model knows."""
-    home = f"{_package(name).__name__}.effects"
-    if importlib.util.find_spec(home):
-        return tuple(effects_in(home))
-    return tuple(example_model(name).effects)
-
-
 def _package(name: str) -> Any:
     for point in entry_points(group=MODEL_ENTRY_POINTS):
         if point.name == name:

@@ -84,14 +84,14 @@ class _Errors:
                 found.append(Failure(level, phase, level / u_level, phase / u_phase))
         return max(found, key=lambda f: f.clarity)
 
-    def details(self, cells: Cells) -> tuple[str, str]:
-        """Lowest and highest error within a place, and the line with the largest, by its mode."""
+    def most_at(self, cells: Cells) -> str:
+        """The line with the largest error within a place, by its mode."""
         found = []
         for one, modes, rows, inside in self._within(cells):
             frequency, size = one.worst_line(rows, inside)
-            found.append((size, frequency, _near_mode(frequency, modes), one.extremes(rows, inside)))
-        _, frequency, mode, between = max(found, default=(0.0, 0.0, "", ""))
-        return between, f"most at {frequency:.0f} Hz{f' ({mode})' if mode else ''}"
+            found.append((size, frequency, _near_mode(frequency, modes)))
+        _, frequency, mode = max(found)
+        return f"most at {frequency:.0f} Hz{f' ({mode})' if mode else ''}"
 
 
 def _named_modes(problem: Problem, observation: Any, theta: Array) -> list[tuple[float, str]]:
@@ -134,10 +134,10 @@ def localise(problem: Problem, best: Fit) -> Localisation:
                 level_dB=off.level_dB, phase_deg=off.phase_deg, z_phase=off.z_phase, variables=variables,
             )
         )  # fmt: skip
-    marked = []
-    for block, (_, cells) in zip(tested(blocks), places, strict=True):
-        between, most_at = errors.details(cells) if block.significant else ("", "")
-        marked.append(replace(block, between=between, most_at=most_at))
+    marked = [
+        replace(block, most_at=errors.most_at(cells)) if block.significant else block
+        for block, (_, cells) in zip(tested(blocks), places, strict=True)
+    ]
     groups: list[tuple[str, Sequence[int]]] = [
         (f"all {known.plural if known else 'channels'}", range(len(errors.channels)))
     ]
@@ -192,7 +192,7 @@ def _sentences(errors: _Errors, groups: Sequence[tuple[str, Sequence[int]]]) -> 
             "all frequencies" if len(bands) == count else _edges(errors.bands[list(bands)], errors.reach_hz)
         )
         said = level_and_phase(off.level_dB, off.z, off.phase_deg, off.z_phase)
-        found.append(f"{band}, {text}: {said} (z = {z:.1f}), {errors.details((channels, bands))[1]}")
+        found.append(f"{band}, {text}: {said} (z = {z:.1f}), {errors.most_at((channels, bands))}")
     return found
 
 

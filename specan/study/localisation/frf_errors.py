@@ -108,34 +108,6 @@ class FrfErrors:
         off = np.sum(np.abs(self.model[rows] - self.measured[rows]) ** 2, axis=0) * inside
         return float(self.frequency_hz[np.argmax(off)]), float(off.max())
 
-    def extremes(self, rows: Sequence[int], bands: Sequence[int]) -> str:
-        """Where a mean error is none, the least and the largest: over receivers, else third octaves, else lines.
-
-        In level, or in phase where that is further off (a relative error of 0.1 is 0.83 dB or 5.7 degrees).
-        """
-        inside = np.isin(self.band_of_line, list(bands))
-        used = [m for m in rows if np.any(self.measured[m, inside])]
-        if len(used) > 1:
-            parts = [(self.channels[m], [m], inside) for m in used]
-        elif len(bands) > 1:
-            parts = [(f"{self.bands[b]:g} Hz", used, self.band_of_line == b) for b in bands]
-        else:
-            off = np.sum(np.abs(self.model[used] - self.measured[used]) ** 2, axis=0) * inside
-            heavy = np.flatnonzero(off >= np.median(off[inside]))  # lines that carry the error
-            parts = [(f"{self.frequency_hz[k]:.0f} Hz", used, np.arange(off.size) == k) for k in heavy]
-        found = []
-        for name, chosen, lines in parts:
-            model, measured = self.model[chosen][:, lines], self.measured[chosen][:, lines]
-            if np.any(model) and np.any(measured):
-                level = 10 * np.log10(np.sum(np.abs(model) ** 2) / np.sum(np.abs(measured) ** 2))
-                found.append((name, level, np.degrees(np.angle(np.sum(model * np.conj(measured))))))
-        if not found:
-            return ""
-        in_level = max(abs(f[1]) / DB for f in found) >= max(np.radians(abs(f[2])) for f in found)
-        column, unit = (1, "dB") if in_level else (2, "degrees")
-        low, high = (pick(found, key=lambda f: f[column]) for pick in (min, max))
-        return f"{low[column]:+.2g} {unit} at {low[0]} to {high[column]:+.2g} {unit} at {high[0]}"
-
     def number(self, channel: str | None) -> int:
         """Row of a receiver; of the one with the clearest level error if none is named.
 

@@ -50,8 +50,6 @@ class Block:
         Passed by Benjamini and Yekutieli's rule (blocks overlap) at a false discovery rate of 5 %.
     level_dB, phase_deg, z_phase : float or None
         Of transfer functions: model over measurement, and the z of the phase (`z` is that of the level).
-    between : str
-        Of transfer functions: the least and the largest error there, for where the mean error is none.
     most_at : str
         Of transfer functions: where the error is largest, and the mode that is near.
     variables : mapping
@@ -71,7 +69,6 @@ class Block:
     level_dB: float | None = None
     phase_deg: float | None = None
     z_phase: float | None = None
-    between: str = ""
     most_at: str = ""
     variables: Mapping[str, Variable] = field(default_factory=dict, repr=False)
 
@@ -79,7 +76,7 @@ class Block:
     def text(self) -> str:
         """What the model does there: ``model 4.2 % (0.11 mm) high``, ``model 4 dB high``."""
         if self.level_dB is not None:
-            return level_and_phase(self.level_dB, self.z, self.phase_deg, self.z_phase, self.between)
+            return level_and_phase(self.level_dB, self.z, self.phase_deg, self.z_phase)
         if abs(self.z) < CLEAR:
             return "model off in both directions"
         size = f" ({abs(self.error):.2g} {self.unit})" if self.unit not in ("", "1") else ""
@@ -164,10 +161,8 @@ class Localisation:
         return [*failing, *(["no dependence on " + ", ".join(calm)] if calm else [])]
 
 
-def level_and_phase(
-    level_dB: float | None, z: float, phase_deg: float | None, z_phase: float | None, between: str = ""
-) -> str:
-    """``model 4.0 dB high``, ``model 12 degrees ahead``, or both; `between` where neither is clear.
+def level_and_phase(level_dB: float | None, z: float, phase_deg: float | None, z_phase: float | None) -> str:
+    """``model 4.0 dB high``, ``model 12 degrees ahead``, or both.
 
     Examples
     --------
@@ -181,7 +176,7 @@ def level_and_phase(
         parts.append(f"{abs(level_dB):.2g} dB {'high' if level_dB > 0 else 'low'}")
     if z_phase is not None and abs(z_phase) >= CLEAR and phase_deg is not None:
         parts.append(f"{float(f'{abs(phase_deg):.2g}'):g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
-    return "model " + (" and ".join(parts) or between or "off by as much up as down")
+    return "model " + (" and ".join(parts) or "off by as much up as down")
 
 
 # kind of measurement -> module with its own way; the others are looked at by blocks
