@@ -125,17 +125,17 @@ def observe(
     amplitude = lines.amplitude[place] * np.exp(2j * np.pi * known.order * zero)
     torque, how = _torque(recording, model, known, file)
     point = {"sun_speed": found.tacho.mean_hz * known.sun_turns, "carrier_torque": torque}
-    levels = {}
-    for name, value in point.items():
-        condition = model.conditions[name]
-        shown = float(convert(value, condition.unit, condition.column_unit))
-        levels[name] = (
-            np.full(len(sensors), float(f"{shown:.3g}")),
-            Variable(name.replace("_", " "), condition.column_unit),
-        )
+    levels = {name: _as_printed(model, name, value) for name, value in point.items()}
     (observable,) = (o for o in model.observables.values() if o.kind == "orders")
     beyond = ~_shown(model, observable.quantity, known, point)
     uneven = _uneven(recording, tacho)
+    parts = (
+        _smooth(_noise(lines)[place], known.harmonic),
+        *_leakage(amplitude, known, found.tacho),
+        _products(amplitude, beyond, known.harmonic),
+        _marks(amplitude, known.order, tachos[tacho], uneven),
+    )
+    rows = np.ones(len(sensors))
     observation = OrderLinesObservation(
         name=file.name,
         of_row=(file.name,) * len(sensors),
@@ -146,42 +146,38 @@ def observe(
         passages=known.passages,
         family=np.array(known.family),
         amplitude=amplitude,
-        noise=np.hypot(
-            _with_leakage(_smooth(_noise(lines)[place], known.harmonic), amplitude, known, found.tacho),
-            np.hypot(
-                _products(amplitude, beyond, known.harmonic),
-                _marks(amplitude, known.order, tachos[tacho], uneven),
-            ),
-        ),
+        noise=np.sqrt(sum(part**2 for part in parts)),
         beyond=beyond,
         path=np.arange(len(sensors)),
         errors=DeclaredErrors(known.discrepancy, known.path, known.response),
         kept=np.ones(amplitude.shape, dtype=bool),
-        point={name: np.full(len(sensors), value) for name, value in point.items()},
-        levels=levels,
+        point={name: value * rows for name, value in point.items()},
+        levels={name: (value * rows, words) for name, (value, words) in levels.items()},
         noise_dof=NOISE_DOF,
         observable=observable.name,
     )
-    levels_said = ", ".join(f"{words.words} {value[0]:g} {words.unit}" for value, words in levels.values())
+    said = ", ".join(f"{words.words} {value:g} {words.unit}" for value, words in levels.values())
     return observation, [
         f"{file.name}: {len(sensors)} sensors, {known.order.size} order lines over {lines.turns} turns, angle from "
-        f"{tacho}; {levels_said} (carrier torque {how})",
+        f"{tacho}; {said} (carrier torque {how})",
         f"{file.name}: marks of {tacho} uneven by up to {np.degrees(uneven.max(initial=0)):.2g} degree, or its shaft "
         "turns so; lines beside strong ones are as uncertain as that makes them",
         *(f"{file.name}: {note}" for note in found.notes),
     ]
 
 
+def _as_printed(model: Model, name: str, value: float) -> tuple[float, Variable]:
+    """The value of a condition in the unit of its column, with three digits, and its words."""
+    condition = model.conditions[name]
+    shown = float(convert(value, condition.unit, condition.column_unit))
+    return float(f"{shown:.3g}"), Variable(name.replace("_", " "), condition.column_unit)
+
+
 def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, float]) -> NDArray[np.bool_]:
     """Lines that the model shows without effects, (sensors, lines); all others are evidence of an effect."""
-    conditions = {
-        "order": known.order,
-        **{c: np.full(known.order.size, v) for c, v in point.items()},
-    }
-    found = np.abs(model.assemble(model.base_effects).evaluate(conditions, None, [quantity])[quantity])
-    return found > SHOWN * np.stack(
-        [found[:, known.harmonic == h].max(axis=1) for h in known.harmonic], axis=1
-    )
+    conditions = {"order": known.order, **{c: np.full(known.order.size, v) for c, v in point.items()}}
+    found = model.assemble(model.base_effects).evaluate(conditions, None, [quantity])[quantity]
+    return np.abs(found) > SHOWN * _strongest(found, known.harmonic)
 
 
 def _strongest(amplitude: NDArray[np.complex128], harmonic: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -190,18 +186,17 @@ def _strongest(amplitude: NDArray[np.complex128], harmonic: NDArray[np.intp]) ->
     return np.stack([size[:, harmonic == h].max(axis=1) for h in harmonic], axis=1)
 
 
-def _with_leakage(
-    noise: NDArray[np.float64], amplitude: NDArray[np.complex128], known: OrderLines, tacho: TachoReport
-) -> NDArray[np.float64]:
-    """Noise of lines, with what strong lines put there: by the instruments, and by jitter of the pulses.
+def _leakage(
+    amplitude: NDArray[np.complex128], known: OrderLines, tacho: TachoReport
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What strong lines put elsewhere, by the instruments and by jitter of the pulses: beside them, and anywhere.
 
     White jitter of N pulses has sqrt(2 / N) of it in either part of every line of the angle; an angle that turns by b
     modulates order o by o b, half of which lies at either side.
     """
     jitter = 2 * np.pi * known.order * tacho.mean_hz * tacho.jitter_s / np.sqrt(2 * max(tacho.pulses, 1))
     beside = np.hypot(LEAKAGE, jitter) * _strongest(amplitude, known.harmonic)
-    far = RANGE * np.abs(amplitude).max(axis=1, keepdims=True)
-    return np.asarray(np.sqrt(noise**2 + beside**2 + far**2))
+    return beside, RANGE * np.abs(amplitude).max(axis=1, keepdims=True)
 
 
 def _uneven(recording: Recording, tacho: str) -> NDArray[np.float64]:
@@ -295,53 +290,41 @@ def like(
     """
     if known.period == 1:
         return other, []
-    parts = [Fraction(float(o)).limit_denominator(known.period).denominator for o in known.order]
-    denominators = sorted({d for d in parts if d > 1 and known.period % d == 0})
-    turns = np.arange(known.period)
+    parts = np.array([Fraction(float(o)).limit_denominator(known.period).denominator for o in known.order])
     clear = np.zeros(known.period)
-    for d in denominators:
-        mine = np.array(parts) == d
-        gain = _alike(first, other, mine, known.order, turns)
+    for d in np.unique(parts[(parts > 1) & (known.period % parts == 0)]):
+        gain = _alike(first, other, parts == d, known.period)
         if gain.max() - np.median(gain) > LIKE_ENOUGH:
             clear += gain
-    if not clear.any():
-        return other, []
     n = int(np.argmax(clear))
-    factor = np.exp(2j * np.pi * known.order * n)
-    turned = replace(other, amplitude=other.amplitude * factor)
-    return turned, (
-        [f"{other.name}: begins {n} turns after {first.name} in the machine's period"] if n else []
-    )
+    if not n:
+        return other, []
+    turned = replace(other, amplitude=other.amplitude * np.exp(2j * np.pi * known.order * n))
+    return turned, [f"{other.name}: begins {n} turns after {first.name} in the machine's period"]
 
 
 def _alike(
-    first: OrderLinesObservation,
-    other: OrderLinesObservation,
-    mine: NDArray[np.bool_],
-    order: NDArray[np.float64],
-    turns: NDArray[np.intp],
+    first: OrderLinesObservation, other: OrderLinesObservation, mine: NDArray[np.bool_], period: int
 ) -> NDArray[np.float64]:
     """Gain in chi-square, at each number of turns, if lines of another recording are a real multiple of these.
 
     Of every sensor and harmonic; the phase of its gain is that between its strongest whole lines.
     """
-    total = np.zeros(turns.size)
+    total = np.zeros(period)
+    order = first.order
     whole = np.abs(order - np.rint(order)) < 1e-6
-    for sensor in range(first.amplitude.shape[0]):
+    for a, b, noise in zip(first.amplitude, other.amplitude, np.hypot(first.noise, other.noise), strict=True):
         for h in np.unique(first.harmonic):
             near = first.harmonic == h
-            phase = np.vdot(first.amplitude[sensor, whole & near], other.amplitude[sensor, whole & near])
-            chosen = mine & near
-            a, b = first.amplitude[sensor, chosen], other.amplitude[sensor, chosen]
-            sigma = np.hypot(first.noise[sensor, chosen], other.noise[sensor, chosen])
+            phase = np.vdot(a[whole & near], b[whole & near])
             if not abs(phase):
                 continue
-            turned = (
-                b[:, None] * np.exp(2j * np.pi * np.outer(order[chosen], turns)) * np.conj(phase) / abs(phase)
-            )
+            chosen = mine & near
+            both = np.conj(a[chosen]) * b[chosen] * np.conj(phase) / abs(phase)
+            turned = both[:, None] * np.exp(2j * np.pi * np.outer(order[chosen], np.arange(period)))
             # unit vectors of what stands out of the noise, so that no strong line decides alone
-            size = np.minimum(np.abs(a), np.abs(b)) / sigma
-            same = np.real(np.conj(a)[:, None] * turned) / np.maximum(np.abs(a) * np.abs(b), 1e-300)[:, None]
+            size = np.minimum(np.abs(a[chosen]), np.abs(b[chosen])) / noise[chosen]
+            same = turned.real / np.maximum(np.abs(both), 1e-300)[:, None]
             total += (np.minimum(size, 10.0) ** 2) @ same
     return total
 
