@@ -58,7 +58,6 @@ def build(rig: Mapping[str, Any]) -> Model:
         return _pair(settings)
     gear = settings.gear
     check_assembly(gear)
-    known = settings.uncertainty
     quantities = [*_constants(settings, gear), *load.QUANTITIES, *excitation.QUANTITIES, *response.QUANTITIES]
     return Model(
         name="planetary-gear",
@@ -77,21 +76,7 @@ def build(rig: Mapping[str, Any]) -> Model:
             "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.",
                                 kind="orders")
         },
-        nuisances=(
-            Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),
-            Nuisance("contact-exponent", "change", known.contact_exponent,
-                     "bending 1, contact along a line 10/9, at a point 3/2"),
-            Nuisance("contact-stiffness", "change", known.contact_stiffness_percent / 100,
-                     "bodies deflect too, loads vary along the flank"),
-            Nuisance("carrier-inertia", "change", inertia_uncertainty(settings),
-                     "carrier, shaft and load are taken as one disc" if rig.get("rotors") is None else "the rig file"),
-            Nuisance("contact-damping", "change", known.contact_damping_percent / 100,
-                     "damping ratios of meshes from 0.01 to 0.1"),
-            Nuisance("transmission-path", "sharpness", SHARPER * known.path_percent / 100,
-                     "over how much of the turn a planet is heard"),
-            *(Nuisance(f"unlike-response@H{h}", "change", times * known.response_percent / 100,
-                       "form of the stiffness over the pitch") for h, times in enumerate(UNLIKE, 1)),
-        ),
+        nuisances=_nuisances(settings, known_rotors=rig.get("rotors") is not None),
         for_kinds={"orders": line_statement(settings, HARMONICS)},
         axes={
             "planet": tuple(f"P{i}" for i in range(1, gear.planets + 1)),
@@ -99,10 +84,29 @@ def build(rig: Mapping[str, Any]) -> Model:
             "harmonic": tuple(f"H{h}" for h in range(1, HARMONICS + 1)),
         },
         settings={
-            "rig": settings.model_dump(), "parsed_rig": settings, "uncertainty": settings.uncertainty.model_dump(),
+            "rig": settings.model_dump(), "parsed_rig": settings,
         },
         notes=(f"all teeth meet again after {repeat_turns(gear)} turns of the carrier",),
     )  # fmt: skip
+
+
+def _nuisances(rig: Rig, *, known_rotors: bool) -> tuple[Nuisance, ...]:
+    """What is uncertain of the machine and the tacho, held by what the rig file says of it."""
+    known = rig.uncertainty
+    listed = [
+        ("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),
+        ("contact-exponent", "change", known.contact_exponent, "bending 1, contact along a line 10/9, at a point 3/2"),
+        ("contact-stiffness", "change", known.contact_stiffness_percent / 100,
+         "bodies deflect too, loads vary along the flank"),
+        ("carrier-inertia", "change", inertia_uncertainty(rig),
+         "the rig file" if known_rotors else "carrier, shaft and load are taken as one disc"),
+        ("contact-damping", "change", known.contact_damping_percent / 100, "damping ratios of meshes from 0.01 to 0.1"),
+        ("transmission-path", "sharpness", SHARPER * known.path_percent / 100,
+         "over how much of the turn a planet is heard"),
+        *((f"unlike-response@H{h}", "change", times * known.response_percent / 100,
+           "form of the stiffness over the pitch") for h, times in enumerate(UNLIKE, 1)),
+    ]  # fmt: skip
+    return tuple(Nuisance(*one) for one in listed)
 
 
 def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
@@ -120,20 +124,21 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
     si = np.array([law.K_N_mm_e * 1e3**law.exponent, law.exponent, 1e3 * law.C_Ns_mm, 1e-3 * law.depth_mm])
     phases, places = np.stack(mesh_phases(gear)), planet_angles(gear)
     made = rotors(gear, rig.rotors)
-    sun_turn = np.arange(samples) * (turns / samples) * float(sun_order(gear))
+    turn = np.arange(samples) * (turns / samples)
+    from_sensor = places[:, None] - np.radians(rig.sensors.acc_angle_deg)[:, None, None]
     listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
         ("sun_teeth", gear.z_sun, "1", "Teeth of the sun.", ()),
         ("ring_teeth", gear.z_ring, "1", "Teeth of the ring.", ()),
         ("planet_count", gear.planets, "1", "Number of planets.", ()),
         ("harmonic_count", HARMONICS, "1", "Harmonics of the mesh that are followed.", ()),
         ("repeat_turns", turns, "1", "Turns of the carrier after which everything repeats.", ()),
-        ("carrier_turn", np.arange(samples) * (turns / samples), "1", "Turns of the carrier.", ()),
-        ("mesh_waves", _waves(gear.z_ring, np.arange(samples) * (turns / samples)), "1",
+        ("carrier_turn", turn, "1", "Turns of the carrier.", ()),
+        ("mesh_waves", np.exp(2j * np.pi * gear.z_ring * np.outer(np.arange(1, HARMONICS + 1), turn)), "1",
          "exp(2j pi h z_ring turn), one row a harmonic of the mesh.", ()),
-        ("transfer_path", path_window(_distance(rig, places, samples // turns, turns)), "1",
+        ("transfer_path", path_window(2 * np.pi * turn + from_sensor), "1",
          "Weight with which each sensor hears each planet as it passes, (sensors, planets, angle).", ("sensor",)),
         ("sun_order", float(sun_order(gear)), "1", "Turns of the sun against the carrier.", ()),
-        ("sun_wave", np.exp(1j * (2 * np.pi * sun_turn - places[:, None])), "1",
+        ("sun_wave", np.exp(1j * (2 * np.pi * float(sun_order(gear)) * turn - places[:, None])), "1",
          "exp(j a), a the turn of the sun against the carrier beyond each planet's place.", ("planet",)),
         ("planet_order", float(planet_order(gear)), "1", "Turns of a planet against the carrier.", ()),
         ("carrier_ratio", carrier_speed_ratio(gear), "1", "Speed of the carrier over the sun's.", ()),
@@ -151,6 +156,13 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("contact_stiffness", 1.0, "1", "Stiffness of the teeth over that of the rig file's contact law.", ()),
         ("mesh_geometry", np.array([[m.base_pitch, m.contact_ratio, m.gap_before, m.gap_after] for m in (sun, ring)]),
          "1", "Base pitch, contact ratio, gaps of the sun and the ring mesh.", ()),
+    ]  # fmt: skip
+    return [*(constant(*one) for one in listed), *_faultless(gear, samples)]
+
+
+def _faultless(gear: Gear, samples: int) -> list[Quantity]:
+    """What effects change of a set whose parts are as drawn."""
+    listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
         ("load_share", np.ones(gear.planets), "1", "Share of each planet, before errors of place.", ("planet",)),
         ("planet_position", np.zeros(gear.planets), "m", "By how much each pin lies ahead.", ("planet",)),
         ("sun_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the sun meshes.", ("planet",)),
@@ -163,27 +175,13 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("friction_share", np.zeros((gear.planets, samples)), "1", "Force of friction over that of a ring mesh.",
          ("planet",)),
     ]  # fmt: skip
-    stiff = replace(
-        constant(
-            "shaft_receptance",
-            lambda omega: np.zeros(np.shape(omega), complex),
-            "rad/(N*m)",
-            "Twist of the sun's shaft.",
-        ),
-        opaque=True,
+    stiff = constant(
+        "shaft_receptance",
+        lambda omega: np.zeros(np.shape(omega), complex),
+        "rad/(N*m)",
+        "Twist of the sun's shaft.",
     )
-    return [stiff, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
-
-
-def _distance(rig: Rig, places: Any, per_turn: int, turns: int) -> Any:
-    """Angle between each sensor and each planet, over all turns of the carrier."""
-    one = 2 * np.pi * np.arange(per_turn) / per_turn
-    sensors = np.radians(rig.sensors.acc_angle_deg)
-    return np.tile(one + places[None, :, None] - sensors[:, None, None], turns)
-
-
-def _waves(teeth: int, turn: Any) -> Any:
-    return np.exp(2j * np.pi * teeth * np.outer(np.arange(1, HARMONICS + 1), turn))
+    return [replace(stiff, opaque=True), *(constant(*one) for one in listed)]
 
 
 def _pair(settings: Rig) -> Model:
@@ -202,5 +200,5 @@ def _pair(settings: Rig) -> Model:
         quantities={q.name: q for q in quantities},
         effects={},
         observables={"force": Observable("force", "mean_force", "N", "Mean force of the mesh.")},
-        settings={"rig": settings.model_dump(), "parsed_rig": settings, "uncertainty": {}},
+        settings={"rig": settings.model_dump(), "parsed_rig": settings},
     )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.analysis.transfer_function import TransferFunction
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
@@ -66,20 +67,16 @@ def observe_recording(
     InputError
         No reference channel, fewer receivers than positions or more, a record too short, no coherence.
     """
-    from specan.analysis.transfer_function import TransferFunction
-
-    receivers = _receivers_of(model)
-    reference, channels_of_all = _channels_of(recording, receivers)
-    rate, block_s = reference.sampling_rate, receivers.block_s
-    if block_s is None:
-        looked_at = channels_of_all[:: max(1, len(channels_of_all) // LISTENING)]
-        heard = (recording.read([channel])[0] for channel in looked_at)
-        block_s = block_length(recording.read([reference])[0], heard, rate, (f_min_hz, f_max_hz))
+    receivers = model.receivers
+    assert receivers is not None
+    reference, channels = _channels_of(recording, receivers)
+    rate, band = reference.sampling_rate, (f_min_hz, f_max_hz)
+    block_s = receivers.block_s or _block_length(recording, reference, channels, band)
     settle = settling_s(reference.duration_s, block_s)
     own = _own(recording, reference, model, receivers, settle)
-    if len(channels_of_all) != len(own.rows):
+    if len(channels) != len(own.rows):
         raise InputError(
-            f"{recording.label} has {len(channels_of_all)} {receivers.plural}, the rig file {len(own.rows)} positions",
+            f"{recording.label} has {len(channels)} {receivers.plural}, the rig file {len(own.rows)} positions",
             expected=f"one position a {receivers.noun} channel, in order",
         )
     settings = TransferFunction(
@@ -91,42 +88,26 @@ def observe_recording(
         align=False,
         start_s=settle,
     )
-    block, hop, start = settings.block, settings.block // 2, round(settle * rate)
+    block, start = settings.block, round(settle * rate)
     if reference.n_samples < start + LEAST_BLOCKS * block:
         least = settle + LEAST_BLOCKS * block / rate
         raise InputError(
             f"{recording.label} lasts {reference.duration_s:.1f} s",
             expected=f"at least {least:.1f} s for lines {rate / block:.2g} Hz apart",
         )
-    parts = [
-        settings.model_copy(update={"channels": few})(recording).between(f_min_hz, f_max_hz)
-        for few in _few_at_once([channel.label for channel in channels_of_all], block)
-    ]
-    frequency_hz = parts[0].frequency_hz
-    _check_coherence(
-        recording, receivers, np.concatenate([part.coherence for part in parts]), f_min_hz, f_max_hz
-    )
+    frequency_hz, response = _estimated(recording, receivers, settings, channels, band)
+    helper = recording.by_role(receivers.helper_role)[:1] if estimator == "H3c" else ()
+    signals = recording.read([reference, *helper])
     lines = np.round(frequency_hz * block / rate).astype(int)
-    helper = recording.by_role(receivers.helper_role)[0] if estimator == "H3c" else None
-    signals = recording.read([reference, *([helper] if helper else [])])
-    folding = fold(signals[0], rate, block, hop, start, lines, signals[1] if helper else None)
-    conditions = {
-        "frequency": folding.nodes,
-        "velocity_psd": _density_at(signals[0], rate, block, reference, folding.nodes),
-        **own.conditions,
-    }
-    quiet = (
-        background_noise(background, recording, channels_of_all, block / rate, frequency_hz)
-        if background
-        else None
-    )
-    noise = noise_of_lines(recording, reference, channels_of_all, signals, frequency_hz, block, start, quiet)
+    folding = fold(signals[0], rate, block, block // 2, start, lines, signals[1] if helper else None)
+    spacing = block / rate
+    quiet = background_noise(background, recording, channels, spacing, frequency_hz) if background else None
+    noise = noise_of_lines(recording, reference, channels, signals, frequency_hz, block, start, quiet)
+    density = _density_at(signals[0], rate, block, reference, folding.nodes)
+    conditions: dict[str, Any] = {"frequency": folding.nodes, "velocity_psd": density, **own.conditions}
     names = model.axes[receivers.axis]
-    response, noise = (
-        _in_rows(own, len(names), part, fill)
-        for part, fill in ((np.concatenate([part.response for part in parts]), 0), (noise, 1))
-    )
-    kept = np.zeros(response.shape, dtype=bool)
+    noise = _in_rows(own, len(names), noise, 1)
+    kept = np.zeros(noise.shape, dtype=bool)
     kept[own.rows] = _looked_at(receivers, frequency_hz)
     plain = FrfObservation(
         name=recording.label,
@@ -135,21 +116,53 @@ def observe_recording(
         frequency_hz=frequency_hz,
         line_hz=rate / block,
         channels=names,
-        response=response,
+        response=_in_rows(own, len(names), response, 0),
         noise=noise,
         random=noise,
         folding=folding,
         conditions_at_nodes=conditions,
-        shared=np.empty((*response.shape, 0), dtype=complex),
+        shared=np.empty((*noise.shape, 0), dtype=complex),
         kept=kept,
-        notes=tuple(
-            filter(None, (f"{recording.label}: {own.text}" if own.text else "", quiet.text if quiet else ""))
+        notes=(
+            *([f"{recording.label}: {own.text}"] if own.text else []),
+            *([quiet.text] if quiet and quiet.text else []),
         ),
         drift=Drift.of(*own.drift, _block_power(signals[0][start:], block, lines)) if own.drift else None,
     )
     here = replace(receivers, positions_m=_own_places(receivers, own))
-    calibrated = _as_calibrated(here, own, channels_of_all, u_calibrator_percent)
+    calibrated = _as_calibrated(here, own, channels, u_calibrator_percent)
     return replace(plain, **_before_a_fit(calibrated, plain))
+
+
+def _block_length(
+    recording: Recording, reference: Channel, channels: Sequence[Channel], band: tuple[float, float]
+) -> float:
+    """Length of blocks by how long some of the receivers hear the field ring, s."""
+    few = channels[:: max(1, len(channels) // LISTENING)]
+    heard = (recording.read([channel])[0] for channel in few)
+    return block_length(recording.read([reference])[0], heard, reference.sampling_rate, band)
+
+
+def _estimated(
+    recording: Recording,
+    receivers: Receivers,
+    settings: TransferFunction,
+    channels: Sequence[Channel],
+    band: tuple[float, float],
+) -> tuple[Real, Complex]:
+    """Lines of a band, and the transfer functions there of all channels, array (channels, lines)."""
+    parts = [
+        settings.model_copy(update={"channels": few})(recording).between(*band)
+        for few in _few_at_once([channel.label for channel in channels], settings.block)
+    ]
+    if not np.any(np.nanmedian(np.concatenate([part.coherence for part in parts]), axis=1) > 0.2):
+        raise InputError(
+            f"{recording.label}: {receivers.plural} and {receivers.reference_role} have no coherence "
+            f"between {band[0]:g} and {band[1]:g} Hz",
+            expected="noise from the source in that band",
+            remedy="check the channels or change [band]",
+        )
+    return parts[0].frequency_hz, np.concatenate([part.response for part in parts])
 
 
 def _few_at_once(names: Sequence[str], block: int) -> list[tuple[str, ...]]:
@@ -240,14 +253,6 @@ def _before_a_fit(receivers: Receivers, plain: FrfObservation) -> dict[str, Any]
     return {"noise": np.hypot(plain.noise, percent / 100 * typical), "declared": CommonErrors(receivers)}
 
 
-def _receivers_of(model: Model) -> Receivers:
-    if model.receivers is None:
-        raise RequestError(
-            f"the model {model.name} has no receivers in a field", remedy="give another kind of measurement"
-        )
-    return model.receivers
-
-
 def _channels_of(recording: Recording, receivers: Receivers) -> tuple[Channel, tuple[Channel, ...]]:
     references = recording.by_role(receivers.reference_role)
     if not references:
@@ -267,18 +272,6 @@ def _own(
     began = reference.properties.get("wf_start_time")
     start = None if began is None else np.datetime64(began, "us") + np.timedelta64(round(1e6 * settle), "us")
     return receivers.in_recording(recording.label, start, reference.duration_s - settle)
-
-
-def _check_coherence(
-    recording: Recording, receivers: Receivers, coherence: Any, low: float, high: float
-) -> None:
-    if not np.any(np.nanmedian(coherence, axis=1) > 0.2):
-        raise InputError(
-            f"{recording.label}: {receivers.plural} and {receivers.reference_role} have no coherence "
-            f"between {low:g} and {high:g} Hz",
-            expected="noise from the source in that band",
-            remedy="check the channels or change [band]",
-        )
 
 
 def _density_at(signal: Any, rate: float, block: int, reference: Channel, nodes: Any) -> Any:

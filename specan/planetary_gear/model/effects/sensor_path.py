@@ -28,7 +28,7 @@ def transmission_path(
     Only the sidebands that the set has anyway change: in phase, orders 66h +- 3k of the article's gear.
     """
     one = 2 * np.pi * carrier_turn[: carrier_turn.size // repeat_turns]  # turns are alike
-    place = one + planet_angle[None, :, None] - sensor_angle[:, None, None]
+    place = one + planet_angle[:, None] - sensor_angle[:, None, None]
     return np.tile(np.maximum(0.5 + 0.5 * np.cos(place), 1e-9) ** sharpness, repeat_turns)
 
 
