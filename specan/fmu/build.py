@@ -24,6 +24,15 @@ Array = NDArray[np.float64]
 MOST_KEPT = 200_000  # simulations whose outputs are kept
 KINDS = {"co-simulation": "CoSimulation", "model-exchange": "ModelExchange"}
 SHARE = "share"  # of a switch that has no amplitude of its own
+OF_A_SWITCH = Parameter(
+    1.0,
+    "1",
+    min=0.5,
+    max=1.5,
+    lower=0.0,
+    upper=5.0,
+    doc="how much of it the data support; 1 as the FMU has it",
+)
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
@@ -53,10 +62,12 @@ def model_from(path: Path) -> Model:
     ]
     return Model.from_function(
         *observed,
-        conditions={n: (simulations.unit_of(n), c.low, c.high) for n, c in settings.conditions.items()},
+        conditions={
+            n: (simulations.variables[n].unit, c.low, c.high) for n, c in settings.conditions.items()
+        },
         observables={
-            n: unit if o.uncertainty is None else (unit, o.uncertainty)
-            for (n, o), unit in zip(settings.observables.items(), simulations.observed_units, strict=True)
+            n: out.unit if o.uncertainty is None else (out.unit, o.uncertainty)
+            for (n, o), out in zip(settings.observables.items(), simulations.outputs, strict=True)
         },
         parameters=simulations.quantities,
         effects=[_effect(name, entry, simulations) for name, entry in settings.effects.items()],
@@ -66,7 +77,16 @@ def model_from(path: Path) -> Model:
 
 
 class _Simulations:
-    """Outputs of an FMU for rows of values; what was simulated once is kept."""
+    """Outputs of an FMU for rows of values; what was simulated once is kept.
+
+    Attributes
+    ----------
+    variables : dict
+        Variable of the FMU for every condition, parameter and quantity that an effect changes, with its unit.
+    quantities : dict
+        Parameters and quantities of effects, as the model takes them.
+    outputs : list of Variable
+    """
 
     def __init__(self, path: Path, settings: FmuSettings) -> None:
         self.settings, self.path = settings, path
@@ -74,28 +94,28 @@ class _Simulations:
         description = _unpacked(path, self._folder.name)
         self.title = (description.description or description.modelName or path.stem).strip().rstrip(".")
         self._known = {v.name: v for v in description.modelVariables}
-        self.quantities: dict[str, Parameter] = {}
-        self._variables: dict[str, Variable] = {}
-        for name, entry in {**settings.conditions, **settings.parameters}.items():
-            self._variables[name] = self.variable(name, entry)
-        self.quantities |= {n: _parameter(p, self._variables[n].unit) for n, p in settings.parameters.items()}
-        for name, effect_entry in settings.effects.items():
-            self._take(name, effect_entry)
-        outputs = [self.variable(n, o) for n, o in settings.observables.items()]
-        self._output_units = [(self._fmu_unit(o), o.unit) for o in outputs]
+        given = {**settings.conditions, **settings.parameters}
+        self.variables = {name: self.variable(name, entry) for name, entry in given.items()}
+        self.quantities = {n: _parameter(p, self.variables[n].unit) for n, p in settings.parameters.items()}
+        for effect_entry in settings.effects.values():
+            if effect_entry.switch:
+                self._add(Variable(variable=effect_entry.switch, unit="1"), effect_entry.switch, 0.0)
+            for own, parameter in effect_entry.parameters.items():
+                variable = self.variable(own, parameter)
+                self._add(variable, variable.variable, self.rest_of(variable, parameter.neutral))
+        self.outputs = [self.variable(n, o) for n, o in settings.observables.items()]
         self._switches = [
-            k
-            for k, v in enumerate(self._variables.values())
+            k for k, v in enumerate(self.variables.values())
             if self._known[v.variable].type not in ("Real", "Float64", "Float32")
-        ]
+        ]  # fmt: skip
         self._kept: dict[bytes, list[float]] = {}
         run = settings.simulation
         self._process = FmuProcess(
             str(path),
             self._folder.name,
             {
-                "names": [v.variable for v in self._variables.values()],
-                "outputs": [o.variable for o in outputs],
+                "names": [v.variable for v in self.variables.values()],
+                "outputs": [o.variable for o in self.outputs],
                 "kind": _kind(path, description, run.kind),
                 "duration": run.duration,
                 "step": run.step,
@@ -105,44 +125,31 @@ class _Simulations:
             run.time_limit,
         )
 
-    def unit_of(self, name: str) -> str:
-        """Unit of a condition or parameter."""
-        return self._variables[name].unit
-
-    @property
-    def observed_units(self) -> list[str]:
-        """Units of the observables."""
-        return [own for _, own in self._output_units]
-
     def quantity_of(self, variable: str) -> str:
         """Name of the quantity that stands for a variable of the FMU."""
-        return next(n for n, v in self._variables.items() if v.variable == variable)
+        return next(n for n, v in self.variables.items() if v.variable == variable)
 
-    def start_of(self, variable: str, unit: str) -> float:
-        """The FMU's own value, in a unit."""
-        given = self._known[variable].start
-        value = {"true": 1.0, "false": 0.0}.get(str(given).lower()) if given is not None else 0.0
-        return float(
-            convert(
-                float(given) if value is None else value,
-                self._fmu_unit(Variable(variable=variable, unit=unit)),
-                unit,
-            )
-        )
+    def rest_of(self, variable: Variable, neutral: float | None) -> float:
+        """Where an effect leaves a variable alone: its neutral value, or the FMU's own, in its unit."""
+        if neutral is not None:
+            return neutral
+        given = str(self._known[variable.variable].start or 0.0).lower()
+        own = {"true": 1.0, "false": 0.0}.get(given)
+        return float(convert(float(given) if own is None else own, self._fmu_unit(variable), variable.unit))
 
-    def outputs(self, values: Mapping[str, Any]) -> Array:
+    def __call__(self, values: Mapping[str, Any]) -> Array:
         """Outputs, one row a row of the table, for arrays or numbers in the units of the TOML file."""
         columns = [
             convert(np.asarray(values[n], dtype=float), v.unit, self._fmu_unit(v))
-            for n, v in self._variables.items()
+            for n, v in self.variables.items()
         ]
         table = np.stack(np.broadcast_arrays(*map(np.atleast_1d, columns)), axis=1)
         table[:, self._switches] = np.clip(table[:, self._switches], 0.0, None)
-        found = np.zeros((len(table), len(self._output_units)))
+        found = np.zeros((len(table), len(self.outputs)))
         for places, weight in self._corners(table):
             found += weight[:, None] * self._simulated(places)
-        for k, (fmu, own) in enumerate(self._output_units):
-            found[:, k] = convert(found[:, k], fmu, own)
+        for k, output in enumerate(self.outputs):
+            found[:, k] = convert(found[:, k], self._fmu_unit(output), output.unit)
         return found
 
     def _corners(self, table: Array) -> list[tuple[Array, Array]]:
@@ -150,11 +157,10 @@ class _Simulations:
         mixed = [k for k in self._switches if np.any((table[:, k] != 0) & (table[:, k] != 1))]
         found = []
         for corner in itertools.product((0.0, 1.0), repeat=len(mixed)):
-            places, weight = table.copy(), np.ones(len(table))
-            for k, on in zip(mixed, corner, strict=True):
-                weight = weight * (table[:, k] if on else 1 - table[:, k])
-                places[:, k] = on
-            found.append((places, weight))
+            places = table.copy()
+            places[:, mixed] = corner
+            weights = np.where(np.array(corner) > 0, table[:, mixed], 1 - table[:, mixed])
+            found.append((places, weights.prod(axis=1)))
         return found
 
     def _simulated(self, table: Array) -> Array:
@@ -169,23 +175,20 @@ class _Simulations:
 
     def variable(self, name: str, entry: Variable) -> Variable:
         """The entry with its variable and unit filled in."""
-        variable = entry.variable or name
+        variable, file = entry.variable or name, self.path.with_suffix(".toml")
         if variable not in self._known:
             raise RequestError(
-                f"{self.path.with_suffix('.toml')}: the FMU has no variable {variable!r}",
-                remedy=nearest(variable, self._known),
+                f"{file}: the FMU has no variable {variable!r}", remedy=nearest(variable, self._known)
             )
         known = Variable(variable=variable, unit=entry.unit or _unit(self._known[variable].unit) or "1")
         try:
             base_unit(known.unit)
         except RequestError as fault:
-            raise RequestError(
-                f"{self.path.with_suffix('.toml')}: {name!r}: {fault.found}", expected=fault.expected
-            ) from None
+            raise RequestError(f"{file}: {name!r}: {fault.found}", expected=fault.expected) from None
         fmu = self._fmu_unit(known)
         if not is_compatible(known.unit, fmu):
             raise RequestError(
-                f"{self.path.with_suffix('.toml')}: {name!r} is in {known.unit}, and the FMU's {variable!r} in {fmu}",
+                f"{file}: {name!r} is in {known.unit}, and the FMU's {variable!r} in {fmu}",
                 expected="units of one kind",
             )
         return known
@@ -193,27 +196,16 @@ class _Simulations:
     def _fmu_unit(self, variable: Variable) -> str:
         return _unit(self._known[variable.variable].unit) or variable.unit
 
-    def _take(self, name: str, entry: EffectEntry) -> None:
-        """Quantities for the switch and the parameters of an effect, at which it vanishes."""
-        if entry.switch:
-            self._add(Variable(variable=entry.switch, unit="1"), entry.switch, 0.0)
-        for own, given in entry.parameters.items():
-            variable = self.variable(own, given)
-            rest = given.neutral
-            self._add(
-                variable, variable.variable,
-                self.start_of(variable.variable, variable.unit) if rest is None else rest,
-            )  # fmt: skip
-
     def _add(self, variable: Variable, name: str, value: float) -> None:
-        if any(v.variable == variable.variable for v in self._variables.values()):
+        """A quantity for a variable that an effect changes, unless there is one."""
+        if any(v.variable == variable.variable for v in self.variables.values()):
             return
         quantity = re.sub(r"\W+", "_", name).strip("_")
-        while quantity in self._variables or quantity in self.settings.observables:
+        while quantity in self.variables or quantity in self.settings.observables:
             quantity += "_"
-        self._variables[quantity] = self.variable(quantity, variable)
+        self.variables[quantity] = known = self.variable(quantity, variable)
         self.quantities[quantity] = Parameter(
-            value, self._variables[quantity].unit, doc=f"{variable.variable} of the FMU", fixed=True
+            value, known.unit, doc=f"{variable.variable} of the FMU", fixed=True
         )
 
 
@@ -288,20 +280,9 @@ def _effect(name: str, entry: EffectEntry, simulations: _Simulations) -> Effect:
     neutral = {n: p.neutral for n, p in entry.parameters.items() if p.neutral is not None}
     if not neutral:
         neutral[SHARE] = 0.0
-        parameters[SHARE] = Parameter(
-            1.0,
-            "1",
-            min=0.5,
-            max=1.5,
-            lower=0.0,
-            upper=5.0,
-            doc="how much of it the data support; 1 as the FMU has it",
-        )
+        parameters[SHARE] = OF_A_SWITCH
     targets = {n: simulations.quantity_of(units[n].variable) for n in units}
-    rests = {
-        n: simulations.start_of(units[n].variable, units[n].unit) if p.neutral is None else p.neutral
-        for n, p in entry.parameters.items()
-    }
+    rests = {n: simulations.rest_of(units[n], p.neutral) for n, p in entry.parameters.items()}
     switch = simulations.quantity_of(entry.switch) if entry.switch else ""
 
     def contribution(**given: Any) -> Any:
@@ -318,7 +299,7 @@ def _effect(name: str, entry: EffectEntry, simulations: _Simulations) -> Effect:
 
 def _reader(simulations: _Simulations, column: int) -> Callable[..., Any]:
     def read(**values: Any) -> Any:
-        found = simulations.outputs(values)[:, column]
+        found = simulations(values)[:, column]
         return found if any(np.ndim(v) for v in values.values()) else found[0]
 
     return read

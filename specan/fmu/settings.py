@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -114,11 +114,6 @@ class FmuSettings(Settings):
     effects: dict[str, EffectEntry] = Field(default_factory=dict)
 
 
-def settings_beside(path: Path) -> Path:
-    """The TOML file that belongs to an FMU."""
-    return path.with_suffix(".toml")
-
-
 def read_settings(path: Path) -> FmuSettings:
     """Read the TOML file beside an FMU.
 
@@ -127,12 +122,11 @@ def read_settings(path: Path) -> FmuSettings:
     RequestError
         It is missing, or wrong.
     """
-    file = settings_beside(path)
+    file = path.with_suffix(".toml")
     if not file.exists():
         raise RequestError(
             f"{path} has no file {file.name} beside it",
             expected="one that says which of its variables are conditions, observables, parameters and effects",
             remedy="docs/fmu.md shows one",
         )
-    content: dict[str, Any] = read_toml(file)
-    return parse(FmuSettings, content, str(file))
+    return parse(FmuSettings, read_toml(file), str(file))

@@ -44,9 +44,8 @@ def figure_impedance(found: Impedance) -> Figure:
     grid = figure.subplots(3, len(walls), squeeze=False, sharex="col", sharey="row")
     for column, wall in enumerate(walls):
         rows = found.of(wall)
-        _absorption(grid[0, column], rows)
-        for line, name in ((1, "resistance"), (2, "reactance")):
-            _part(grid[line, column], rows, name)
+        for axes, name in zip(grid[:, column], ("absorption_normal", "resistance", "reactance"), strict=True):
+            _bars(axes, rows, name)
         grid[0, column].set_title(f"Wall {wall}")
         grid[2, column].set_xlabel("Frequency / Hz")
         octave_axis(grid[2, column], rows[0].mid_hz / 1.15, rows[-1].mid_hz * 1.15)
@@ -73,24 +72,19 @@ def figure_impedance(found: Impedance) -> Figure:
     return figure
 
 
-def _absorption(axes: Axes, rows: list[WallBand]) -> None:
-    for row in rows:
-        alpha = row.absorption_normal
-        strength = 1.0 if row.determined else 0.3
-        ends = [alpha.low, alpha.high]
-        axes.plot([row.mid_hz] * 2, ends, color=COLOURS[0], lw=3, solid_capstyle="butt", alpha=strength)
-        if row.determined:
-            axes.plot(row.mid_hz, alpha.value, "o", ms=4, color=COLOURS[0])
-
-
-def _part(axes: Axes, rows: list[WallBand], name: str) -> None:
+def _bars(axes: Axes, rows: list[WallBand], name: str) -> None:
+    """Intervals with their values; of what is not determined the absorption alone, pale and without a value."""
+    absorption = name == "absorption_normal"
     for row in rows:
         interval = getattr(row, name)
-        if row.determined and np.isfinite([interval.low, interval.high]).all():
-            axes.plot(
-                [row.mid_hz] * 2, [interval.low, interval.high], color=COLOURS[1], lw=3, solid_capstyle="butt"
-            )
-            axes.plot(row.mid_hz, interval.value, "o", ms=4, color=COLOURS[1])
+        ends = [interval.low, interval.high]
+        if not (row.determined or absorption) or not np.isfinite(ends).all():
+            continue
+        style: dict[str, Any] = {"color": COLOURS[0 if absorption else 1]}
+        alpha = 1.0 if row.determined else 0.3
+        axes.plot([row.mid_hz] * 2, ends, lw=3, solid_capstyle="butt", alpha=alpha, **style)
+        if row.determined:
+            axes.plot(row.mid_hz, interval.value, "o", ms=4, **style)
 
 
 @styled
@@ -117,8 +111,14 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     assert receivers is not None
     places = receivers.positions_m
     dims = np.array(receivers.places.extent_m) if receivers.places else places.max(axis=0)
-    for name, axes in (("plan", (0, 1)), ("side", (0, 2))):
-        _on_a_plan(panels[name], errors, places, band, reach, axes, dims, shown)
+    colours: dict[str, Any] = {"cmap": "PuOr_r", "vmin": -reach, "vmax": reach, "edgecolors": "0.3"}
+    for name, seen in (("plan", [0, 1]), ("side", [0, 2])):
+        axes = panels[name]
+        across, up = places[:, seen].T
+        axes.scatter(across, up, c=errors.level_dB[:, band], s=60, **colours)
+        axes.plot(across[shown], up[shown], "s", ms=13, mfc="none", color="k")
+        axes.set(xlim=(0, dims[seen[0]]), ylim=(0, dims[seen[1]]), aspect="equal")
+        axes.set(xlabel=f"{'xyz'[seen[0]]} / m", ylabel=f"{'xyz'[seen[1]]} / m")
     _curves(panels["level"], panels["phase"], study, errors, shown)
     figure.align_ylabels([panels["level"], panels["phase"]])
     heading(
@@ -138,26 +138,6 @@ def _error_map(axes: Axes, errors: FrfErrors, clear: np.ndarray, reach: float) -
     axes.set_xticks(range(len(errors.bands)), errors.band_texts, rotation=60)
     axes.set(xlabel=axis_text("third", {"third": errors.third}))
     return image
-
-
-def _on_a_plan(
-    axes: Axes,
-    errors: FrfErrors,
-    place: np.ndarray,
-    band: int,
-    reach: float,
-    which: tuple[int, int],
-    dims: np.ndarray,
-    shown: int,
-) -> None:
-    """Microphones in their places, seen along one axis."""
-    a, b = which
-    colour = errors.level_dB[:, band]
-    style: dict[str, Any] = {"cmap": "PuOr_r", "vmin": -reach, "vmax": reach, "edgecolors": "0.3"}
-    axes.scatter(place[:, a], place[:, b], c=colour, s=60, **style)
-    axes.plot(place[shown, a], place[shown, b], "s", ms=13, mfc="none", color="k")
-    axes.set(xlim=(0, dims[a]), ylim=(0, dims[b]), aspect="equal")
-    axes.set(xlabel=f"{'xyz'[a]} / m", ylabel=f"{'xyz'[b]} / m")
 
 
 def _curves(level: Axes, phase: Axes, study: Study, errors: FrfErrors, shown: int) -> None:
@@ -196,23 +176,14 @@ def field_figure(found: FieldMap) -> Figure:
     top = float(np.max(level))
     least = max(top - _DEPTH_DB, float(np.min(level)))
     maps = (
-        (level, "cividis", least, top, "Level at 1 mm/s RMS / dB re 20 µPa"),
-        (phase, "twilight", -180.0, 180.0, "Phase over the velocity / degrees"),
+        (level, "cividis", (least, top), None, "Level at 1 mm/s RMS / dB re 20 µPa"),
+        (phase, "twilight", (-180.0, 180.0), [-180, -90, 0, 90, 180], "Phase over the velocity / degrees"),
     )
-    for place, (values, colours, low, high, text) in zip(axes, maps, strict=True):
-        drawn = place.pcolormesh(
-            found.first_m,
-            found.second_m,
-            values.T,
-            cmap=colours,
-            vmin=low,
-            vmax=high,
-            shading="nearest",
-            rasterized=True,
-        )
-        bar = sheet.colorbar(drawn, ax=place, label=text)
-        if colours == "twilight":
-            bar.set_ticks([-180, -90, 0, 90, 180])
+    for place, (values, colours, limits, ticks, text) in zip(axes, maps, strict=True):
+        style: dict[str, Any] = {"cmap": colours, "shading": "nearest", "rasterized": True}
+        drawn = place.pcolormesh(found.first_m, found.second_m, values.T, **style)
+        drawn.set_clim(*limits)
+        sheet.colorbar(drawn, ax=place, label=text, ticks=ticks)
         place.grid(False)
         _microphones(place, found)
         place.set(xlabel=f"{found.along[0]} / m", aspect="equal", xlim=(0.0, first), ylim=(0.0, second))

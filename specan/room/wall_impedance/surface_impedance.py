@@ -14,7 +14,8 @@ a coefficient one writes, becomes the delta rule where g is straight, and is ope
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -96,16 +97,9 @@ class WallBand:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: numbers, lists [low, high]."""
-        found: dict[str, Any] = {
-            "wall": self.wall,
-            "third_octave_hz": self.third_octave_hz,
-            "determined": self.determined,
-            "text": "" if self.determined else "not determined by these positions",
-        }
-        for name in FUNCTIONS:
-            interval: Interval = getattr(self, name)
-            found[name] = {"value": interval.value, "low": interval.low, "high": interval.high}
-        return found
+        text = "" if self.determined else "not determined by these positions"
+        found = {name: getattr(self, name) for name in ("wall", "third_octave_hz", "determined")}
+        return {**found, "text": text, **{name: asdict(getattr(self, name)) for name in FUNCTIONS}}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,11 +132,8 @@ class Impedance(Result):
             name: [getattr(row, name) for row in self.rows]
             for name in ("wall", "third_octave_hz", "determined")
         }
-        for name in FUNCTIONS:
-            spans: list[Interval] = [getattr(row, name) for row in self.rows]
-            found[name] = [span.value for span in spans]
-            found[f"{name}_low"] = [span.low for span in spans]
-            found[f"{name}_high"] = [span.high for span in spans]
+        for name, (end, suffix) in product(FUNCTIONS, {"value": "", "low": "_low", "high": "_high"}.items()):
+            found[name + suffix] = [getattr(getattr(row, name), end) for row in self.rows]
         return found
 
     def content(self) -> dict[str, Any]:
@@ -299,12 +290,9 @@ def _region(beta: complex, covariance: Array) -> tuple[complex, Complex, bool]:
     if beta.real < 0:  # the nearest point of the edge Re = 0 in the metric of the covariance
         best = complex(0.0, beta.imag - covariance[0, 1] / covariance[0, 0] * beta.real)
     limit = float(distance(np.array([best]))[0]) + QUANTILE
-    angle = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
-    radius = np.sqrt(limit) * np.linspace(0, 1, _RADII + 1)[1:]
-    plane = root @ np.stack(
-        [np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()]
-    )
-    points = beta + plane[0] + 1j * plane[1]
+    around = np.exp(2j * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS)
+    disc = np.sqrt(limit) * np.outer(np.linspace(0, 1, _RADII + 1)[1:], around).ravel()
+    points = beta + np.array([1, 1j]) @ root @ np.stack([disc.real, disc.imag])
     edge = 1j * np.linspace(points.imag.min(), points.imag.max(), _DIRECTIONS)
     points = np.concatenate([points[points.real >= 0], edge[distance(edge) <= limit], [best]])
     holds_zero = bool(distance(np.array([0j]))[0] <= limit)
