@@ -172,7 +172,7 @@ def field_figure(found: FieldMap) -> Figure:
     sheet = new_figure(height, 10.6)
     axes = sheet.subplots(1, 2, sharey=True)
     found = _finer(found)
-    level, phase = found.level_dB(), found.phase_deg
+    level, phase = found.level_dB, found.phase_deg
     top = float(np.max(level))
     least = max(top - _DEPTH_DB, float(np.min(level)))
     maps = (

@@ -80,27 +80,24 @@ def _record(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
 
 def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     from specan.io.output_file import write_csv
-    from specan.room.model.field_map import COLUMNS, field_map, read_plane
+    from specan.room.model.field_map import field_map, of_microphones, read_plane
 
     path = _checked(options["output"], (".csv", ".png", ".svg", ".pdf"))
     if options["frequency"] is None:
         raise RequestError("--field needs a frequency", remedy="give one with --frequency HZ")
-    left_out = [
-        str(use)
-        for use in chosen.assembly.uses
-        if chosen.assembly.model.effects[use.name].at in ("microphone", "place", "card")
-    ]
-    if left_out:
+    if left_out := [str(use) for use in of_microphones(chosen)]:
         say(f"Errors of microphones do not change the field: {', '.join(left_out)}.")
     found = field_map(chosen, read_plane(options["plane"]), options["frequency"])
     if path.suffix.lower() == ".csv":
-        write_csv(path, COLUMNS, ([f"{value:.9g}" for value in row] for row in found.rows()))
+        columns = found.columns()
+        rows = zip(*columns.values(), strict=True)
+        write_csv(path, columns, ([f"{value:.9g}" for value in row] for row in rows))
     else:
         from specan.report.figure_style import save_figure
         from specan.room.figures import field_figure
 
         save_figure(field_figure(found), path)
-    level = found.level_dB()
+    level = found.level_dB
     say(f"the field on {found.axis} = {found.at_m:g} m at {found.frequency_hz:g} Hz written to {path}")
     if options["as_json"]:
         emit_json(

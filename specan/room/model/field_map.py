@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models.chosen_model import ChosenModel
+from specan.models.effect import Use
 
 STEP_M = 0.03  # about, between points of the plane
 MOST_POINTS = 120  # along an edge
-_OF_MICROPHONES = ("microphone", "place", "card")
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,6 @@ class FieldMap:
     microphone_m : array (microphones, 3)
     names : tuple of str
         Of the microphones.
-    dims_m : tuple of float
     """
 
     axis: str
@@ -48,7 +47,6 @@ class FieldMap:
     response: NDArray[np.complex128]
     microphone_m: Array
     names: tuple[str, ...]
-    dims_m: tuple[float, float, float]
 
     @property
     def along(self) -> tuple[str, str]:
@@ -56,35 +54,28 @@ class FieldMap:
         first, second = (name for name in "xyz" if name != self.axis)
         return first, second
 
-    def level_dB(self, velocity: float = 1e-3) -> Array:
-        """Level of the sound pressure in dB re 20 uPa while the diaphragm moves with `velocity` m/s RMS."""
-        return 20.0 * np.log10(np.maximum(np.abs(self.response) * velocity, 1e-12) / 20e-6)
+    @property
+    def level_dB(self) -> Array:
+        """Level of the sound pressure in dB re 20 uPa while the diaphragm moves with 1 mm/s RMS."""
+        return 20.0 * np.log10(np.maximum(np.abs(self.response) * 1e-3, 1e-12) / 20e-6)
 
     @property
     def phase_deg(self) -> Array:
         """Phase of the pressure against the velocity, degrees."""
         return np.degrees(np.angle(self.response))
 
-    def rows(self) -> list[tuple[float, ...]]:
-        """One row a point: x, y, z in m, level in dB at 1 mm/s, phase in degrees, real and imaginary part."""
-        first, second = (axis.ravel() for axis in np.meshgrid(self.first_m, self.second_m, indexing="ij"))
-        place = dict(zip(self.along, (first, second), strict=True)) | {
-            self.axis: np.full(first.size, self.at_m)
+    def columns(self) -> dict[str, Array]:
+        """Columns of a table with one row a point."""
+        place = dict(zip(self.along, np.meshgrid(self.first_m, self.second_m, indexing="ij"), strict=True))
+        place[self.axis] = np.full(self.response.shape, self.at_m)
+        found = {
+            **{f"{axis}_m": place[axis] for axis in "xyz"},
+            "level_dB_re_20uPa_at_1mm_s": self.level_dB,
+            "phase_deg": self.phase_deg,
+            "real_Pa_s_m": self.response.real,
+            "imaginary_Pa_s_m": self.response.imag,
         }
-        shown = (self.level_dB(), self.phase_deg, self.response.real, self.response.imag)
-        columns = [*(place[name] for name in "xyz"), *(values.ravel() for values in shown)]
-        return [tuple(row) for row in np.column_stack(columns).tolist()]
-
-
-COLUMNS = (
-    "x_m",
-    "y_m",
-    "z_m",
-    "level_dB_re_20uPa_at_1mm_s",
-    "phase_deg",
-    "real_Pa_s_m",
-    "imaginary_Pa_s_m",
-)
+        return {name: values.ravel() for name, values in found.items()}
 
 
 def read_plane(text: str) -> tuple[str, float]:
@@ -100,6 +91,12 @@ def read_plane(text: str) -> tuple[str, float]:
     except ValueError:
         pass
     raise RequestError(f"{text!r} is not a plane", expected="x=METRES, y=METRES or z=METRES")
+
+
+def of_microphones(chosen: ChosenModel) -> list[Use]:
+    """Effects that change what microphones read of a field, and not the field."""
+    effects = chosen.assembly.model.effects
+    return [u for u in chosen.assembly.uses if effects[u.name].at in ("microphone", "place", "card")]
 
 
 def field_map(chosen: ChosenModel, plane: tuple[str, float], frequency_hz: float) -> FieldMap:
@@ -138,7 +135,7 @@ def field_map(chosen: ChosenModel, plane: tuple[str, float], frequency_hz: float
     found = _field(chosen, points.reshape(-1, 3), frequency_hz).reshape(points.shape[:2])
     places = np.array(rig["mics"]["position_m"])
     return FieldMap(
-        axis, at, frequency_hz, grids[0], grids[1], found, places, tuple(model.axes["microphone"]), dims
+        axis, at, frequency_hz, grids[0], grids[1], found, places, tuple(model.axes["microphone"])
     )
 
 
@@ -161,7 +158,7 @@ def _edges(rig: Mapping[str, Any], axis: str, at: float) -> tuple[float, float, 
 def _field(chosen: ChosenModel, points: Array, frequency_hz: float) -> NDArray[np.complex128]:
     """The model's field with receivers at all points."""
     model = chosen.assembly.model
-    uses = [u for u in chosen.assembly.uses if model.effects[u.name].at not in _OF_MICROPHONES]
+    uses = set(chosen.assembly.uses) - set(of_microphones(chosen))
     places = tuple(f"point {k}" for k in range(len(points)))
     moved = model.with_constants({"receiver_position": points})
     moved = replace(moved, axes={**model.axes, "place": places}, nuisances=())
