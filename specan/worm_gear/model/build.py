@@ -16,15 +16,7 @@ from specan.models.model import Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, RigStatement, SettingError
 from specan.units import convert
 from specan.worm_gear.model.bearings import bearing_quantities
-from specan.worm_gear.model.power import (
-    IDLE,
-    MESH_QUANTITIES,
-    POWER_QUANTITIES,
-    article_quantities,
-    brake_quantity,
-    geometry,
-    viscosity_quantities,
-)
+from specan.worm_gear.model.power import IDLE, QUANTITIES, article_quantities, constants, viscosity
 from specan.worm_gear.model.rig import (
     Operation,
     Rig,
@@ -68,27 +60,21 @@ def build(rig: Mapping[str, Any]) -> Model:
     ratio = settings.gear.z_wheel / settings.gear.z_worm
     bearings = placed_bearings(settings)
     quantities = [
-        *geometry(settings.gear),
-        *viscosity_quantities(settings.oil, settings.model),
-        *MESH_QUANTITIES,
+        *constants(settings),
+        viscosity(settings.oil, settings.model),
         *bearing_quantities(bearings, settings.gear),
-        *POWER_QUANTITIES,
-        brake_quantity(
-            bool(settings.operation.idle_uncoupled), max(map(abs, settings.limits.output_torque_Nm))
-        ),
+        *QUANTITIES,
     ]
     if settings.model.mesh == "article":
         quantities += article_quantities(settings)  # of the same names, and later ones win
     conditions = _conditions(settings.operation)
-    effects = effects_in("specan.worm_gear.model.effects")
-    torques = settings.limits.output_torque_Nm
-    effects = scaled_to_torque(effects, max(map(abs, torques)) if torques else None)
+    largest = max(map(abs, settings.limits.output_torque_Nm))
     return Model(
         name="worm-gear",
         title="Worm gear: losses in steady operation",
         conditions=conditions,
         quantities={quantity.name: quantity for quantity in quantities},
-        effects=effects,
+        effects=scaled_to_torque(effects_in("specan.worm_gear.model.effects"), largest),
         observables={o.name: o for o in OBSERVABLES},
         base_effects=BASE_EFFECTS,
         other_forms=OTHER_FORMS,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from specan.models.quantity import Quantity, constant, quantity
 from specan.worm_gear.model.bearings import AXES
-from specan.worm_gear.model.rig import Choice, Gear, Oil, Rig
+from specan.worm_gear.model.rig import Choice, Oil, Rig
 
 SMALL = 1e-9  # exponents below it are the logarithm to many digits
 IDLE = 0.05  # share of the largest output torque below which a run is one without load
@@ -31,15 +31,12 @@ def contact_temperature(oil_temperature):
     return oil_temperature
 
 
-def viscosity_quantities(oil: Oil, choice: Choice) -> list[Quantity]:
-    """Kinematic viscosity by the law that the rig file chooses, and the density."""
+def viscosity(oil: Oil, choice: Choice) -> Quantity:
+    """Kinematic viscosity by the law that the rig file chooses."""
     points = (1e-6 * oil.viscosity_40C_mm2_s, 1e-6 * oil.viscosity_100C_mm2_s)
     if choice.viscosity == "vogel":
-        constant_c = oil.vogel_constant_C
-        viscosity_at, source = (
-            vogel(*points, chart_constant(*points) if constant_c is None else constant_c),
-            "Vogel 1921; its constant by the chart of ASTM D341 unless the rig file gives it",
-        )
+        viscosity_at = vogel(*points, oil.vogel_constant_C or chart_constant(*points))
+        source = "Vogel 1921; its constant by the chart of ASTM D341 unless the rig file gives it"
     else:
         viscosity_at, source = exponential(*points), "Bizon, Dziedziech, Macheta 2012, eq. 2"
 
@@ -48,12 +45,7 @@ def viscosity_quantities(oil: Oil, choice: Choice) -> list[Quantity]:
         """Kinematic viscosity of the oil where it is sheared."""
         return viscosity_at(contact_temperature)
 
-    return [
-        oil_temperature,
-        contact_temperature,
-        kinematic_viscosity,
-        constant("oil_density", oil.density_kg_m3, "kg/m^3", "Density of the oil."),
-    ]
+    return kinematic_viscosity
 
 
 Law = Callable[[Any], Any]  # kelvin to m^2/s, numbers or arrays
@@ -103,21 +95,22 @@ def exponential(at_40: float, at_100: float) -> Law:
     return lambda temperature: at_40 * np.exp(-b * (temperature - T_40))
 
 
-def geometry(gear: Gear) -> list[Quantity]:
-    """Constants of the gear, SI."""
-    return [
-        constant("gear_ratio", gear.z_wheel / gear.z_worm, "1", "Speed of the worm over that of the wheel."),
-        constant("worm_radius", 5e-4 * gear.worm_pitch_diameter_mm, "m", "Pitch radius of the worm."),
-        constant("wheel_radius", 5e-4 * gear.wheel_pitch_diameter_mm, "m", "Pitch radius of the wheel."),
-        constant("lead_angle", math.radians(gear.lead_angle_deg), "rad", "Lead angle of the worm."),
-        constant(
-            "normal_pressure_angle",
-            math.radians(gear.normal_pressure_angle_deg),
-            "rad",
-            "Pressure angle in the section normal to the flank.",
-        ),
-        constant("wheel_width", 1e-3 * gear.wheel_width_mm, "m", "Face width of the wheel."),
-    ]
+def constants(rig: Rig) -> list[Quantity]:
+    """Constants of the gear and its bench, SI."""
+    gear, largest = rig.gear, max(map(abs, rig.limits.output_torque_Nm))
+    below = IDLE * largest if rig.operation.idle_uncoupled else -1.0
+    listed = [
+        ("gear_ratio", gear.z_wheel / gear.z_worm, "1", "Speed of the worm over that of the wheel."),
+        ("worm_radius", 5e-4 * gear.worm_pitch_diameter_mm, "m", "Pitch radius of the worm."),
+        ("wheel_radius", 5e-4 * gear.wheel_pitch_diameter_mm, "m", "Pitch radius of the wheel."),
+        ("lead_angle", math.radians(gear.lead_angle_deg), "rad", "Lead angle of the worm."),
+        ("normal_pressure_angle", math.radians(gear.normal_pressure_angle_deg), "rad",
+         "Pressure angle in the section normal to the flank."),
+        ("wheel_width", 1e-3 * gear.wheel_width_mm, "m", "Face width of the wheel."),
+        ("oil_density", rig.oil.density_kg_m3, "kg/m^3", "Density of the oil."),
+        ("uncoupled_below", below, "N*m", "Indicated output torque up to which the brake is uncoupled."),
+    ]  # fmt: skip
+    return [constant(*one) for one in listed]
 
 
 @quantity(unit="rad/s")
@@ -144,25 +137,10 @@ def output_torque(indicated_output_torque, brake_coupled):
     return indicated_output_torque * brake_coupled
 
 
-def brake_quantity(idle_uncoupled: bool, largest_torque: float):
-    """Whether the brake is coupled, from the column or, where the rig says so, from the indicated torque.
-
-    Parameters
-    ----------
-    idle_uncoupled : bool
-        Runs without load were run with the brake uncoupled.
-    largest_torque : float
-        Of the bench at the output, N*m.
-    """
-
-    @quantity(unit="1")
-    def brake_coupled(coupled, indicated_output_torque):
-        """Whether the brake is coupled to the output: 1, or 0."""
-        if not idle_uncoupled:
-            return coupled
-        return coupled * (np.abs(indicated_output_torque) > IDLE * largest_torque)
-
-    return brake_coupled
+@quantity(unit="1")
+def brake_coupled(coupled, indicated_output_torque, uncoupled_below):
+    """Whether the brake is coupled to the output, 1 or 0; where the rig says so, by the torque that is indicated."""
+    return coupled * (np.abs(indicated_output_torque) > uncoupled_below)
 
 
 @quantity(unit="N*m")
@@ -208,18 +186,6 @@ def power_step(ratio: ArrayLike, exponent: ArrayLike) -> NDArray[np.float64]:
     a = np.where(np.abs(a) < SMALL, SMALL, a)
     step: NDArray[np.float64] = np.expm1(a * np.log(ratio)) / np.expm1(a * np.log(2.0))
     return step
-
-
-MESH_QUANTITIES = [
-    wheel_speed,
-    sliding_speed,
-    output_torque,
-    wheel_torque,
-    tooth_load,
-    friction_coefficient,
-    normal_force_per_torque,
-    mesh_loss,
-]
 
 
 def _ratio(part, whole):
@@ -282,9 +248,10 @@ def indicated_power_loss(indicated_output_torque, indicated_input_torque, gear_r
     return (indicated_input_torque - indicated_output_torque / gear_ratio) * worm_speed
 
 
-POWER_QUANTITIES = [
-    viscous_loss, no_load_loss, power_loss, output_power, input_torque, efficiency,
-    indicated_input_torque, indicated_efficiency, indicated_power_loss,
+QUANTITIES = [
+    oil_temperature, contact_temperature, wheel_speed, sliding_speed, brake_coupled, output_torque, wheel_torque,
+    tooth_load, friction_coefficient, normal_force_per_torque, mesh_loss, viscous_loss, no_load_loss, power_loss,
+    output_power, input_torque, efficiency, indicated_input_torque, indicated_efficiency, indicated_power_loss,
 ]  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, model_validator
 
 from specan.errors import RequestError, nearest
-from specan.models.effect import Effect
+from specan.models.effect import Effect, Parameter
 from specan.schema import Settings, parse
 
 # designation: bore mm, outside diameter mm, static load rating kN
@@ -320,11 +320,11 @@ def defaults_used(settings: BaseModel, prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def scaled_to_torque(effects: Mapping[str, Effect], largest_torque: float | None) -> dict[str, Effect]:
+def scaled_to_torque(effects: Mapping[str, Effect], largest_torque: float) -> dict[str, Effect]:
     """Effects with the zero errors of both sensors on the scale of the bench.
 
     A sensor's zero is specified in percent of its full scale (VDI/VDE 2646), and the sensor chosen for the largest
-    torque. `largest_torque` is the upper limit of the output torque, N*m; None leaves the declared ranges.
+    torque. `largest_torque` is the upper limit of the output torque, N*m.
 
     Examples
     --------
@@ -333,22 +333,17 @@ def scaled_to_torque(effects: Mapping[str, Effect], largest_torque: float | None
     >>> found["torque-zero-error"].parameters["output"].max
     6.0
     """
-    if not largest_torque:
-        return dict(effects)
     factor = largest_torque / REFERENCE_TORQUE
-    return {**effects, **{name: _scaled(effects[name], factor) for name in SCALED if name in effects}}
 
+    def scaled(p: Parameter) -> Parameter:
+        ends = {name: getattr(p, name) for name in ("default", "min", "max", "lower", "upper")}
+        return replace(p, **{name: end * factor for name, end in ends.items() if end is not None})
 
-def _scaled(effect: Effect, factor: float) -> Effect:
-    parameters = {
-        name: replace(
-            p, default=p.default * factor, min=p.min * factor, max=p.max * factor,
-            lower=None if p.lower is None else p.lower * factor,
-            upper=None if p.upper is None else p.upper * factor,
-        )
-        for name, p in effect.parameters.items()
-    }  # fmt: skip
-    return replace(effect, parameters=parameters)
+    own = {
+        name: replace(effects[name], parameters={n: scaled(p) for n, p in effects[name].parameters.items()})
+        for name in SCALED
+    }
+    return {**effects, **own}
 
 
 EXAMPLE_RIG = {
