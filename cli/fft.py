@@ -81,11 +81,8 @@ def command(
     wanted = given(columns=columns, **options)
     if limit is not None:
         raise RequestError("a spectrogram has no limits", remedy="leave out --limit or --spectrogram")
-    for name in ("averaging", "n_exponential", "reference"):
-        if name in wanted:
-            raise RequestError(f"a spectrogram has no {name}", remedy="leave that option out")
-    if wanted.pop("whole"):
-        raise RequestError("a spectrogram of one block has one column", remedy="leave out --whole")
+    if not wanted["whole"]:
+        del wanted["whole"]
     return deliver(analyses.spectrogram(recording, **wanted), shown={"peaks": peaks})
 
 

@@ -19,7 +19,11 @@ from specan_cli.recording_verb import UFF, Delivery, Source, given, recording_ve
 @opt("--instrument", None, "Instrument of H3c [default: the generator].", "CH")
 @section_options
 @quantity_option
-@opt("--lines", int, "Lines up to fs/2.56.  [default: 3200, more where the response is longer]")
+@opt(
+    "--lines",
+    int,
+    "Lines up to fs/2.56.  [default: 3200, more for a long response, fewer in a short section]",
+)
 @opt("--window", None, "Window of the blocks.  [default: hann]")
 @opt("--overlap", float, "Overlap of the blocks, 0 to 0.95.  [default: 0.5]")
 @opt("--no-align", bool, "Do not compensate delayed responses.")

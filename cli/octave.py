@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import click
-
 from specan.divisions import DIVISIONS
 from specan_cli.options import (
     limit_option,
@@ -20,26 +18,11 @@ from specan_cli.output import plot_option
 from specan_cli.recording_verb import Delivery, Source, given, recording_verb
 
 
-class _Averaging(click.ParamType):
-    name = "averaging"
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        """A name, or a time constant."""
-        if value in ("linear", "fast", "slow", "impulse"):
-            return value
-        try:
-            return float(value)
-        except ValueError:
-            self.fail(
-                f"{value!r} is neither linear, fast, slow, impulse nor a time constant in s", param, ctx
-            )
-
-
 @recording_verb("octave", "all levels")
 @opt("--fraction", [*DIVISIONS], "1/N octave, or critical bands.  [default: 3]")
 @weighting_option("Weighting of the band levels; A, B and C for sound pressure only.  [default: Z]")
 @opt(
-    "--averaging", _Averaging(), "Average over the section, or exponential.  [default: linear]",
+    "--averaging", None, "Average over the section, or exponential.  [default: linear]",
     "linear|fast|slow|impulse|SECONDS",
 )  # fmt: skip
 @opt("--hold", ["max", "min"], "Highest or lowest value of an exponential average.")

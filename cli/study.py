@@ -1,6 +1,6 @@
 """``specan study``: compare a model with measurements, learn what is missing, add it, watch the error fall.
 
-Here is what its steps share.
+Here is what its steps share, and those that are a few lines.
 """
 
 from __future__ import annotations
@@ -17,7 +17,19 @@ import click
 
 from specan_cli.main import LazyGroup
 from specan_cli.options import json_option, opt, together
-from specan_cli.output import is_quiet, say
+from specan_cli.output import (
+    OutputFile,
+    Verb,
+    draw,
+    draw_beside,
+    emit_json,
+    is_quiet,
+    plot_option,
+    say,
+    say_written,
+    show_sheets,
+    to_standard_output,
+)
 
 if TYPE_CHECKING:
     from specan.study.progress import Progress
@@ -30,9 +42,9 @@ STEPS = {
     "propose": ("study_propose", "Search the residuals for a law."),
     "add": ("study_change:add", "Add an effect and refit."),
     "drop": ("study_change:drop", "Remove an effect and refit."),
-    "history": ("study_history", "The error of every step, on fitted and on held-out data."),
-    "next": ("study_next", "Propose the next measurement."),
-    "report": ("study_report", "Write a report: one HTML page with figures."),
+    "history": ("study:history", "The error of every step, on fitted and on held-out data."),
+    "next": ("study:next_measurement", "Propose the next measurement."),
+    "report": ("study:report", "Write a report: one HTML page with figures."),
 }
 
 
@@ -128,3 +140,85 @@ def probability(p: float | None) -> str:
     if p is None:
         return ""
     return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
+
+
+@click.command("history", cls=Verb)
+@click.argument("directory", type=click.Path(path_type=Path), metavar="DIR")
+@plot_option("the staircase of errors")
+@opt("--json as_json", bool, "Print the steps as JSON.")
+def history(directory: Path, plot: Path | None, as_json: bool) -> None:
+    """Show every step of DIR with its error on fitted and on held-out data.
+
+    \b
+    specan study history my_study --plot staircase.png
+    """
+    from specan.report import study_sheets
+    from specan.study.history import History
+    from specan.study.study_file import read_study_file
+
+    read_study_file(directory)
+    found = History(directory)
+    for line in found.ignored:
+        say(f"Warning: {line}.")
+    steps = found.steps
+    if as_json:
+        emit_json([step.as_dict() for step in steps])
+    else:
+        names = steps[-1].of_each("fit") if steps else ()
+        show_sheets(
+            [study_sheets.history(steps, f"{directory}: RMS" + (f" of {', '.join(names)}" if names else ""))]
+        )
+        if steps:
+            click.echo("\nModel: " + (", ".join(steps[-1].model_effects) or "no effects"))
+    draw(found, plot)
+
+
+@click.command("next", cls=Verb)
+@study_options
+@plot_option("what each explanation predicts")
+def next_measurement(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None) -> None:
+    """Propose the measurements, within the rig's limits, that best distinguish the possible explanations.
+
+    For a room: microphone positions inside it, away from its walls and from the microphones in use.
+
+    \b
+    specan study next my_study
+    """
+    from specan_cli.study_diagnose import show_next
+
+    study = open_study(directory, effects)
+    study.require_uncertainty("next")
+    found = study.diagnose(progress=told()).next()
+    if as_json:
+        emit_json(found.to_dict())
+    elif found.rows:
+        show_next(found.rows)
+    else:
+        click.echo(f"{found.summary()[:1].upper()}{found.summary()[1:]}.")
+        if study.model.words.what_else:
+            click.echo(study.model.words.what_else.format(study=directory))
+    draw_beside(found, plot)
+
+
+@click.command("report", cls=Verb)
+@study_options
+@opt("-o --output", OutputFile(".html", ".htm"), "HTML file to write.", required=True)
+def report(directory: Path, effects: tuple[Path, ...], as_json: bool, output: Path) -> None:
+    """Write a report of DIR on one page: figures, verdict, history, assumptions.
+
+    The page needs no network and no other file.
+
+    \b
+    specan study report my_study -o report.html
+    """
+    from specan.io.output_file import check_directory, text_file
+    from specan.report.study_report import study_report
+
+    check_directory(output)
+    page = study_report(open_study(directory, effects))
+    with text_file(output) as file:
+        file.write(page)
+    if as_json:
+        emit_json({"report": str(output)})
+    elif not to_standard_output(output):
+        say_written(output)

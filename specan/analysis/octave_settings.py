@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Annotated, Literal
 
 import numpy as np
@@ -42,9 +43,11 @@ class OctaveSettings(SectionSettings):
     @classmethod
     def _known_averaging(cls, value: object) -> object:
         # Of a union, pydantic would report each member's fault.
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if (number and 0.0 < float(str(value)) < np.inf) or value in ("linear", *TIME_CONSTANTS):
+        if value in ("linear", *TIME_CONSTANTS):
             return value
+        with suppress(ValueError):
+            if 0.0 < float(str(value)) < np.inf:
+                return float(str(value))
         raise ValueError("linear, fast, slow, impulse, or a time constant in s above 0")
 
     @model_validator(mode="after")

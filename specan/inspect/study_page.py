@@ -29,11 +29,10 @@ from specan.inspect.view import StudyView
 from specan.inspect.work import Tell
 from specan.report import study_sheets
 from specan.report.figures_study import figure_comparison
-from specan.report.html_page import table
+from specan.report.html_page import shown
 from specan.report.study_html import failing_map, history_bars
 from specan.study.edit import Change, add_effect
 from specan.study.verdict import Diagnosis, headline, reason
-from specan.units import printed_unit
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -161,12 +160,14 @@ class StudyPage(Page):
         self.work.ask(draw, show)
 
     def _copy_numbers(self) -> None:
-        shown = self.tried or self.now
-        if shown is None:
+        trial = self.tried or self.now
+        if trial is None:
             return
-        lines = ["parameter\tvalue\t95 %\tunit\tremark", *("\t".join(line) for line in shown.parameters)]
-        lines += ["observable\tvalues\tRMS error\tunit"]
-        lines += [f"{e.observable}\t{e.n}\t{e.rms:.6g}\t{e.unit}" for e in shown.errors]
+        lines = [
+            "\t".join(map(str, line))
+            for one in (trial.parameters, study_sheets.errors(trial.errors))
+            for line in (one.header, *one.rows)
+        ]
         self.link.copy("\n".join(lines) + "\n")
         self.status.end("The numbers are on the clipboard.")
 
@@ -186,19 +187,10 @@ class StudyPage(Page):
         if self._bottom not in self._middle.children:  # there is something to show now
             self._middle.children = [*self._middle.children, self._bottom]
         self.map.text = failing_map(trial.where, self.study.data.known)
-        before = {} if self.now is None or not trial.uses else {e.observable: e for e in self.now.errors}
-        rows = [
-            [
-                e.observable, e.n, f"{e.rms:.4g} {printed_unit(e.unit)}", f"{e.relative_rms:.2f} %",
-                f"{before[e.observable].rms:.4g}" if e.observable in before else "",
-            ]
-            for e in trial.errors
-        ]  # fmt: skip
         error = trial.errors[0].as_error() if trial.uses else None
         self.steps.text = history_bars(self.study.history.steps, trial.name, error)
-        parameters = table(["Parameter", "value", "95 %", "unit", ""], trial.parameters)
-        errors = table(["Observable", "values", "RMS error", "relative", "before"], rows)
-        self.trial.text = folded("Parameters and errors", errors + parameters)
+        tables = shown(study_sheets.errors(trial.errors)) + shown(trial.parameters)
+        self.trial.text = folded("Parameters and errors", tables)
 
     def _show_study(self) -> None:
         effects = ", ".join(self.study.model_effects) or f"none, {self.study.model.words.ideal}"
@@ -206,7 +198,7 @@ class StudyPage(Page):
         steps = self.study.history.steps
         self.steps.text = history_bars(steps)
         found = study_sheets.history(steps)
-        self.history.text = folded("History", table(found.header, found.rows))
+        self.history.text = folded("History", shown(found))
 
     def _show_candidates(self, found: Diagnosis | None) -> None:
         known, not_testable = candidates_of(self.study)

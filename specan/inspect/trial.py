@@ -14,7 +14,9 @@ from specan.inspect.opened import stamp_of
 from specan.inspect.work import Superseded, Tell
 from specan.models import Use
 from specan.models.effect import ParameterName
+from specan.report import study_sheets
 from specan.report.residual_map import ResidualMap, residual_map
+from specan.result import Sheet
 from specan.study.build_problem import parameter_table
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import Fit, fit
@@ -55,15 +57,11 @@ class Trial:
         return " with ".join(self.uses)
 
     @property
-    def parameters(self) -> list[tuple[str, ...]]:
+    def parameters(self) -> Sheet:
         """Those of the tried effects, or all, with their intervals."""
         table = parameter_table(self.problem, self.fit)
-        own = [(n, p) for n, p in table.items() if not self.uses or ParameterName(n).owner in self.uses]
-        return [
-            (n, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", "" if p["unit"] == "1" else p["unit"],
-             "at its bound" if p["at_bound"] else "" if p["plausible"] else "implausible")
-            for n, p in own
-        ]  # fmt: skip
+        own = {n: p for n, p in table.items() if not self.uses or ParameterName(n).owner in self.uses}
+        return study_sheets.parameters(own)
 
 
 def as_it_is(study: Study) -> Trial:

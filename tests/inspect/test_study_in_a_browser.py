@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from specan_cli.study import history as study_history
 from specan_cli.study_diagnose import command as study_diagnose
-from specan_cli.study_history import command as study_history
 from specan_cli.study_new import command as study_new
 
 pytest.importorskip("bokeh")

@@ -57,7 +57,7 @@ def test_trying_is_what_adding_finds_and_writes_nothing(directory):
     now = as_it_is(study)
     trial = try_effects(study, now.fit, ["load-dependent-friction"])
     assert trial.fit.chi2 < now.fit.chi2
-    assert [row[0] for row in trial.parameters] == [
+    assert [row[0] for row in trial.parameters.rows] == [
         n for n in trial.fit.names if n.startswith("load-dependent-friction.")
     ]
     assert {p.name: p.read_bytes() for p in directory.iterdir() if p.is_file()} == before

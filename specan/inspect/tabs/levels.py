@@ -111,9 +111,8 @@ class OctaveTab(Tab):
         self.side = [self.overall]
 
     def more(self, view: View, chosen: Chosen) -> dict[str, Any]:
-        """Time constants are numbers; of several rates each goes as far as it can."""
+        """Of several rates each goes as far as it can."""
         return {
-            "averaging": view.averaging if view.averaging in _AVERAGING else float(view.averaging),
             "hold": None if view.averaging == "linear" else view.hold or None,
             "fmax": view.fmax if view.fmax <= 0.8 * chosen.channels[0].sampling_rate / 2 else None,
         }
