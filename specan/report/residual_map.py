@@ -21,7 +21,7 @@ _FREQUENCY = "third_octave_hz"  # always lies across
 
 @dataclass(frozen=True, eq=False)
 class ResidualMap:
-    """Mean errors of left-out blocks in standard uncertainties.
+    """Left-out blocks of rows over two operating variables.
 
     Attributes
     ----------
@@ -29,15 +29,9 @@ class ResidualMap:
         Operating variables, as the labels of the rows name them; `up` is empty where one alone varies.
     columns, rows : tuple of str
         Their levels.
-    z : array (rows, columns)
-        What the model, fitted to all other data, is off by; positive where it is high, NaN where nothing was measured.
-        Of several observables the furthest off.
-    count : int array (rows, columns)
-        Measured values.
-    significant : bool array (rows, columns)
-        Passed at a false discovery rate of 5 %; of transfer functions by level or phase.
-    texts : tuple of tuple of str
-        What the model does there, in words.
+    blocks : tuple of tuple of tuple of Block
+        Of each row and column: what the model, fitted to all other data, is off by. Of several observables each has a
+        block; where nothing was measured there is none.
     variables : mapping
         Words and unit of the operating variables.
     """
@@ -46,11 +40,20 @@ class ResidualMap:
     up: str
     columns: tuple[str, ...]
     rows: tuple[str, ...]
-    z: NDArray[np.float64]
-    count: NDArray[np.int64]
-    significant: NDArray[np.bool_]
-    texts: tuple[tuple[str, ...], ...]
+    blocks: tuple[tuple[tuple[Block, ...], ...], ...]
     variables: Mapping[str, Variable]
+
+    @property
+    def z(self) -> NDArray[np.float64]:
+        """Mean errors (rows, columns) in standard uncertainties: of the block that is furthest off, or NaN."""
+        return np.array(
+            [[max((b.z for b in cell), key=abs, default=np.nan) for cell in row] for row in self.blocks]
+        )
+
+    @property
+    def significant(self) -> NDArray[np.bool_]:
+        """Passed at a false discovery rate of 5 % (rows, columns); of transfer functions by level or phase."""
+        return np.array([[any(b.significant for b in cell) for cell in row] for row in self.blocks])
 
     @property
     def end(self) -> float:
@@ -70,39 +73,23 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
     if not names:
         return None
     across, up = names[0], names[1] if len(names) > 1 else ""
-    columns, rows = _levels(labels[across]), _levels(labels[up]) if up else [None]
+    columns, rows = _levels(labels[across]), _levels(labels[up]) if up else [""]
     blocks: dict[frozenset[tuple[str, Any]], list[Block]] = {}
     for block in localise(problem, best).blocks:
         blocks.setdefault(frozenset(block.where.items()), []).append(block)
-    shape = (len(rows), len(columns))
-    z, count, significant = np.full(shape, np.nan), np.zeros(shape, np.int64), np.zeros(shape, bool)
-    texts = [[""] * shape[1] for _ in range(shape[0])]
-    for i, row in enumerate(rows):
-        for j, column in enumerate(columns):
-            where = {across: column, **({up: row} if up else {})}
-            mine = np.logical_and.reduce([labels[n] == level for n, level in where.items()])
-            count[i, j] = mine.sum()
-            found = _blocks_of(blocks, labels, where, mine)
-            if found:
-                worst = max(found, key=lambda b: abs(b.z))
-                z[i, j], texts[i][j] = worst.z, worst.text
-                significant[i, j] = any(b.significant for b in found)
+    cells = tuple(
+        tuple(
+            tuple(_blocks_of(blocks, labels, {across: column, **({up: row} if up else {})}))
+            for column in columns
+        )
+        for row in rows
+    )
     variables = problem.observations[0].variables
-    names_across = tuple(variable_named(across, variables).short(level, unit=False) for level in columns)
-    names_up = (
-        tuple(variable_named(up, variables).short(level, unit=False) for level in rows) if up else ("",)
+    over, upwards = (
+        tuple(variable_named(name, variables).short(level, unit=False) if name else "" for level in levels)
+        for name, levels in ((across, columns), (up, rows))
     )
-    return ResidualMap(
-        across,
-        up,
-        names_across,
-        names_up,
-        z,
-        count,
-        significant,
-        tuple(map(tuple, texts)),
-        dict(variables),
-    )
+    return ResidualMap(across, up, over, upwards, cells, dict(variables))
 
 
 def map_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:
@@ -140,12 +127,13 @@ def _blocks_of(
     blocks: Mapping[frozenset[tuple[str, Any]], Sequence[Block]],
     labels: Mapping[str, NDArray[Any]],
     where: Mapping[str, Any],
-    mine: NDArray[np.bool_],
 ) -> Sequence[Block]:
     """Those of a cell; rows that two places share are kept under the first, so a cell may go by one variable."""
-    found = blocks.get(frozenset(where.items()))
-    if found is None:
-        for one in where.items():
-            if np.array_equal(labels[one[0]] == one[1], mine) and frozenset([one]) in blocks:
-                return blocks[frozenset([one])]
-    return found or ()
+    found = blocks.get(frozenset(where.items()), ())
+    mine = np.logical_and.reduce([labels[name] == level for name, level in where.items()])
+    alone = (
+        blocks[frozenset([one])]
+        for one in where.items()
+        if np.array_equal(labels[one[0]] == one[1], mine) and frozenset([one]) in blocks
+    )
+    return found or next(alone, ())

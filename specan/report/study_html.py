@@ -74,12 +74,13 @@ def failing_map(found: ResidualMap | None, known: bool) -> str:
 
 
 def _cell(found: ResidualMap, i: int, j: int, across: str, up: str) -> str:
-    z = float(found.z[i, j])
-    if not np.isfinite(z):
+    cell = found.blocks[i][j]
+    if not cell:
         return '<td style="border:0"></td>'
-    colour = _DIVERGING[int(np.clip(round(5 + 5 * z / found.end), 0, 10))]
-    frame = "outline:2px solid var(--ink)" if found.significant[i, j] else "outline:1px solid var(--line)"
+    worst = max(cell, key=lambda block: abs(block.z))
+    colour = _DIVERGING[int(np.clip(round(5 + 5 * worst.z / found.end), 0, 10))]
+    frame = "2px solid var(--ink)" if found.significant[i, j] else "1px solid var(--line)"
     place = f"{across} {found.columns[j]}" + (f", {up} {found.rows[i]}" if up else "")
-    text = f"{place}: left-out z {z:+.1f}, {found.texts[i][j]} ({found.count[i, j]} values)"
-    style = f"background:{colour};border:0;height:18px;print-color-adjust:exact;{frame}"
+    text = f"{place}: left-out z {worst.z:+.1f}, {worst.text} ({worst.n} values)"
+    style = f"background:{colour};border:0;height:18px;print-color-adjust:exact;outline:{frame}"
     return f'<td title="{escape(text)}" style="{style}"></td>'

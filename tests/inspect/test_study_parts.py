@@ -330,10 +330,17 @@ def test_the_map_says_that_nothing_is_significant(directory):
     study = Study(directory)
     found = as_it_is(study).where
     assert found is not None
-    marked = np.zeros(found.z.shape, dtype=bool)
-    assert "no significant deviation" in failing_map(replace(found, significant=marked), True)
-    marked[0, 0] = True
-    shown = failing_map(replace(found, significant=marked), True)
+    first = next((i, j) for i, row in enumerate(found.blocks) for j, cell in enumerate(row) if cell)
+
+    def marked(*places):
+        rows = [
+            tuple(tuple(replace(b, significant=(i, j) in places) for b in cell) for j, cell in enumerate(row))
+            for i, row in enumerate(found.blocks)
+        ]
+        return failing_map(replace(found, blocks=tuple(rows)), True)
+
+    assert "no significant deviation" in marked()
+    shown = marked(first)
     assert "framed: significant" in shown
     assert shown.count("outline:2px") == 1
     assert shown.count("outline:1px") == np.isfinite(found.z).sum() - 1

@@ -99,12 +99,11 @@ def test_frequency_lies_across_and_microphones_keep_their_order(found):
     assert (one.across, one.columns) == ("third_octave_hz", ("100", "125"))
     assert one.rows == ("Mic 1", "Mic 2", "Mic 10")
     assert one.z[2, 1] == -4.0  # the furthest off
-    assert one.texts[2][1].endswith("low")
-    assert one.texts[0][0] == ""
+    assert one.blocks[2][1][0].text.endswith("low")
+    assert one.blocks[0][0] == ()
     assert one.significant.sum() == 1
     assert one.significant[2, 1]
     assert np.isnan(one.z[1, 0])  # a microphone's mean is no cell's
-    assert (one.count == 1).all()
 
 
 def test_a_cell_that_is_all_of_a_level_has_its_z(found):
