@@ -11,7 +11,7 @@ import time
 from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -142,6 +142,21 @@ def probability(p: float | None) -> str:
     return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
 
 
+def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
+    """What to measure next: a table, one column for each reading; sentences where something else is to be done."""
+    from specan.report.study_sheets import readings
+
+    found = [row for row in rows if row["conditions"] and row["predictions"]]
+    tabled = [row for row in found if row.get("observable") == found[0].get("observable")]
+    if tabled:
+        show_sheets([readings(tabled)])
+    elif rows:
+        click.echo("What to measure next")
+    for number, row in enumerate(rows, 1):
+        if row not in tabled or not row["separation_sigma"]:
+            click.echo(f"{number}. {row['text']}")
+
+
 @click.command("history", cls=Verb)
 @click.argument("directory", type=click.Path(path_type=Path), metavar="DIR")
 @plot_option("the staircase of errors")
@@ -184,8 +199,6 @@ def next_measurement(directory: Path, effects: tuple[Path, ...], as_json: bool, 
     \b
     specan study next my_study
     """
-    from specan_cli.study_diagnose import show_next
-
     study = open_study(directory, effects)
     study.require_uncertainty("next")
     found = study.diagnose(progress=told()).next()

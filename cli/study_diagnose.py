@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from specan_cli.options import opt
 from specan_cli.output import Verb, draw_beside, emit_json, plot_option, show_sheets
-from specan_cli.study import open_study, probability, study_options, told
+from specan_cli.study import open_study, probability, show_next, study_options, told
 
 if TYPE_CHECKING:
     from specan.study.verdict import Diagnosis
@@ -112,21 +111,6 @@ def _print_where(found: Diagnosis) -> None:
         where = place.get("place") or ", ".join(f"{n} = {v:g}" if isinstance(v, float) else f"{n} = {v}"
                                                 for n, v in place["where"].items())  # fmt: skip
         click.echo(f"  {where}: {place['text']}{near}")
-
-
-def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
-    """What to measure next: a table, one column for each reading; sentences where something else is to be done."""
-    from specan.report.study_sheets import readings
-
-    found = [row for row in rows if row["conditions"] and row["predictions"]]
-    tabled = [row for row in found if row.get("observable") == found[0].get("observable")]
-    if tabled:
-        show_sheets([readings(tabled)])
-    elif rows:
-        click.echo("What to measure next")
-    for number, row in enumerate(rows, 1):
-        if row not in tabled or not row["separation_sigma"]:
-            click.echo(f"{number}. {row['text']}")
 
 
 def _print_statistics(found: Diagnosis) -> None:
