@@ -20,8 +20,6 @@ from specan.io.output_file import text_file, whole_file, write_encoded
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["cells", "plain", "word"]
-
 COLUMNS = {
     "sine.txt": (
         "file", "channel", "role", "unit", "frequency_hz", "rms", "level_dB", "tone_rms", "phase_deg",
@@ -84,11 +82,6 @@ def _printed(values: NDArray[np.float64], form: str) -> list[str]:
     return texts if finite.all() else [t if ok else "" for t, ok in zip(texts, finite.tolist())]
 
 
-def levels(values: ArrayLike) -> list[str]:
-    """Levels and their uncertainties in decibels, to 0.001 dB."""
-    return fixed(values, 3)
-
-
 def phases(values: ArrayLike) -> list[str]:
     """Angles in degrees, to 0.01 degree, in (-180, 180] after rounding.
 
@@ -97,16 +90,11 @@ def phases(values: ArrayLike) -> list[str]:
     >>> phases([-180.0, 179.999, 180.004, 359.999, -0.001, float("nan")])
     ['180.00', '180.00', '180.00', '0.00', '0.00', '']
     """
-    return fixed(in_one_turn(values), 2)
-
-
-def in_one_turn(degrees: ArrayLike) -> NDArray[np.float64]:
-    """Angles to 0.01 degree, in (-180, 180]; NaN where not finite."""
-    given = np.atleast_1d(np.asarray(degrees, dtype=float))
+    given = np.atleast_1d(np.asarray(values, dtype=float))
     usable = np.isfinite(given)
     hundredths = np.rint(np.where(usable, given, 0.0) * 100.0) % 36000.0
     hundredths = np.where(hundredths > 18000.0, hundredths - 36000.0, hundredths)
-    return np.where(usable, hundredths / 100.0, np.nan)
+    return fixed(np.where(usable, hundredths / 100.0, np.nan), 2)
 
 
 def significant(values: ArrayLike, digits: int = 6) -> list[str]:
@@ -183,7 +171,7 @@ def _cells(name: str, values: Any) -> list[str]:
     if name in ("coherence", "speed_hz", "time_s"):
         return fixed(values, 4)
     if name.endswith("_dB"):
-        return levels(values)
+        return fixed(values, 3)
     return significant(values, 3 if name.split("_")[0] == "u" else 6)
 
 
@@ -294,14 +282,11 @@ def _write_frame(
 # 3. A text with ``#`` or ``"``, or with a blank at its beginning or end, stands between ``"``; ``"`` within it is
 #    doubled.
 #
-# Ordinary names are not touched. Different names give different cells, and `plain` gives back the name.
+# Ordinary names are not touched. Different names give different cells, from which the name can be found again.
 
-_SHORT = {"\t": "\\t", "\n": "\\n", "\r": "\\r", "\\": "\\\\"}
 # Controls, surrogates, separators of lines and of paragraphs.
 _UNSEEN = {"Cc", "Cs", "Zl", "Zp"}
 _FORMULA = ("=", "+", "-", "@", "'")
-_ESCAPE = re.compile(r"\\(x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8}|.)")
-_LETTERS = {"t": "\t", "n": "\n", "r": "\r", "\\": "\\"}
 
 
 def escaped(text: str) -> str:
@@ -355,24 +340,7 @@ def cells(line: str) -> list[str]:
     return line.split("\t") if '"' not in line else next(csv.reader([line], delimiter="\t"))
 
 
-def plain(cell: str) -> str:
-    r"""The name that a cell, read without its quotation marks, stands for.
-
-    Examples
-    --------
-    >>> plain("'=1+1"), plain("Mic\\t1"), plain("a\\\\b")
-    ('=1+1', 'Mic\t1', 'a\\b')
-    """
-    found = cell[1:] if len(cell) > 1 and cell.startswith("'") else cell
-    return _ESCAPE.sub(lambda m: _LETTERS.get(m[1], chr(int(m[1][1:], 16)) if len(m[1]) > 1 else m[0]), found)
-
-
 def _escape(character: str) -> str:
-    if character in _SHORT:
-        return _SHORT[character]
-    if unicodedata.category(character) not in _UNSEEN:
+    if character != "\\" and unicodedata.category(character) not in _UNSEEN:
         return character
-    code = ord(character)
-    if code < 0x100:
-        return f"\\x{code:02x}"
-    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+    return character.encode("unicode_escape").decode("ascii")

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.io.export_file import Excerpt, write_csv
-from specan.io.results_text import cells, harmless, plain, rows, word, write_table
+from specan.io.results_text import cells, harmless, rows, word, write_table
 
 HOSTILE = [
     "Mic #1", "Mic #2", '"quoted', 'a "b" c', "Mic\t1", "Mic 1", "Mic  1", " lead", "trail ", "#2 run.tdms",
@@ -20,6 +21,16 @@ HOSTILE = [
 names = st.lists(
     st.one_of(st.sampled_from(HOSTILE), st.text(st.characters(), min_size=1)), min_size=1, unique=True
 )
+
+
+ESCAPE = re.compile(r"\\(x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8}|.)")
+LETTERS = {"t": "\t", "n": "\n", "r": "\r", "\\": "\\"}
+
+
+def plain(cell: str) -> str:
+    """The name that a cell stands for."""
+    found = cell[1:] if len(cell) > 1 and cell.startswith("'") else cell
+    return ESCAPE.sub(lambda m: LETTERS.get(m[1], chr(int(m[1][1:], 16)) if len(m[1]) > 1 else m[0]), found)
 
 
 @given(names)
