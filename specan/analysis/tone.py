@@ -228,12 +228,7 @@ class ToneAccumulator:
         remarks = []
         if fitted.wandering:
             remarks.append(f"the frequency wanders; phases follow {self.leader.label} block by block")
-        for c in channels:
-            if c.derivatives:
-                kind = "displacement" if c.derivatives > 0 else "acceleration"
-                remarks.append(
-                    f"{c.label}: {kind} is converted to velocity by j w, its RMS without the noise"
-                )
+        remarks += [f"{c.label}: {c.conversion}, its RMS without the noise" for c in channels if c.conversion]
         if fitted.deviations.shape[1] < 4:
             remarks.append("too short for an uncertainty: fewer than four blocks")
         return remarks

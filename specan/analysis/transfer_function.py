@@ -28,7 +28,7 @@ from specan.dsp.transfer_function import Estimate, Estimator, Instrument, estima
 from specan.dsp.welch import CrossSpectra, SpectralMatrix
 from specan.dsp.windows import WindowName, line_correlation
 from specan.errors import InputError
-from specan.units import MOTION, QUANTITIES, quotient
+from specan.units import quotient
 
 # Lines up to rate / 2.56: above them the converters' anti-aliasing filters fall off.
 SAMPLES_PER_LINE = 2.56
@@ -270,11 +270,8 @@ class TransferFunctionAccumulator:
 
     def _remarks(self, found: Estimate, lost: NDArray[np.float64]) -> list[str]:
         remarks = [*self._on_lines(found, lost), *self._on_the_instrument()]
-        for c in (self.reference, *self.responses):
-            if c.derivatives:
-                names = dict(zip(MOTION, QUANTITIES))
-                kind = names.get(c.unit, "displacement" if c.derivatives > 0 else "acceleration")
-                remarks.append(f"{c.label}: {kind} is converted to {names[c.target_unit]} by j w")
+        channels = (self.reference, *self.responses)
+        remarks += [f"{c.label}: {c.conversion}" for c in channels if c.conversion]
         late = [c.label for c, shift in zip(self.channels, self.shifts) if shift]
         if late:
             remarks.append(f"aligned before the analysis and turned back after it: {', '.join(late)}")

@@ -165,6 +165,15 @@ class Channel:
         place = MOTION.index(self.unit) + self.derivatives if self.unit in MOTION else 1
         return MOTION[place] if 0 <= place < len(MOTION) else "m/s"
 
+    @property
+    def conversion(self) -> str:
+        """What is made of it by differentiation or integration, in words; empty for nothing."""
+        if not self.derivatives:
+            return ""
+        names = dict(zip(MOTION, QUANTITIES))
+        kind = names.get(self.unit, "displacement" if self.derivatives > 0 else "acceleration")
+        return f"{kind} is converted to {names[self.target_unit]} by j w"
+
     def in_quantity(self, quantity: Quantity) -> Channel:
         """The channel to be shown as displacement, velocity or acceleration; itself where it is no motion.
 

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from specan.dsp.motion import convert
+from specan.dsp.multirate import Memory
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.windows import WindowName, window, window_correlation
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Averaging = Literal["linear", "exponential", "max", "min"]
+_REAL, _COMPLEX = np.dtype(np.float64), np.dtype(np.complex128)
 
 
 class SpectralMatrix(NamedTuple):
@@ -80,27 +82,6 @@ def effective_averages(n_blocks: int, name: WindowName, overlap_hop: float) -> f
     for m in range(1, min(n_blocks, int(np.ceil(1 / overlap_hop)))):
         alike += (1 - m / n_blocks) * window_correlation(name, m * overlap_hop) ** 2
     return n_blocks / (1 + 2 * alike)
-
-
-class _Scratch(NamedTuple):
-    """Arrays that each block is worked in."""
-
-    windowed: Real
-    spectra: Complex
-    power: Real
-    square: Real
-    product: Complex
-
-    @classmethod
-    def of(cls, channels: int, block: int, lines: int, *, cross: bool) -> _Scratch:
-        kept = (channels, lines + 1)
-        return cls(
-            np.empty((channels, block)),
-            np.empty((channels, block // 2 + 1), dtype=complex),
-            np.empty(kept),
-            np.empty(kept),
-            np.empty(kept if cross else (0, 0), dtype=complex),
-        )
 
 
 class CrossSpectra:
@@ -176,7 +157,7 @@ class CrossSpectra:
         self._window = window(window_name, block)
         self._grid = OverlappedBlocks(block, self.hop, shifts)
         kept = (n_channels, self._lines + 1)
-        self._scratch: _Scratch | None = None
+        self._memory = Memory()
         self._auto = np.zeros(kept)
         self._cross = np.zeros((len(self.references), *kept), dtype=complex)
 
@@ -193,9 +174,10 @@ class CrossSpectra:
 
     def add_block(self, block: Real) -> None:
         """Take one block (channels, block)."""
-        if self._scratch is None:
-            self._scratch = _Scratch.of(len(block), self.block, self._lines, cross=bool(self.references))
-        windowed, transformed, power, square, product = self._scratch
+        channels, kept = len(block), self._lines + 1
+        windowed = self._memory.take("windowed", channels, self.block, _REAL)
+        transformed = self._memory.take("transformed", channels, self.block // 2 + 1, _COMPLEX)
+        power, square = (self._memory.take(name, channels, kept, _REAL) for name in ("power", "square"))
         if self.detrend:
             mean = np.add.reduce(block, axis=-1, keepdims=True) / self.block
             np.subtract(block, mean, out=windowed)
@@ -211,6 +193,7 @@ class CrossSpectra:
         power += square
         self._take(self._auto, power)
         for reference, total in zip(self.references, self._cross, strict=True):
+            product = self._memory.take("product", channels, kept, _COMPLEX)
             np.multiply(spectra, np.conj(spectra[reference]), out=product)
             self._take(total, product)
 
@@ -230,7 +213,7 @@ class CrossSpectra:
 
     def result(self) -> SpectralMatrix:
         """The average so far; NaN if no block was complete."""
-        self._scratch = None  # the next block makes it anew
+        self._memory = Memory()  # let go of
         lines = np.arange(self._lines + 1)
         frequency = np.asarray(lines * (self.rate / self.block), dtype=np.float64)
         scale = np.where(has_mirror(lines.size, self.block), 2.0, 1.0) / (self.rate * np.sum(self._window**2))
