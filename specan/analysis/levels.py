@@ -16,14 +16,13 @@ from specan.analysis.section import SectionSettings, joined, of_one_rate, sectio
 from specan.data.band_levels import apart
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
-from specan.dsp.band_history import BandHistoryAccumulator, weighting_filter
+from specan.dsp.band_history import SETTLING_TIME_CONSTANTS, BandHistoryAccumulator, weighting_filter
 from specan.dsp.statistics import exceeded
 from specan.dsp.weighting import FAST, SLOW, WEIGHTINGS, Weighting
 from specan.units import level_reference
 
 # Readings of the time-weighted level: five in a time constant, but no more of them than this.
 READINGS_PER_TIME_CONSTANT, READINGS = 5, 200_000
-SETTLING_TIME_CONSTANTS = 5.0
 
 
 class Levels(SectionSettings):

@@ -702,9 +702,7 @@ class BandEnergyAccumulator:
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""
         if self._slow is not None:
-            samples = samples - self._slow.constant[:, None]
-            drift = self._slow.drift(self._taken, samples.shape[1])
-            samples = samples if drift is None else samples - drift
+            samples = self._slow.off(samples, self._taken)
         self._taken += samples.shape[1]
         if self._cut is not None:
             self._cut.add(samples[self._weighted])

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,6 +171,7 @@ class FilterAtWork:
         Of a frequency weighting: what the cut at the record's beginning does to it.
     """
 
+    shape: Shape
     intervals: int
     kept: int
     envelope: bool
@@ -191,20 +191,20 @@ class FilterAtWork:
         least = math.ceil(GRAIN * min(max(_INTERVALS / (stage.rate * time_constant), 1.0 / _LONGEST), 1.0))
         every = 1 << (least - 1).bit_length()
         if one.identity:
-            return cls(every, GRAIN // every, False, 0, np.empty(0, dtype=np.complex128))
+            return cls(shape, every, GRAIN // every, False, 0, np.empty(0, dtype=np.complex128))
         if one.weighting is not None:
             response, start = start_of(one.weighting, stage.rate, shape.before)
-            return cls(every, GRAIN // every, False, 0, np.fft.rfft(response, points), start=start)
+            return cls(shape, every, GRAIN // every, False, 0, np.fft.rfft(response, points), start=start)
         # What is thinned out has nothing at half its rate.
         causal = None if stage.number else one.causal(stage.rate, points // 2 + 1)
         if causal is not None:
-            return cls(every, GRAIN // every, False, 0, causal)
+            return cls(shape, every, GRAIN // every, False, 0, causal)
         need = math.ceil(2.0 * GRAIN * min(one.upper / (_FAITHFUL * stage.rate), 1.0))
         intervals, kept = _grid(min(need, GRAIN), least, 1)
         if intervals * kept >= GRAIN:
             intervals, kept = every, GRAIN // every
         if one.lower * time_constant >= _CYCLES_WITHOUT_RIPPLE:
-            found = cls._as_envelope(one, stage, points, time_constant)
+            found = cls._as_envelope(one, stage, shape, time_constant)
             if 2 * found.kept * found.intervals <= kept * intervals:
                 return found
         part = intervals * kept / GRAIN
@@ -213,10 +213,11 @@ class FilterAtWork:
         if part < 1.0:
             frequency = (low + np.arange(values.size)) * stage.rate / points
             values = values * falling_step(frequency, _FAITHFUL * top, top)
-        return cls(intervals, kept, False, low, values * part)
+        return cls(shape, intervals, kept, False, low, values * part)
 
     @classmethod
-    def _as_envelope(cls, one: Filter, stage: Stage, points: int, time_constant: float) -> FilterAtWork:
+    def _as_envelope(cls, one: Filter, stage: Stage, shape: Shape, time_constant: float) -> FilterAtWork:
+        points = shape.points
         bandwidth = 3.0 / one.settling  # see `band_filter`
         unseen = math.log(10.0) / 10.0 * _UNSEEN
         longest = math.sqrt(8.0 * unseen * time_constant / (2.0 * math.pi * bandwidth))
@@ -228,14 +229,12 @@ class FilterAtWork:
         # Half the square of the modulus, in samples so much fewer than those of the stage.
         part = intervals * kept / GRAIN
         values = values * (math.sqrt(2.0) * part)
-        return cls(intervals, kept, True, low, values)
+        return cls(shape, intervals, kept, True, low, values)
 
     def squares(
         self,
         spectrum: NDArray[Any],
-        shape: Shape,
         count: int,
-        scratch: Memory,
         cut: tuple[int, float] | None,
         record: slice | None = None,
         watch: Watch | None = None,
@@ -247,10 +246,10 @@ class FilterAtWork:
         `record` are the samples of the record in a section that it begins in; `watch` sees the output,
         `with_cut` that of a weighting at the record's beginning before its decays are taken off.
         """
-        rows, size = spectrum.shape[0], shape.points // GRAIN * self.intervals * self.kept
+        rows, size = spectrum.shape[0], self.shape.points // GRAIN * self.intervals * self.kept
         width = (2 if self.envelope else 1) * self.kept
         values = self.values.astype(spectrum.dtype)
-        first = shape.before // GRAIN * self.intervals
+        first = self.shape.before // GRAIN * self.intervals
         square = np.empty((rows, count), dtype=np.float32)
         step = max(1, _POINTS // (size * _SIDE_BY_SIDE)) * _SIDE_BY_SIDE
         for start in range(0, rows, step):
@@ -258,7 +257,7 @@ class FilterAtWork:
             some = min(step, -(-(rows - start) // _SIDE_BY_SIDE) * _SIDE_BY_SIDE, rows)
             top = min(start, rows - some)
             part = spectrum[top : top + some]
-            output = (self._envelope if self.envelope else self._real)(part, values, size, scratch)
+            output = (self._envelope if self.envelope else self._real)(part, values, size)
             flat = output[:, first * width : (first + count) * width]
             if self.start is not None and record is not None:
                 if with_cut is not None:
@@ -275,18 +274,18 @@ class FilterAtWork:
         square /= self.kept
         return square
 
-    def _real(self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Memory) -> NDArray[Any]:
+    def _real(self, part: NDArray[Any], values: NDArray[Any], size: int) -> NDArray[Any]:
         """`size` samples of the filter's output."""
-        product = scratch.take("lines", part.shape[0], size // 2 + 1, part.dtype)
+        product = _scratch.take("lines", part.shape[0], size // 2 + 1, part.dtype)
         lines = slice(self.low, self.low + values.size)
         product[:, : lines.start] = 0.0
         product[:, lines.stop :] = 0.0
         np.multiply(part[:, lines], values, out=product[:, lines])
-        return np.fft.irfft(product, size, out=_output(scratch, part, size))
+        return np.fft.irfft(product, size, out=_output(part, size))
 
-    def _envelope(self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Memory) -> NDArray[Any]:
+    def _envelope(self, part: NDArray[Any], values: NDArray[Any], size: int) -> NDArray[Any]:
         """`size` complex samples of the filter's output, each as two real numbers."""
-        product, used = scratch.take("lines", part.shape[0], size, part.dtype), values.size
+        product, used = _scratch.take("lines", part.shape[0], size, part.dtype), values.size
         product[:, used:] = 0.0
         for begin in range(0, used, size):
             some = values[begin : begin + size]
@@ -295,14 +294,17 @@ class FilterAtWork:
                 np.multiply(lines, some, out=product[:, : some.size])
             else:
                 product[:, : some.size] += lines * some
-        output = _output(scratch, part, 2 * size)
+        output = _output(part, 2 * size)
         np.fft.ifft(product, out=output.view(part.dtype))
         return output
 
 
-def _output(scratch: Memory, part: NDArray[Any], size: int) -> NDArray[Any]:
+_scratch = Memory()
+
+
+def _output(part: NDArray[Any], size: int) -> NDArray[Any]:
     """Memory for real numbers in the precision of complex ones."""
-    return scratch.take("output", part.shape[0], size, np.dtype(part.real.dtype))
+    return _scratch.take("output", part.shape[0], size, np.dtype(part.real.dtype))
 
 
 def _sum_of_squares(numbers: NDArray[Any], result: NDArray[np.float32]) -> None:
@@ -367,6 +369,19 @@ _SETTLINGS_OF_A_CUT = 2.0
 _FORGOTTEN = 38.0
 
 
+SETTLING_TIME_CONSTANTS = 5.0
+
+
+class Average(NamedTuple):
+    """How squares of `rows` channels are averaged up to the end of a record in s, and the times at which to read."""
+
+    rows: int
+    time_constant: float
+    decay: float | None
+    end: float
+    times: NDArray[np.float64]
+
+
 class RunningLevel:
     """Weights in time what a filter's intervals bring, and reads the result.
 
@@ -374,32 +389,17 @@ class RunningLevel:
     ----------
     one : Filter
     stage : Stage
-    rows : int
-        Number of channels.
     way : FilterAtWork
         Says what an interval is.
-    time_constant, decay : float
-        See `TimeWeighting`.
-    settled : float
-        Seconds from the record's beginning after which a minimum is looked for.
-    end : float
-        Where the record ends, in s.
-    times : ndarray, shape (times,)
-        When to read, in s from the record's beginning; ascending.
+    average : Average
+    read : bool
+        Whether it is read at the times of the average.
     """
 
-    def __init__(
-        self,
-        one: Filter,
-        stage: Stage,
-        rows: int,
-        way: FilterAtWork,
-        time_constant: float,
-        decay: float | None,
-        settled: float,
-        end: float,
-        times: NDArray[np.float64],
-    ) -> None:
+    def __init__(self, one: Filter, stage: Stage, way: FilterAtWork, average: Average, read: bool) -> None:
+        rows, time_constant, decay, end, times = average
+        times = times if read else np.empty(0)
+        settled = SETTLING_TIME_CONSTANTS * time_constant + one.settling
         # A weighting has what the cut makes of it taken off.
         starts = 0.0 if one.weighting else _SETTLINGS_OF_A_CUT * one.settling
         rate, lead, together = stage.rate, stage.lead, way.together
@@ -646,6 +646,15 @@ class Histories:
     with_cut: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] = field(repr=False)
 
 
+@dataclass
+class _AtStage:
+    """A rate, with the samples of the record in its next section and the filters that work at it, by number."""
+
+    section: Sections
+    record: slice
+    ways: dict[int, FilterAtWork]
+
+
 class BandHistoryAccumulator:
     """Takes a record in consecutive blocks, filters, squares, weights in time, reads at given times.
 
@@ -706,89 +715,72 @@ class BandHistoryAccumulator:
         keep_freed_memory()
         self._peak_of, self._read = peak_of, len(filters) if read is None else read
         self._peaks, self._peaks_with_cut = Peaks(rows), Peaks(rows)
-        nowhere = np.empty(0)
         self._slow, self._taken = slow, 0
         self._derivatives = np.zeros(rows, dtype=int) if derivatives is None else np.asarray(derivatives)
-        self._times = len(times)
-        end = (n_samples - 0.5) / sampling_rate
-        self._settled = np.array([5.0 * time_constant + one.settling for one in filters])
+        self._times, self._n_samples = len(times), n_samples
+        self._settled = np.array([SETTLING_TIME_CONSTANTS * time_constant + f.settling for f in filters])
         if (
             self._derivatives.any()
         ):  # an integrator rings for ever, and what is not filtered is differentiated
             filters = [replace(one, ringing=math.inf, identity=False) for one in filters]
         stages = stages_of(sampling_rate)
         at = [stage_for(one, stages, time_constant).number for one in filters]
-        self._sections: list[Sections] = []
+        average = Average(rows, time_constant, decay, (n_samples - 0.5) / sampling_rate, times)
         self._store: list[NDArray[np.complex64]] = []
-        self._working: list[list[tuple[FilterAtWork, int]]] = []
-        self._records: list[slice] = []
+        self._stages: list[_AtStage] = []
         self._levels: dict[int, RunningLevel] = {}
         for stage in stages[: max(at) + 1]:
             mine = [number for number, where in enumerate(at) if where == stage.number]
-            self._add_stage(
-                stage, rows, n_samples, [filters[k] for k in mine], thinned=stage.number < max(at)
-            )
-            shape, working = self._sections[-1].shape, []
-            for k in mine:
-                way = FilterAtWork.of(filters[k], stage, shape, time_constant)
-                self._levels[k] = RunningLevel(
-                    filters[k],
-                    stage,
-                    rows,
-                    way,
-                    time_constant,
-                    decay,
-                    self._settled[k],
-                    end,
-                    times if k < self._read else nowhere,
-                )
-                working.append((way, k))
-            self._working.append(working)
+            section = self._section(stage, [filters[k] for k in mine], thinned=stage.number < max(at))
+            ways = {k: FilterAtWork.of(filters[k], stage, section.shape, time_constant) for k in mine}
+            for k, way in ways.items():
+                self._levels[k] = RunningLevel(filters[k], stage, way, average, k < self._read)
             lead = round(stage.lead)
-            self._records.append(slice(lead, lead + math.ceil(n_samples / FACTOR**stage.number)))
-        self._scratch = Memory()
+            record = slice(lead, lead + math.ceil(n_samples / FACTOR**stage.number))
+            self._stages.append(_AtStage(section, record, ways))
 
-    def _add_stage(
-        self, stage: Stage, rows: int, n_samples: int, filters: Sequence[Filter], *, thinned: bool
-    ) -> None:
+    def _section(self, stage: Stage, filters: Sequence[Filter], *, thinned: bool) -> Sections:
         ringing = max((one.ringing * stage.rate for one in filters), default=0.0)
-        samples = math.ceil(stage.lead) + n_samples // FACTOR**stage.number + 2 * LATE
+        samples = math.ceil(stage.lead) + self._n_samples // FACTOR**stage.number + 2 * LATE
         shape = shape_for(ringing, samples, stage.number)
         factor = None
         if self._derivatives.any():
             factor = _differentiation(self._derivatives, stage.rate, shape.points)
         filtered = any(not one.identity for one in filters)
-        self._sections.append(
-            Sections(rows, shape, factor, filtered=filtered, thinned=thinned, store=self._store)
-        )
+        rows = self._derivatives.size
+        return Sections(rows, shape, factor, filtered=filtered, thinned=thinned, store=self._store)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""
         for first in range(0, samples.shape[1], _PIECE):
             piece = samples[:, first : first + _PIECE]
             if self._slow is not None:
-                piece = piece - self._slow.constant[:, None]
-                drift = self._slow.drift(self._taken, piece.shape[1])
-                piece = piece if drift is None else piece - drift
+                piece = self._slow.off(piece, self._taken)
             self._taken += piece.shape[1]
             self._pass_on(0, piece)
 
     def _pass_on(self, number: int, samples: NDArray[np.float64]) -> None:
-        for fresh in self._sections[number].of(samples):
+        for fresh in self._stages[number].section.of(samples):
             self._take(number, fresh)
 
     def _take(self, number: int, fresh: int) -> None:
         """See the next section of a stage."""
-        section, record = self._sections[number], self._records[number]
-        shape, inside = section.shape, slice(max(record.start, 0), max(min(record.stop, fresh), 0))
+        at = self._stages[number]
+        section, record, shape = at.section, at.record, at.section.shape
+        inside = slice(max(record.start, 0), max(min(record.stop, fresh), 0))
         begins = inside if record.start >= 0 else None
-        self._records[number] = slice(record.start - shape.hop, record.stop - shape.hop)
+        at.record = slice(record.start - shape.hop, record.stop - shape.hop)
         # Z has the drift, and a weighting tells it from the rest itself.
         drift = None
         if number == 0 and self._slow is not None:
             drift = self._slow.drift(-record.start - shape.before, shape.points)
         drifting = None if drift is None else section.lines_of(drift)
-        for way, k in self._working[number]:
+
+        def shown(rows: slice, output: NDArray[Any]) -> NDArray[np.float64]:
+            """What comes out of a filter of the record itself."""
+            return np.asarray(output[:, inside] * section.scale[rows, None])
+
+        for k, way in at.ways.items():
             running = self._levels[k]
             count = -(-fresh * way.intervals // GRAIN)
             cut = running.cut(count)
@@ -798,60 +790,38 @@ class BandHistoryAccumulator:
                     samples = samples + drift[:, shape.before :][:, : shape.hop]
                 running.take(_unfiltered_square(samples, round(way.together), count, cut))
                 continue
-            more = 0.0 if drifting is None or way.start is None else drifting
-            work = partial(
-                way.squares, shape=shape, count=count, scratch=self._scratch, cut=cut, record=begins
-            )
-            watch = before = None
-            if k == self._peak_of:
-                watch = partial(self._see, self._peaks, section.scale, inside)
-            if way.start is not None and begins is not None:
-                before = partial(self._see_cut, k, way, section.scale, inside)
-            square = work(
-                section.spectrum + more if np.ndim(more) else section.spectrum, watch=watch, with_cut=before
-            )
+
+            def watch(rows: slice, output: NDArray[Any], k: int = k) -> None:
+                if k == self._peak_of:
+                    self._peaks.look(rows, shown(rows, output))
+
+            def before(rows: slice, output: NDArray[Any], k: int = k, way: FilterAtWork = way) -> None:
+                """The beginning of a record behind a weighting, before its decays are taken off."""
+                seen = shown(rows, output)
+                if k == self._peak_of:
+                    self._peaks_with_cut.look(rows, seen)
+                whole = seen.shape[1] // way.kept * way.kept
+                square = np.square(seen[:, :whole]).reshape(len(seen), -1, way.kept)
+                self._levels[k].see_cut(rows, square.mean(axis=2))
+
+            more = None if way.start is None else drifting
+            spectrum = section.spectrum if more is None else section.spectrum + more
+            square = way.squares(spectrum, count, cut, begins, watch, before)
             uneven = _uneven(square[:, running.inside(count)])
             if uneven.any():
-                exact = section.exact() + more
-                square[uneven] = work(exact[slice(None) if uneven.all() else uneven])
+                exact = section.exact() if more is None else section.exact() + more
+                chosen = exact if uneven.all() else exact[uneven]
+                square[uneven] = way.squares(chosen, count, cut, begins)
             running.take(square, np.square(section.scale))
         if section.low.size:
             self._pass_on(number + 1, section.low)
 
-    def _see(
-        self,
-        peaks: Peaks,
-        scale: NDArray[np.float64],
-        inside: slice,
-        rows: slice,
-        output: NDArray[np.float32],
-    ) -> None:
-        peaks.look(rows, output[:, inside] * scale[rows, None])
-
-    def _see_cut(
-        self,
-        k: int,
-        way: FilterAtWork,
-        scale: NDArray[np.float64],
-        inside: slice,
-        rows: slice,
-        output: NDArray[np.float32],
-    ) -> None:
-        if k == self._peak_of:
-            self._see(self._peaks_with_cut, scale, inside, rows, output)
-        square = np.square(output[:, inside] * scale[rows, None])
-        whole = square.shape[1] // way.kept
-        self._levels[k].see_cut(
-            rows, square[:, : whole * way.kept].reshape(len(square), whole, way.kept).mean(axis=2)
-        )
-
     def result(self) -> Histories:
         """The histories; call it once, after the last samples."""
-        for number, section in enumerate(self._sections):
-            for fresh in section.rest():
+        for number, at in enumerate(self._stages):
+            for fresh in at.section.rest():
                 self._take(number, fresh)
-        self._sections.clear()
-        self._working.clear()
+        self._stages.clear()
         count, rows = len(self._levels), self._derivatives.size
         readings = np.empty((rows, self._read, self._times))
         highest, later, lowest, mean, highest_with, mean_with = np.empty((6, rows, count))

@@ -305,6 +305,11 @@ class SlowPart:
         none, zero = np.empty((constant.size, 0)), np.zeros(constant.size)
         return cls(constant, none, none, 0, zero, zero)
 
+    def off(self, samples: Real, first: int) -> Real:
+        """Samples, from the number `first` on, without it."""
+        without, drift = samples - self.constant[:, None], self.drift(first, samples.shape[1])
+        return without if drift is None else without - drift
+
     def drift(self, first: int, count: int) -> Real | None:
         """What `count` samples from the number `first` on drift; None where they do not."""
         m = self.beginning.shape[1]
