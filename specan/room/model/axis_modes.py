@@ -122,8 +122,7 @@ def _zeros(length: float, a0: Complex, a1: Complex, count: int) -> Complex:
     shift = (a0 + a1) * np.where(np.arange(count) == 0, 1.0, 2.0)  # first-order perturbation
     limit = 0.25 * np.where(np.arange(count) == 0, 8.0, 2 * np.pi**2 * np.maximum(np.arange(count), 1))
     w = rigid + shift * np.minimum(1.0, limit / np.maximum(np.abs(shift), 1e-300))
-    left = _newton(w, a0, a1)
-    left = _iterate(w, a0, a1, left)
+    left = _iterate(w, a0, a1, np.arange(len(w)))
     if left.size:
         w[left] = _galerkin(a0[left], a1[left], count)
         left = _iterate(w, a0, a1, left)
@@ -134,31 +133,6 @@ def _zeros(length: float, a0: Complex, a1: Complex, count: int) -> Complex:
             remedy="narrow the parameters of the walls or the frequency range",
         )
     return w
-
-
-def _newton(w: Complex, a0: Complex, a1: Complex) -> NDArray[np.intp]:
-    """Refine `w` in place; returns the lines where a zero may have been found twice or not at all.
-
-    Between hard walls every zero stays so near to that of the rigid axis that Newton's steps cannot confuse two.
-    """
-    order = np.arange(w.shape[1])
-    apart = 0.45 * np.pi**2 * np.maximum(2 * order - 1, 1)  # discs around the rigid zeros do not touch
-    rigid, start = (np.pi * order) ** 2, w.copy()
-    settled = _refined(w, a0, a1)
-    left = np.flatnonzero(~np.all(settled & (np.abs(w - rigid) < apart), axis=1))
-    w[left] = start[left]
-    return left
-
-
-def _refined(w: Complex, a0: Complex, a1: Complex) -> NDArray[np.bool_]:
-    """Newton's steps on `w` in place; which have settled."""
-    for _ in range(6):
-        value, slope = characteristic(w, a0, a1)
-        step = value / slope
-        w -= step
-        if np.max(np.abs(step) / (1.0 + np.abs(w))) < 1e-8:  # convergence is quadratic
-            break
-    return np.abs(step) <= 1e-8 * (1.0 + np.abs(w))
 
 
 def _iterate(w: Complex, a0: Complex, a1: Complex, lines: NDArray[np.intp]) -> NDArray[np.intp]:
