@@ -183,39 +183,41 @@ def check_assembly(gear: Gear) -> None:
             expected=f"a ring of z_sun + 2 z_planet = {gear.z_sun + 2 * gear.z_planet} teeth"
             + (", or a [gear] centre_distance_mm with profile shift" if abs(gap) <= 2 else ""),
         )
-    total = gear.z_sun + gear.z_ring
-    if gear.planet_angles_deg is None:
-        if total % gear.planets:
-            fits = [n for n in range(2, 9) if total % n == 0]
-            raise RequestError(
-                f"{gear.planets} planets cannot be equally spaced: z_sun + z_ring = {total} is not a multiple of "
-                f"{gear.planets}",
-                expected=f"{', '.join(map(str, fits)) or 'no'} planets, or planet_angles_deg in steps of 360/{total} "
-                f"= {360 / total:.4f} degrees",
-            )
-    elif len(gear.planet_angles_deg) != gear.planets:
+    _check_places(gear)
+    places = np.sort(planet_angles(gear) % (2 * np.pi))
+    nearest = float(np.min(np.diff([*places, places[0] + 2 * np.pi])))
+    a = gear.centre_distance_mm or gear.module_mm * (gear.z_sun + gear.z_planet) / 2
+    room, needed = 2 * a * math.sin(min(nearest, np.pi) / 2), gear.module_mm * (gear.z_planet + 2)
+    if places.size > 1 and room <= needed:
         raise RequestError(
-            f"planet_angles_deg has {len(gear.planet_angles_deg)} angles for {gear.planets} planets",
+            f"neighbouring planets touch: their centres lie {room:.2f} mm apart, their tip circles are "
+            f"{needed:.2f} mm wide",
+            remedy="take fewer planets or smaller ones",
+        )
+
+
+def _check_places(gear: Gear) -> None:
+    """A planet meshes with sun and ring at once at multiples of a turn over the sum of their teeth."""
+    total, given = gear.z_sun + gear.z_ring, gear.planet_angles_deg
+    step = 360.0 / total
+    if given is None and total % gear.planets:
+        fits = [n for n in range(2, 9) if total % n == 0]
+        raise RequestError(
+            f"{gear.planets} planets cannot be equally spaced: z_sun + z_ring = {total} is not a multiple of "
+            f"{gear.planets}",
+            expected=f"{', '.join(map(str, fits)) or 'no'} planets, or planet_angles_deg in steps of 360/{total} "
+            f"= {step:.4f} degrees",
+        )
+    if given is not None and len(given) != gear.planets:
+        raise RequestError(
+            f"planet_angles_deg has {len(given)} angles for {gear.planets} planets",
             expected="one angle a planet",
         )
-    else:
-        step = 360.0 / total
-        for angle in gear.planet_angles_deg:
-            if abs(angle / step - round(angle / step)) > 1e-3:
-                raise RequestError(
-                    f"a planet at {angle:g} degrees does not mesh with sun and ring at once",
-                    expected=f"multiples of 360/{total} = {step:.6f} degrees, such as {round(angle / step) * step:.4f}",
-                )
-    places = np.sort(planet_angles(gear) % (2 * np.pi))
-    if places.size > 1:
-        nearest = float(np.min(np.diff(np.concatenate([places, [places[0] + 2 * np.pi]]))))
-        a = gear.centre_distance_mm or gear.module_mm * (gear.z_sun + gear.z_planet) / 2
-        room, needed = 2 * a * math.sin(min(nearest, np.pi) / 2), gear.module_mm * (gear.z_planet + 2)
-        if room <= needed:
+    for angle in given or ():
+        if abs(angle / step - round(angle / step)) > 1e-3:
             raise RequestError(
-                f"neighbouring planets touch: their centres lie {room:.2f} mm apart, their tip circles are "
-                f"{needed:.2f} mm wide",
-                remedy="take fewer planets or smaller ones",
+                f"a planet at {angle:g} degrees does not mesh with sun and ring at once",
+                expected=f"multiples of 360/{total} = {step:.6f} degrees, such as {round(angle / step) * step:.4f}",
             )
 
 
