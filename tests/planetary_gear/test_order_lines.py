@@ -12,10 +12,10 @@ import specan
 from specan.errors import RequestError
 from specan.models import Condition, Model, Observable, Parameter, Use, effect
 from specan.models.quantity import constant, quantity
-from specan.planetary_gear.model.lines import OrderLines
+from specan.planetary_gear.model.lines import DeclaredErrors, OrderLines
 from specan.planetary_gear.study import figures as figures_study_orders
 from specan.planetary_gear.study.open_orders import _marks, _uneven, like
-from specan.planetary_gear.study.order_lines import DeclaredErrors, OrderLinesObservation, joined
+from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.prediction_error import held_out_error, observable_errors
@@ -215,9 +215,7 @@ STATEMENT = OrderLines(
     sun_turns=1.0,
     torque=1.0,
     period=4,
-    discrepancy=0.1,
-    path=0.3,
-    response=0.5,
+    errors=DeclaredErrors(0.1, 0.3, 0.5),
 )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -171,17 +170,12 @@ def _faultless(gear: Gear, samples: int) -> list[Quantity]:
         ("tip_relief", 0.0, "m", "Relief of the tips.", ()),
         ("stiffness_change", np.zeros(2), "1", "Relative change of the stiffness of sun and ring meshes.", ()),
         ("damping_scale", 1.0, "1", "Damping of the meshes over that of the contact law.", ()),
+        ("sun_shaft", np.zeros(3), "1", "Twist (rad/(N m)), resonance (Hz), damping of the sun's shaft.", ()),
         ("torque_ripple", np.zeros(samples), "1", "Relative change of the torque over the turn.", ()),
         ("friction_share", np.zeros((gear.planets, samples)), "1", "Force of friction over that of a ring mesh.",
          ("planet",)),
     ]  # fmt: skip
-    stiff = constant(
-        "shaft_receptance",
-        lambda omega: np.zeros(np.shape(omega), complex),
-        "rad/(N*m)",
-        "Twist of the sun's shaft.",
-    )
-    return [replace(stiff, opaque=True), *(constant(*one) for one in listed)]
+    return [constant(*one) for one in listed]
 
 
 def _pair(settings: Rig) -> Model:

@@ -10,6 +10,28 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class DeclaredErrors:
+    """What a model is declared not to know of its lines: relative standard uncertainties of either component.
+
+    Attributes
+    ----------
+    near : float
+        Varies smoothly with the order; each recording and sensor has its own.
+    path : float
+        Of lines three passages of the planets or more beside what a machine with one planet has, in proportion nearer
+        by; how a planet that passes is heard differs from harmonic to harmonic and from sensor to sensor, and is the
+        same in recordings at one speed.
+    response : float
+        Common to the lines of a harmonic that the ideal machine does not have, one a recording: how strongly the
+        machine answers to what its equal parts do not do alike is known less well than how it answers to the rest.
+    """
+
+    near: float
+    path: float
+    response: float
+
+
 @dataclass(frozen=True, eq=False)
 class OrderLines:
     """Order lines of vibration sensors, counted per turn of the carrier.
@@ -32,14 +54,7 @@ class OrderLines:
     period : int
         Turns of the carrier after which the machine repeats itself. Which of them a recording begins with,
         nobody knows.
-    discrepancy : float
-        Relative standard uncertainty of the model, common to lines within a few orders.
-    path : float
-        Relative standard uncertainty of lines three passages away: how strongly they are heard depends on the path
-        to the sensor, which differs from harmonic to harmonic.
-    response : float
-        Relative standard uncertainty of lines that the ideal machine does not have, against those that it has; common
-        to the lines of a harmonic.
+    errors : DeclaredErrors
     """
 
     order: Array
@@ -49,6 +64,4 @@ class OrderLines:
     sun_turns: float
     torque: float
     period: int
-    discrepancy: float
-    path: float
-    response: float
+    errors: DeclaredErrors

@@ -17,7 +17,7 @@ _NEGLIGIBLE = 1e-10  # of the strongest line of the transmission error
 )
 def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, planet_phase, torque_ripple,
                sun_error, ring_error, operating_points, base_radii, carrier_inertia, planet_inertia,
-               carrier_ratio, carrier_turn, ring_teeth, shaft_receptance):  # fmt: skip
+               carrier_ratio, carrier_turn, ring_teeth, sun_shaft):  # fmt: skip
     """Forces of the ring's and the sun's meshes, (points, 2, planets, angle).
 
     The meshes are springs, whose stiffness changes over the pitch, and dampers between the sun, which turns steadily,
@@ -42,7 +42,7 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
     def moved(omega):
         """Turn of each part by a torque on it, (..., parts); the sun on its shaft is the last."""
         parts = 1.0 / (mass * omega[..., None] ** 2)
-        return np.concatenate([parts, -shaft_receptance(omega)[..., None]], axis=-1)
+        return np.concatenate([parts, -_twist(sun_shaft, omega)[..., None]], axis=-1)
 
     found = np.zeros_like(spectra)
     for c in range(points):
@@ -73,6 +73,15 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
         found[c][:, np.abs(place)] = np.where(place[:, None] < 0, values.conj(), values).T
     forces = np.fft.irfft(found.reshape(points, 2, planets, -1), samples, axis=-1)
     return without_pull(planet_load[:, None, :, None] + forces)
+
+
+def _twist(shaft, omega):
+    """Receptance of a shaft with one torsional mode, rad/(N m); nothing of one that is stiff."""
+    compliance, resonance, damping = shaft
+    if not compliance:
+        return np.zeros(np.shape(omega))
+    ratio = omega / (2 * np.pi * resonance)
+    return compliance / (1 - ratio**2 + 2j * damping * ratio)
 
 
 def _freedom(base_radii, carrier_inertia, planet_inertia, planets):

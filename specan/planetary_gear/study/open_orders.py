@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -23,7 +23,7 @@ from specan.io.open import open_recording
 from specan.models import Model
 from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study.by_order_family import localise  # noqa: F401  where a model of lines fails
-from specan.planetary_gear.study.order_lines import DeclaredErrors, OrderLinesObservation, joined
+from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined
 from specan.study.data.recordings import put_aside, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
 from specan.units import convert
@@ -78,14 +78,14 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         raise RequestError("everything that was measured is held out", remedy="hold out less")
     together = joined(fitted)
     unseen = (replace(joined(held_out), learned=together),) if held_out else ()
+    near, path, response = (f"{100 * part:.3g} %" for part in astuple(known.errors))
     common = (
-        f"every line: model discrepancy {100 * known.discrepancy:.3g} %, common to lines within a few orders; lines "
-        f"three passages beside: {100 * known.path:.3g} % for the path of each harmonic to each sensor, nearer ones in "
-        "proportion, common to recordings at one speed; lines that the ideal set does not have: "
-        f"{100 * known.response:.3g} %, common to a harmonic (from the rig file or its defaults); a free gain for "
-        "every harmonic of each sensor"
+        f"every line: model discrepancy {near}, common to lines within a few orders; lines three passages beside: "
+        f"{path} for the path of each harmonic to each sensor, nearer ones in proportion, common to recordings at one "
+        f"speed; lines that the ideal set does not have: {response}, common to a harmonic (from the rig file or its "
+        "defaults); a free gain for every harmonic of each sensor"
     )
-    return OpenedData((together,), unseen, (*statements, common), True, 100 * known.discrepancy)
+    return OpenedData((together,), unseen, (*statements, common), True, 100 * known.errors.near)
 
 
 def _on_its_path(
@@ -149,7 +149,7 @@ def observe(
         noise=np.sqrt(sum(part**2 for part in parts)),
         beyond=beyond,
         path=np.arange(len(sensors)),
-        errors=DeclaredErrors(known.discrepancy, known.path, known.response),
+        errors=known.errors,
         kept=np.ones(amplitude.shape, dtype=bool),
         point={name: value * rows for name, value in point.items()},
         levels={name: (value * rows, words) for name, (value, words) in levels.items()},

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
+from specan.planetary_gear.model.lines import DeclaredErrors
 from specan.study.observation import Strategy, Variable
 from specan.study.observation.kept_lines import KeptLines
 
@@ -38,28 +39,6 @@ MOST = 2.0  # times a prediction: largest line that its relative errors are take
 ROUNDING = 1e-9  # of the strongest line of its gain: a smaller one is none
 FAR = 3  # passages of the planets from which on a path is as little known as it gets
 START = 0.3  # relative error that all lines are given for the first gains
-
-
-@dataclass(frozen=True)
-class DeclaredErrors:
-    """What a model is declared not to know of its lines: relative standard uncertainties of either component.
-
-    Attributes
-    ----------
-    near : float
-        Varies smoothly with the order; each recording and sensor has its own.
-    path : float
-        Of lines three passages of the planets or more beside what a machine with one planet has, in proportion nearer
-        by; how a planet that passes is heard differs from harmonic to harmonic and from sensor to sensor, and is the
-        same in recordings at one speed.
-    response : float
-        Common to the lines of a harmonic that the ideal machine does not have, one a recording: how strongly the
-        machine answers to what its equal parts do not do alike is known less well than how it answers to the rest.
-    """
-
-    near: float
-    path: float
-    response: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,9 +50,15 @@ class RoomMesh:
         return hash(self.digest)
 
     @property
+    def volumes(self) -> Real:
+        """Volume of each tetrahedron, m^3."""
+        corners = self.points[self.tetrahedra]
+        return np.asarray(np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6)
+
+    @property
     def volume(self) -> float:
         """Volume of the room, m^3."""
-        return float(_volumes(self.points, self.tetrahedra).sum())
+        return float(self.volumes.sum())
 
     @property
     def surface(self) -> float:
@@ -73,8 +79,7 @@ class RoomMesh:
 def triangle_areas(points: Real, triangles: Numbers) -> Real:
     """Area of each triangle, m^2."""
     a, b, c = (points[triangles[:, i]] for i in range(3))
-    found: Real = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    return found
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
 
 
 def read_room_mesh(path: Path) -> RoomMesh:
@@ -169,27 +174,21 @@ def _walls(raw: Any, name: str) -> dict[str, Numbers]:
 def _named_surfaces(raw: Any) -> dict[str, Numbers]:
     """Triangles of each named surface: Gmsh's physical groups, else sets of cells."""
     triangles = [i for i, block in enumerate(raw.cells) if block.type.startswith("triangle")]
-    chosen: dict[str, list[Numbers]] = {}
     tags = raw.cell_data.get("gmsh:physical")
     if tags is not None:
-        for name, (tag, dimension) in raw.field_data.items():
-            if dimension == 2:
-                chosen[name] = [raw.cells[i].data[np.asarray(tags[i]) == tag, :3] for i in triangles]
+        named = {name: tag for name, (tag, dimension) in raw.field_data.items() if dimension == 2}
+        chosen = {name: [np.asarray(tags[i]) == tag for i in triangles] for name, tag in named.items()}
     else:
-        for name, sets in raw.cell_sets.items():
-            chosen[name] = [
-                raw.cells[i].data[np.asarray(sets[i], dtype=int), :3]
-                for i in triangles
-                if sets[i] is not None
-            ]
-    joined = {name: np.concatenate(parts) for name, parts in chosen.items() if parts}
-    return {name: part.astype(np.int64) for name, part in joined.items() if len(part)}
-
-
-def _volumes(points: Real, tetrahedra: Numbers) -> Real:
-    corners = points[tetrahedra]
-    found: Real = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
-    return found
+        chosen = {
+            name: [np.asarray([] if sets[i] is None else sets[i], dtype=int) for i in triangles]
+            for name, sets in raw.cell_sets.items()
+        }
+    parts = {
+        name: [raw.cells[i].data[some, :3] for i, some in zip(triangles, which, strict=True)]
+        for name, which in chosen.items()
+    }
+    joined = {name: np.concatenate(part).astype(np.int64) for name, part in parts.items() if part}
+    return {name: found for name, found in joined.items() if len(found)}
 
 
 def _check_size(mesh: RoomMesh, name: str) -> None:
@@ -200,8 +199,7 @@ def _check_size(mesh: RoomMesh, name: str) -> None:
             expected=f"coordinates in metres, at most {LARGEST_M:.0f} m",
             remedy="scale it if it was drawn in millimetres",
         )
-    volumes = _volumes(mesh.points, mesh.tetrahedra)
-    flat = int(np.count_nonzero(volumes < 1e-9 * np.median(volumes)))
+    flat = int(np.count_nonzero(mesh.volumes < 1e-9 * np.median(mesh.volumes)))
     if flat:
         raise RequestError(
             f"{flat} tetrahedra of the mesh {name} have no volume", remedy="mesh the room again"
@@ -213,25 +211,25 @@ def _check_walls(mesh: RoomMesh, name: str) -> None:
     faces, counts = np.unique(_faces(mesh.tetrahedra), axis=0, return_counts=True)
     if np.any(counts > 2):
         raise RequestError(f"tetrahedra of the mesh {name} overlap", remedy="mesh the room again")
-    outer = {tuple(face): "" for face in faces[counts == 1].tolist()}
+    wall_of = dict.fromkeys(map(tuple, faces[counts == 1].tolist()), "")
     for wall, triangles in mesh.walls.items():
         for triangle in map(tuple, triangles.tolist()):
-            if triangle not in outer:
+            if triangle not in wall_of:
                 raise RequestError(
                     f"the surface {wall!r} of the mesh {name} has triangles that are no outer face of the room",
                     expected="named surfaces where the air ends",
                     remedy="name walls only, and cut from the volume what is not air",
                 )
-            if outer[triangle] not in ("", wall):
+            if wall_of[triangle] not in ("", wall):
                 raise RequestError(
-                    f"a triangle of the mesh {name} belongs to {outer[triangle]!r} and to {wall!r}",
+                    f"a triangle of the mesh {name} belongs to {wall_of[triangle]!r} and to {wall!r}",
                     expected="each in one named surface",
                 )
-            outer[triangle] = wall
-    bare = np.array([face for face, wall in outer.items() if not wall])
+            wall_of[triangle] = wall
+    bare = np.array([face for face, wall in wall_of.items() if not wall])
     if len(bare):
         area = triangle_areas(mesh.points, bare).sum()
-        place = [round(float(x), 3) for x in mesh.points[bare[0]].mean(axis=0)]
+        place = mesh.points[bare[0]].mean(axis=0).round(3).tolist()
         raise RequestError(
             f"the mesh {name} has a hole: {area:.3g} m^2 of its surface, at {place} m for one, are in no named surface",
             expected="a closed room whose every outer face belongs to a wall",
@@ -240,8 +238,7 @@ def _check_walls(mesh: RoomMesh, name: str) -> None:
 
 
 def _faces(tetrahedra: Numbers) -> Numbers:
-    found: Numbers = tetrahedra[:, FACES].reshape(-1, 3)
-    return found
+    return np.asarray(tetrahedra[:, FACES].reshape(-1, 3))
 
 
 def _check_whole(mesh: RoomMesh, name: str) -> None:

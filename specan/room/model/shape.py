@@ -141,8 +141,7 @@ def frequency_error(mesh: RoomMesh, degree: int, k: float) -> float:
     ``1/2 (p! / (2p)!)^2 (k h)^(2p) / (2p + 1)`` for elements of degree p and edge h (Ainsworth 2004, SIAM
     J. Numer. Anal. 42, 553-575), averaged over the room.
     """
-    corners = mesh.points[mesh.tetrahedra]
-    volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
+    corners, volume = mesh.points[mesh.tetrahedra], mesh.volumes
     longest = np.max(
         [np.linalg.norm(corners[:, i] - corners[:, j], axis=1) for i in range(4) for j in range(i)], axis=0
     )

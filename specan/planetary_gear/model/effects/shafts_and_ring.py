@@ -36,7 +36,7 @@ def torque_ripple(
 
 @effect(
     "shaft-flexibility",
-    adds_to="shaft_receptance",
+    adds_to="sun_shaft",
     neutral={"compliance": 0.0},
     aliases=("housing-resonance",),
     separate_by="a run over speed, and the torque of the sun's shaft",
@@ -49,25 +49,7 @@ def shaft_flexibility(
     damping=Parameter(0.03, "1", min=0.005, max=0.2, lower=0.001, upper=0.5, doc="damping ratio"),
 ):
     """The sun follows the forces of its meshes on a shaft that twists: sidebands near a fixed frequency change."""
-    return Twist(compliance, resonance, damping)
-
-
-class Twist:
-    """Receptance against angular frequency that adds to another one."""
-
-    def __init__(self, compliance: float, resonance: float, damping: float) -> None:
-        self.parts = ((compliance, resonance, damping),)
-
-    def __call__(self, omega):
-        """Twist over torque, rad/(N m)."""
-        found = np.zeros(np.shape(omega), complex)
-        for compliance, resonance, damping in self.parts:
-            ratio = np.asarray(omega) / (2 * np.pi * resonance)
-            found += compliance / (1 - ratio**2 + 2j * damping * ratio)
-        return found
-
-    def __radd__(self, other):
-        return lambda omega: other(omega) + self(omega)
+    return np.array([compliance, resonance, damping])
 
 
 @effect(
