@@ -342,7 +342,7 @@ def of_mic_by_command(verb: str, recording: Recording) -> np.ndarray:
     chosen = of_one_rate(recording, ())[0]
     excerpt = Excerpt(recording, chosen, 0, min(channel.n_samples for channel in chosen))
     with tempfile.TemporaryDirectory() as name:
-        write_excerpt(excerpt, "csv", Path(name) / "a.csv", ".")
+        write_excerpt(excerpt, Path(name) / "a.csv")
         with (Path(name) / "a.csv").open(encoding="utf-8", newline="") as file:
             head, *rows = (row for row in csv.reader(file) if row and not row[0].startswith("#"))
     column = next(k for k, title in enumerate(head) if title.startswith("Mic"))

@@ -9,6 +9,7 @@ import click
 
 from specan_cli.options import json_option, opening_options, opt, section_options
 from specan_cli.output import (
+    SAMPLES,
     OutputFile,
     Verb,
     decimal_option,
@@ -21,30 +22,14 @@ from specan_cli.output import (
 )
 from specan_cli.recording_verb import opened_with, say_notes
 
-FORMS = ["csv", "uff", "wav", "parquet", "tdms"]
-
-
-def form_and_file(form: str | None, output: Path | None, otherwise: str) -> tuple[str, Path]:
-    """The format by ``--to``, else by the ending of ``-o``; the file by ``-o``, else named after its source."""
-    from specan.errors import RequestError
-    from specan.io.export_file import ENDINGS
-
-    by_ending = None if output is None else ENDINGS.get(output.suffix.lower())
-    if form is None and by_ending is None:
-        raise RequestError(
-            "no format is named" if output is None else f"{output} ends in no known format",
-            expected=f"--to {', '.join(FORMS)}, or -o with one of {', '.join(ENDINGS)}",
-        )
-    form = form or by_ending or ""
-    if by_ending not in (None, form):
-        raise RequestError(f"--to {form} and the ending of {output} differ", remedy="leave out --to")
-    return form, output or Path(f"{otherwise}.{form}")
-
 
 @click.command("export", cls=Verb)
 @click.argument("file", type=click.Path(path_type=Path))
-@opt("--to form", FORMS, "The format.  [default: by the ending of -o]")
-@opt("-o --output", OutputFile(), "The file to write [default: named after FILE, here].")
+@opt(
+    "-o --output",
+    OutputFile(*SAMPLES),
+    "The file to write, in the format of its ending.  [default: FILE.csv, here]",
+)
 @decimal_option("CSV")
 @section_options
 @opening_options
@@ -52,7 +37,6 @@ def form_and_file(form: str | None, output: Path | None, otherwise: str) -> tupl
 @json_option
 def command(
     file: Path,
-    form: str | None,
     output: Path | None,
     decimal: str,
     plot: Path | None,
@@ -69,16 +53,16 @@ def command(
     """
     from specan.errors import RequestError
 
-    form, target = form_and_file(form, output, file.stem)
-    if decimal != "." and form != "csv":
-        raise RequestError(f"--decimal is for CSV, not for {form}", remedy="leave it out")
+    target = output or Path(f"{file.stem}.csv")
+    if decimal != "." and target.suffix.lower() not in ("", ".csv"):
+        raise RequestError(f"--decimal is for CSV, not for {target.suffix}", remedy="leave it out")
     refuse_unsafe(target)
     source, section = opened_with(file, options)
     recording = source.open()
-    about, said, notes = _samples(recording, form, target, decimal, plot, **section)
+    about, said, notes = _samples(recording, target, decimal, plot, **section)
     say_notes(notes, {"the file": recording.flags})
     if as_json:
-        emit_json({"output": str(target), "format": form, **about})
+        emit_json({"output": str(target), **about})
     elif not to_standard_output(target, plot):
         names = [channel["name"] for channel in about["channels"]]
         click.echo(f"{said}.\nCalibration: {recording.calibration_of(names)}.")
@@ -87,7 +71,7 @@ def command(
 
 
 def _samples(
-    recording: Any, form: str, target: Path, decimal: str, plot: Path | None, **section: Any
+    recording: Any, target: Path, decimal: str, plot: Path | None, **section: Any
 ) -> tuple[dict[str, Any], str, tuple[str, ...]]:
     """Write samples; what JSON and the screen say of them, and notes."""
     from specan.analysis.section import aligned, of_one_rate
@@ -100,7 +84,7 @@ def _samples(
     excerpt = Excerpt(
         recording, chosen, *samples_of(recording, chosen, section["start_s"], section["stop_s"])
     )
-    write_excerpt(excerpt, form, target, decimal)
+    write_excerpt(excerpt, target, decimal)
     draw(recording, plot, **{**section, "channels": chosen})
     corrected = [c.label for c in chosen if c.phase is not None or c.delay_s]
     late = [

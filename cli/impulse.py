@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from specan_cli.export import FORMS, form_and_file
 from specan_cli.options import json_option, opening_options, opt, section_options
 from specan_cli.output import (
+    SAMPLES,
     OutputFile,
     Verb,
     draw,
@@ -32,14 +32,15 @@ from specan_cli.recording_verb import given, opened_with, say_calibration, say_n
 )  # fmt: skip
 @opt("--length length_s", float, "Of the responses.", "S")
 @section_options
-@opt("--to form", FORMS, "The format.  [default: by the ending of -o, else wav]")
-@opt("-o --output", OutputFile(), "The file to write [default: FILE_impulse, here].")
+@opt(
+    "-o --output",
+    OutputFile(*SAMPLES),
+    "The file, in the format of its ending.  [default: FILE_impulse.wav, here]",
+)
 @plot_option("the responses")
 @json_option
 @opening_options
-def command(
-    file: Path, form: str | None, output: Path | None, plot: Path | None, as_json: bool, **options: Any
-) -> int:
+def command(file: Path, output: Path | None, plot: Path | None, as_json: bool, **options: Any) -> int:
     """Find impulse responses of microphones and accelerometers to the excitation, and write them.
 
     Maximum length sequences, sweeps and impulses are deconvolved; of noise, the averaged transfer function is
@@ -51,15 +52,15 @@ def command(
     from specan.api.recordings import impulse
     from specan.io.export_file import Excerpt, write_excerpt
 
-    form, target = form_and_file(form or (None if output else "wav"), output, f"{file.stem}_impulse")
+    target = output or Path(f"{file.stem}_impulse.wav")
     refuse_unsafe(target)
     source, own = opened_with(file, options)
     found = impulse(source.open(), **given(**own))
     responses = found.recording()
-    write_excerpt(Excerpt(responses, responses.channels, 0, found.samples.shape[1]), form, target)
+    write_excerpt(Excerpt(responses, responses.channels, 0, found.samples.shape[1]), target)
     draw(found, plot)
     if as_json:
-        emit_json({"output": str(target), "format": form, **found.to_dict()})
+        emit_json({"output": str(target), **found.to_dict()})
     elif not to_standard_output(target, plot):
         click.echo(f"{found.summary()}.")
         say_calibration(found)

@@ -229,6 +229,7 @@ class OutputFile(click.Path):
 
 
 # What specan.io.results_text.write_table writes by the ending; without one, text.
+SAMPLES = (".csv", ".uff", ".unv", ".wav", ".parquet", ".tdms")  # of specan.io.export_file; without one, CSV
 TABLES = (".txt", ".tsv", ".csv", ".xlsx", ".parquet")
 
 

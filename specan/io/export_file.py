@@ -51,16 +51,16 @@ class Excerpt:
             first += samples.shape[1]
 
 
-ENDINGS = {".csv": "csv", ".uff": "uff", ".unv": "uff", ".wav": "wav", ".parquet": "parquet", ".tdms": "tdms"}
-
-
-def write_excerpt(excerpt: Excerpt, form: str, path: Path, decimal: str = ".") -> None:
-    """Write it in one of the forms of `ENDINGS`; `decimal` is the decimal sign of CSV."""
-    if form == "csv":
+def write_excerpt(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
+    """Write it in the format of the ending, CSV without one; `decimal` is the decimal sign of CSV."""
+    writers = {
+        ".uff": write_uff, ".unv": write_uff, ".wav": write_wav, ".parquet": write_parquet, ".tdms": write_tdms,
+    }  # fmt: skip
+    writer = writers.get(path.suffix.lower())
+    if writer is None:
         write_csv(excerpt, path, decimal)
     else:
-        writers = {"uff": write_uff, "wav": write_wav, "parquet": write_parquet, "tdms": write_tdms}
-        writers[form](excerpt, path)
+        writer(excerpt, path)
 
 
 def together(channels: Sequence[Channel]) -> str:

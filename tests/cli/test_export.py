@@ -43,7 +43,7 @@ def run(*arguments: object) -> tuple[int, str]:
 
 @pytest.mark.parametrize(("decimal", "separator"), [(".", ","), (",", ";")])
 def test_csv_holds_time_and_samples(recording, samples, tmp_path, decimal, separator) -> None:
-    code, _ = run(recording, "--to", "csv", "-o", tmp_path / "a.csv", "--decimal", decimal)
+    code, _ = run(recording, "-o", tmp_path / "a.csv", "--decimal", decimal)
     assert code == 0
     found = pd.read_csv(tmp_path / "a.csv", sep=separator, decimal=decimal, encoding="utf-8-sig")
     assert list(found.columns) == ["time_s", "Mic 1 [Pa]", "Vibrometer [m/s]", "Generator [V]"]
@@ -56,7 +56,7 @@ def test_csv_holds_time_and_samples(recording, samples, tmp_path, decimal, separ
 def test_wav_holds_si_units(recording, samples, tmp_path) -> None:
     from scipy.io import wavfile
 
-    assert run(recording, "--to", "wav", "-o", tmp_path / "a.wav")[0] == 0
+    assert run(recording, "-o", tmp_path / "a.wav")[0] == 0
     rate, found = wavfile.read(tmp_path / "a.wav")
     assert rate == RATE
     np.testing.assert_array_equal(found.T, samples.astype(np.float32))
@@ -69,7 +69,7 @@ def test_uff_holds_every_channel(recording, samples, tmp_path) -> None:
 
     target = tmp_path / "a.uff"
     target.write_text("something that was there before")
-    assert run(recording, "--to", "uff", "-o", target, "--force", "--start", "1", "--stop", "2")[0] == 0
+    assert run(recording, "-o", target, "--force", "--start", "1", "--stop", "2")[0] == 0
     sets = pyuff.UFF(str(target)).read_sets()
     assert [s["id1"].strip() for s in sets] == ["Mic 1", "Vibrometer", "Generator"]
     for found, true in zip(sets, samples, strict=True):
@@ -82,7 +82,7 @@ def test_uff_holds_every_channel(recording, samples, tmp_path) -> None:
 def test_parquet_holds_units(recording, samples, tmp_path) -> None:
     import pyarrow.parquet as parquet
 
-    assert run(recording, "--to", "parquet", "-o", tmp_path / "a.parquet")[0] == 0
+    assert run(recording, "-o", tmp_path / "a.parquet")[0] == 0
     found = parquet.read_table(tmp_path / "a.parquet")
     assert found.column_names == ["time_s", "Mic 1", "Vibrometer", "Generator"]
     assert found.schema.field("Vibrometer").metadata == {
@@ -95,8 +95,6 @@ def test_sensitivity_of_a_calibration_is_applied(recording, samples, tmp_path) -
     (tmp_path / "c.toml").write_text('schema = 1\n[[channel]]\nchannel = "Mic 1"\nsensitivity = 25.0\n')
     code, _ = run(
         recording,
-        "--to",
-        "wav",
         "-o",
         tmp_path / "a.wav",
         "--channel",
@@ -110,7 +108,7 @@ def test_sensitivity_of_a_calibration_is_applied(recording, samples, tmp_path) -
 
 
 def test_json_says_what_was_written(recording, tmp_path) -> None:
-    code, output = run(recording, "--to", "csv", "-o", tmp_path / "a.csv", "--channel", "Mic 1", "--json")
+    code, output = run(recording, "-o", tmp_path / "a.csv", "--channel", "Mic 1", "--json")
     assert code == 0
     assert json.loads(output)["channels"] == [{"name": "Mic 1", "unit": "Pa"}]
 
@@ -118,13 +116,13 @@ def test_json_says_what_was_written(recording, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["nowhere.tdms", "--to", "csv"], 3, "does not exist"),
-        (["{file}", "--to", "wav", "--decimal", ","], 2, "--decimal is for CSV"),
-        (["{file}", "--to", "csv", "-o", "{file}"], 2, "is the recording itself"),
-        (["{file}", "--to", "csv", "-o", "nowhere/a.csv"], 2, "cannot be written"),
-        (["{file}", "--to", "uff", "-o", "nowhere/a.uff"], 2, "cannot be written"),
-        (["{file}", "--to", "csv", "-o", "a.csv", "--channel", "Mic 9"], 2, "did you mean"),
-        (["{file}", "--to", "csv", "-o", "a.csv", "--start", "100"], 2, "holds no sample"),
+        (["nowhere.tdms", "-o", "b.csv"], 3, "does not exist"),
+        (["{file}", "-o", "a.wav", "--decimal", ","], 2, "--decimal is for CSV"),
+        (["{file}", "-o", "{file}"], 2, "is the recording itself"),
+        (["{file}", "-o", "nowhere/a.csv"], 2, "cannot be written"),
+        (["{file}", "-o", "nowhere/a.uff"], 2, "cannot be written"),
+        (["{file}", "-o", "a.csv", "--channel", "Mic 9"], 2, "did you mean"),
+        (["{file}", "-o", "a.csv", "--start", "100"], 2, "holds no sample"),
     ],
 )
 def test_what_cannot_be_exported(recording, tmp_path, monkeypatch, arguments, code, message) -> None:
@@ -150,6 +148,6 @@ def test_a_missing_library_is_named(recording, tmp_path, monkeypatch) -> None:
     import sys
 
     monkeypatch.setitem(sys.modules, "pyuff", None)
-    code, message = run(recording, "--to", "uff", "-o", tmp_path / "a.uff")
+    code, message = run(recording, "-o", tmp_path / "a.uff")
     assert code == 2
     assert "pip install 'specan[uff]'" in message

@@ -60,7 +60,7 @@ def test_what_export_writes_comes_back(tmp_path, monkeypatch):
     path.write_text(header + rows, encoding="utf-8")
     run = CliRunner().invoke
     for form, exact in (("csv", False), ("uff", True)):
-        done = run(main, ["export", "run.csv", "--to", form, "-o", f"again.{form}"], catch_exceptions=False)
+        done = run(main, ["export", "run.csv", "-o", f"again.{form}"], catch_exceptions=False)
         assert done.exit_code == 0, done.output
         check(open_recording(tmp_path / f"again.{form}"), exact)
     octave = run(main, ["octave", "again.uff", "--json"], catch_exceptions=False)

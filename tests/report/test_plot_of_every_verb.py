@@ -38,7 +38,7 @@ def draw(kind: str, tmp_path: Path, *arguments: str) -> bytes:
         ("pdf", ["frf", NOISE, "--channel", "Mic 1", "--estimator", "H3c", "--lines", "200"]),
         ("svg", ["rms", KNOCK]),
         ("png", ["calibrate", *TONES, "-o", "calibration.toml"]),
-        ("svg", ["export", KNOCK, "--to", "wav", "-o", "knock.wav"]),
+        ("svg", ["export", KNOCK, "-o", "knock.wav"]),
     ],
     ids=lambda value: value if isinstance(value, str) else value[0],
 )
