@@ -74,7 +74,7 @@ def diagnose(
             return Diagnosis(
                 "cannot-tell",
                 f"{mistake.sentence}; correct it, and begin the study again",
-                lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
+                lack_of_fit=LackOfFit(start.reduced, start.fit.p_value, problem.n_effective),
                 model_discrepancy_percent=_discrepancy(problem),
             )
     return told(OfResponses(near, progress))

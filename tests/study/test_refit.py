@@ -26,7 +26,7 @@ def in_the_hollow(refits, start):
 def test_a_refit_that_ends_in_a_hollow_is_begun_anew_from_the_base(toy):
     refits = refits_of(toy.problem(lambda x, z: 0 * x, ["hollow"], also=[hollow]))
     after = in_the_hollow(refits, refits.base)
-    assert after.chi2 <= refits.base.chi2
+    assert after.fit.chi2 <= refits.base.fit.chi2
     assert abs(after.fit.values["hollow.a"]) < 0.5
     assert refits.base.bic(1.0) - after.bic(1.0) >= -np.log(48)
 
@@ -36,14 +36,14 @@ def test_a_refit_never_ends_above_a_set_that_it_contains(toy):
     cross = refits.fit(refits.base, frozenset({Use("cross")}), [refits.base.fit.values])
     after = in_the_hollow(refits, cross)
     assert after.uses == {Use("hollow"), Use("cross")}
-    assert after.chi2 <= cross.chi2 < refits.base.chi2 - 100
+    assert after.fit.chi2 <= cross.fit.chi2 < refits.base.fit.chi2 - 100
 
 
 def test_an_effect_that_is_not_worth_it_leaves_what_a_certificate_holds(toy):
     problem = toy.problem(lambda x, z: 0.4 * (z > 0), ["hollow", "zero-error"], also=[hollow])
     refits = refits_of(problem)
     after = in_the_hollow(refits, refits.base)
-    assert after.chi2 <= refits.base.chi2
+    assert after.fit.chi2 <= refits.base.fit.chi2
     assert after.fit.values["zero-error.shift"] == pytest.approx(
         refits.base.fit.values["zero-error.shift"], abs=0.1
     )

@@ -123,7 +123,7 @@ class _Telling:
             or self._off_form,
             probabilities=tuple(self._probabilities()),
             ranking=rows,
-            lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
+            lack_of_fit=LackOfFit(base.reduced, base.fit.p_value, base.problem.n_effective),
             model_discrepancy_percent=float(self.problem.assembly.model.rig.discrepancy_percent),
             fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
             residual_law=law and {"text": law.text_with_values, "quantity": law.quantity},

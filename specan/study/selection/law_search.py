@@ -237,7 +237,7 @@ def target_named(start: Refit, name: str) -> Target | None:
         rows = slice(first, first + each.n)
         white[rows, rows] = each.whiten(np.diag(slope[rows]))
         first += each.n
-    return Target(name, quantity.unit, white * start.weights[:, None], value)
+    return Target(name, quantity.unit, white, value)
 
 
 def _shifted(start: Refit, name: str, unit: str, size: float) -> list[Array]:

@@ -14,7 +14,6 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.estimation.continuation import ENOUGH, continuation_fit
-from specan.study.estimation.distributions import tail
 from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.levenberg_marquardt import (
     STALL_TOLERANCE,
@@ -27,7 +26,7 @@ from specan.study.estimation.levenberg_marquardt import (
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
 from specan.study.selection.either_sign import of_either_sign
-from specan.study.selection.score_test import Scored, row_weights
+from specan.study.selection.score_test import Scored
 from specan.study.selection.signatures import with_rows_of
 
 Array = NDArray[np.float64]
@@ -65,45 +64,21 @@ class Refit:
     count: int = 0
 
     @cached_property
-    def weights(self) -> Array:
-        """Weights of the rows (see `row_weights`)."""
-        return row_weights(self.problem)
-
-    @cached_property
     def linear(self) -> Projection:
-        """The fit linearised, rows weighted; parameters that change nothing there are left out."""
-        columns = self.fit.jacobian * self.weights[:, None]
+        """The fit linearised; parameters that change nothing there are left out."""
+        columns = self.fit.jacobian
         moves = np.linalg.norm(columns, axis=0) * self.problem.scale > MOVES
-        return Projection.of(self.fit.residual * self.weights, columns[:, moves])
-
-    @cached_property
-    def chi2(self) -> float:
-        """Sum of squares of the weighted residual."""
-        return float(np.sum((self.fit.residual * self.weights) ** 2))
+        return Projection.of(self.fit.residual, columns[:, moves])
 
     @property
     def dof(self) -> float:
         """Degrees of freedom that are left, without those that only compare repeats."""
-        problem = self.problem
-        return problem.n_effective + problem.n_priors - self.linear.rank - problem.pure_error_dof
-
-    @property
-    def lack_of_fit_chi2(self) -> float:
-        """Chi-square that is left for them; repeats, from which the noise was estimated, hold their number.
-
-        Pulls out of known ranges are no lack of fit: they are a price, and are shown.
-        """
-        return max(self.chi2 - self.pulled - self.problem.pure_error_dof, 0.0)
-
-    @property
-    def pulled(self) -> float:
-        """Chi-square of the values that lie outside of what was known."""
-        return self.problem.pulled(self.fit.residual)
+        return self.fit.dof - self.problem.pure_error_dof
 
     @property
     def reduced(self) -> float:
         """Mean square of the lack of fit in units of the noise."""
-        return self.lack_of_fit_chi2 / self.dof
+        return self.fit.reduced_chi2
 
     @property
     def poor_fit(self) -> bool:
@@ -112,17 +87,12 @@ class Refit:
 
     @property
     def dispersion(self) -> float:
-        """Denominator of every test: the reduced chi-square, never below one."""
+        """The reduced chi-square, never below one."""
         return max(self.reduced, 1.0)
-
-    @property
-    def lack_of_fit(self) -> float:
-        """Probability that a right model leaves this much."""
-        return tail(self.lack_of_fit_chi2 / self.dof, self.dof, self.problem.noise_dof)
 
     def bic(self, dispersion: float) -> float:
         """Chi-square in units of `dispersion` plus the price of the added parameters."""
-        return self.chi2 / dispersion + self.count * float(np.log(self.problem.n_effective))
+        return self.fit.chi2 / dispersion + self.count * float(np.log(self.problem.n_effective))
 
     def promised(self, item: Scored) -> float:
         """Change of BIC that a signature promises."""
@@ -226,9 +196,18 @@ class Refits:
             return []
         own = [{n: v for n, v in s.items() if ParameterName(n).owner in map(str, uses)} for s in starts]
         try:
-            return [continuation_fit(problem, own, self.rough)]
+            return (
+                [{**self._not_dragged, **one} for one in own]
+                if not self.rough
+                else [continuation_fit(problem, own, True)]
+            )
         except ComputationError:  # the other starts may do better
             return []
+
+    @cached_property
+    def _not_dragged(self) -> dict[str, Any]:
+        """Values of the base on few, uncertain lines, which what is missing drags away less."""
+        return continuation_fit(self.base.problem)
 
     def _nearer(
         self, problem: Problem, start: Refit, starts: Sequence[Mapping[str, Any]]
@@ -349,13 +328,9 @@ def start_nested(
 def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dict[str, float | Array]:
     """Values to start a refit from: the linearised refit of everything along the signatures."""
     members = list(members)
-    weights, fitted = start.weights, start.fit
-    columns = np.column_stack([s.signature.columns * weights[:, None] for s in members])
-    jacobian = fitted.jacobian * weights[:, None]
-    size = start.problem.scale
-    step, *_ = np.linalg.lstsq(
-        np.column_stack([jacobian * size, columns]), -fitted.residual * weights, rcond=1e-9
-    )
+    fitted, size = start.fit, start.problem.scale
+    columns = np.column_stack([fitted.jacobian * size, *(s.signature.columns for s in members)])
+    step, *_ = np.linalg.lstsq(columns, -fitted.residual, rcond=1e-9)
     low, high = start.problem.bounds()
     theta = np.clip(fitted.theta + step[: size.size] * size, low, high)
     values: dict[str, float | Array] = dict(start.problem.values_at(theta))

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from specan.models import Use
 from specan.study.estimation.linear import Projection
-from specan.study.estimation.problem import Problem
 from specan.study.selection.signatures import Signature
 
 Array = NDArray[np.float64]
@@ -24,12 +23,6 @@ Array = NDArray[np.float64]
 INVISIBLE = 1e-6  # share of a signature, in chi-square, below which it is collinear with the base's Jacobian
 WORTH_A_TEST = 1.0  # chi-square that a signature must be able to leave at some size in its domain
 SAME_GAIN = 0.95  # of the gain of another start: too near to it to lead elsewhere
-
-
-def row_weights(problem: Problem) -> Array:
-    """Weight of each row: correlated lines are worth fewer than they are, priors are what they are."""
-    parts = [np.full(o.n, np.sqrt(o.n_effective / o.n)) for o in problem.observations]
-    return np.concatenate([*parts, np.ones(len(problem.pseudo_rows))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,20 +60,18 @@ class Scored:
         return self.amplitudes + len(self.signature.shapes)
 
 
-def score(fit: Projection, found: Sequence[Signature], weights: Array) -> list[Scored]:
+def score(fit: Projection, found: Sequence[Signature]) -> list[Scored]:
     """Score every signature; those collinear with its Jacobian are left out.
 
     Parameters
     ----------
     fit : Projection
-        The base, its rows weighted.
+        The base.
     found : sequence of Signature
-    weights : array
-        Weights of the rows.
     """
     scored = []
     for signature in found:
-        columns = signature.columns * weights[:, None]
+        columns = signature.columns
         projected = fit.project_out(columns)
         if (
             not np.sum(projected**2) > INVISIBLE * np.sum(columns**2)

@@ -57,7 +57,7 @@ def _led(
     refit: Refit, found: Sequence[Candidate], rows: Mapping[Use, NDArray[np.intp]]
 ) -> dict[Use, Displaced]:
     """One kind of error of all receivers, moved at the same time."""
-    problem, weights = refit.problem.with_uses([c.use for c in found]), refit.weights[: refit.problem.n_data]
+    problem = refit.problem.with_uses([c.use for c in found])
     neutral: dict[str, float] = {name: c.neutral(name) for c in found for name in c.amplitudes}
     theta = problem.start({**refit.fit.values, **neutral})
     place = {name: k for k, name in enumerate(problem.names)}
@@ -68,7 +68,7 @@ def _led(
     }
 
     def at(many: list[Array]) -> Array:
-        return residuals(problem, [problem.values_at(one) for one in many]) * weights[:, None]
+        return residuals(problem, [problem.values_at(one) for one in many])
 
     start = at([theta])[:, 0]
     here, reach = start.copy(), dict.fromkeys(own, 1.0)
@@ -96,7 +96,7 @@ def _led(
         mine = rows[use]
         before = float(start[mine] @ start[mine])
         gain = before - float(here[mine] @ here[mine])
-        beyond = before - noise * float(np.sum(weights[mine] ** 2))
+        beyond = before - noise * mine.size
         if gain > EXPLAINS * beyond:
             out[use] = Displaced({problem.names[k]: float(theta[k]) for k in part}, gain)
     return out

@@ -35,6 +35,7 @@ from specan.study.selection.score_test import Scored, best_of_each, different, s
 from specan.study.selection.signatures import Known, Point, default_value, shape_grid, signatures
 
 STARTS = 3  # signatures of a candidate that lie apart
+SCANNED = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
 EVERYWHERE = 2  # effects that are looked for at every place
 PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
 LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
@@ -91,18 +92,19 @@ def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
     return Refit(frozenset(), subsample, fit(subsample, start=theta))
 
 
-def scan_promising(
-    refit: Refit, scored: Mapping[Use, Sequence[Scored]], count: int
-) -> dict[Use, list[Scored]]:
+def scan_promising(refit: Refit) -> dict[Use, list[Scored]]:
     """Starting values: the most promising of all, of every effect, and the two best at every place.
 
     Few shapes may be what holds an effect back; and a low mode is much the same at the opposite end.
     """
+    candidate, _ = candidates(refit.problem)
+    known: Known = {}
+    scored = best_of_each(_scored(refit, candidate, planned_points(refit, candidate, known), known))
     order = sorted(scored, key=lambda use: refit.promised(scored[use][0]))
     names: dict[str, Use] = {}
     for use in order:
         names.setdefault(use.name, use)
-    found = scan_shapes(refit, [*order[:count], *names.values()])
+    found = scan_shapes(refit, [*order[:SCANNED], *names.values()])
     if not found:
         return found
     best = dict.fromkeys(use.name for use in sorted(found, key=lambda use: refit.promised(found[use][0])))
@@ -276,7 +278,7 @@ def _scored(
     refit: Refit, found: Sequence[Candidate], points: Mapping[Use, Sequence[Point]], known: Known
 ) -> list[Scored]:
     tried = signatures(refit.problem, refit.fit, found, points, known)
-    return score(refit.linear, tried, refit.weights)
+    return score(refit.linear, tried)
 
 
 def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
