@@ -12,7 +12,7 @@ from specan.errors import SpecanError, unforeseen
 from specan.study.design.operating_points import explore, propose
 from specan.study.design.proposal import Proposal
 from specan.study.estimation.fit import describe
-from specan.study.evidence.explanations import Explanation, Explanations
+from specan.study.evidence.explanations import SURE, Explanation, Explanations
 from specan.study.evidence.form_errors import FORMS
 from specan.study.evidence.judgement import (
     OF_THE_BEST,
@@ -25,7 +25,7 @@ from specan.study.localisation.localise import localise
 from specan.study.localisation.mistaken_set_up import undeclared_shifts
 from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.law_search import likeliest_law
-from specan.study.selection.pulls import pulls, shown, what_would_tell
+from specan.study.selection.pulls import TOO_FAR, pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
 from specan.study.verdict import (
     LEAST_TOLD,
@@ -40,15 +40,11 @@ from specan.study.verdict import (
     places_of,
 )
 
-MOST_RANKED = 12  # sets of effects in the table
-MOST_STATED = 20  # explanations that are listed with their probability
-MOST_PLACES = 12  # where the model fails, that are told
+MOST_TOLD = 12  # sets of effects in the table, and places where the model fails
 LISTED = 1e-4  # probability below which an explanation is not listed
-TOO_FAR = 3.0  # standard deviations outside of what is known, from which a fit is said to need that value
 LACK_OF_FIT = 1e-3  # probability below which a model does not fit
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
-OPEN = 0.95  # probability of the best explanation above which nothing is left to decide
 OFF_FORM = 0.9  # probability that the errors of form are the largest, above which a name is doubted
 DOUBT = 0.2  # probability of something else from which it is said: twice what it is before any data
 
@@ -125,7 +121,7 @@ class _Telling:
             ranking=rows,
             lack_of_fit=LackOfFit(base.reduced, base.fit.p_value, base.problem.n_effective),
             model_discrepancy_percent=float(self.problem.assembly.model.rig.discrepancy_percent),
-            fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
+            fails_at=tuple(block.as_dict() for block in fails_at[:MOST_TOLD]),
             residual_law=law and {"text": law.text_with_values, "quantity": law.quantity},
             smallest_visible=visible,
             not_testable=self.explanations.forms[0].catalogue.not_testable,
@@ -153,7 +149,7 @@ class _Telling:
                 places_of(one.uses),
                 one.probability,
             )
-            for one in self.judged.stated[:MOST_STATED]
+            for one in self.judged.stated
             if one.probability > LISTED
         ]
 
@@ -220,7 +216,7 @@ class _Telling:
     def _ranking(self) -> tuple[Ranked, ...]:
         rows = []
         for one in [one for one in self.judged.stated if one.kind == "effects" and one.best.fitted][
-            :MOST_RANKED
+            :MOST_TOLD
         ]:
             refit = self.refit(one.best)
             named = one in self.judged.sets
@@ -256,7 +252,7 @@ class _Telling:
         if kind == "unknown-effect":
             return explore(self.base, fails_at)
         told = [one for one in self.judged.stated if one.kind in ("effects", "nothing") and one.best.fitted]
-        if told[0].probability > OPEN:
+        if told[0].probability > SURE:
             return ()
         near = without_larger(one for one in told if one.probability > told[0].probability * OF_THE_BEST)
         plain = [one for one in near if not one.best.form.parts][:4]

@@ -14,7 +14,7 @@ import heapq
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count, product
 from math import comb, prod
@@ -26,7 +26,7 @@ from scipy.special import logsumexp
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.estimation.fit import Fit, fit
-from specan.study.estimation.levenberg_marquardt import NotSettledError, descend, descend_steps
+from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import Fault, Faults
 from specan.study.evidence.form_errors import FORMS, FormErrors, OverConditions
@@ -36,12 +36,15 @@ from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array
 from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import without
+from specan.study.selection.refits import Refit, Refits
 
 EffectSet = frozenset[Use]
 
 # Beforehand: half that nothing is missing, the rest by how often each is met; sets of one and of two effects.
 NOTHING, OF_SIZE, UNKNOWN, FAULT = 0.5, (0.3, 0.1), 0.05, 0.05
-NOTHING_ABOVE = 0.05  # probability of "nothing is missing" below which something is
+SURE = (
+    0.95  # probability from which something is missing, the data have a fault, or nothing is left to decide
+)
 FOLLOWS_ITSELF = 0.05  # of each autoregressive form of the noise
 BEYOND = 0.01  # that a value lies beyond what is known of it: what a range is declared for
 PULLED = 1.0  # standard deviations outside of what is known, from which a value is also fitted without that
@@ -51,8 +54,6 @@ SLACK = 1.5  # ln by which a linear promise may fall short of a fit
 AS_GOOD = 1.0  # ln of the best probability over that of something else, from where every effect is fitted
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to a promise
 LISTED = 9.0  # ln of the best probability over that of what counts at all
-NEAR = 2  # Jacobians that lead near enough to a minimum: the evidence takes one more linear step
-POLISHED = 4.0  # ln of the best probability over one that is led to its minimum
 STARTS = 2  # of another form of the base
 BESIDE = 4  # sets beside which something else is looked for
 
@@ -109,12 +110,16 @@ class Explanation:
 
 @dataclass(eq=False)
 class Form:
-    """The base with parts of it in a published form: ``{"bearing-friction": "palmgren-bearings"}``, or as declared."""
+    """The base with parts of it in a published form: ``{"bearing-friction": "palmgren-bearings"}``, or as declared.
+
+    `known` holds SI values near the minimum of some sets.
+    """
 
     parts: Mapping[str, str]
     problem: Problem
     fit: Fit
     ln_prior: float
+    known: Mapping[EffectSet, Mapping[str, Any]] = field(default_factory=dict)
 
     @cached_property
     def tangent(self) -> Tangent:
@@ -125,6 +130,11 @@ class Form:
     def marginal(self) -> Marginal:
         """Of the base."""
         return Marginal(self.tangent)
+
+    @cached_property
+    def refits(self) -> Refits:
+        """Fits of it with effects."""
+        return Refits(Refit(frozenset(), replace(self.problem, one_sided=True), self.fit), self.known)
 
     @cached_property
     def catalogue(self) -> Catalogue:
@@ -153,6 +163,9 @@ class Explanations:
     """
 
     fitted_anyway = 5  # single effects that are fitted whatever they promise
+    # Every effect is fitted from its default too, which one needs whose slope is nothing where it vanishes; and more is
+    # expected beside a set as soon as it is fitted.
+    cheap = True
 
     def __init__(
         self,
@@ -211,7 +224,6 @@ class Explanations:
                 f"fitting with {' and '.join(map(str, sorted(uses)))}", SETS * (1 - 0.9 ** len(fitted))
             )
             self._add(form, uses, promise)
-        self._polish()
         self._list({key: found for key, found in left.items() if key not in fitted})
 
     def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
@@ -285,81 +297,18 @@ class Explanations:
         return found
 
     def _add(self, form: Form, uses: EffectSet, promise: Promise) -> None:
-        """Fit a set from the lowest of some starts and keep it, and what is to be expected beside it."""
-        problem = replace(form.problem.with_uses(sorted(uses)), one_sided=True)
-        lowest = self._lowest([problem.start(values) for values in self._along(promise)], problem)
-        own = [] if lowest is None else [lowest]
-        if len(uses) == 1:  # an effect whose slope is nothing where it vanishes promises nothing there
-            own.append(problem.start(form.fit.values))
-        reached = []
-        for start in own:
-            with suppress(ComputationError):
-                reached.append(descend_steps(problem, start, NEAR))
-        theta = self._lowest(reached, problem)
-        one = None if theta is None else self._keep(form, uses, problem, theta, exact=len(uses) == 1)
-        if one is not None and len(uses) < len(OF_SIZE):
-            self._expect(one)
-
-    def _lowest(self, places: Sequence[Array], problem: Problem) -> Array | None:
-        """The place with the least sum of squares."""
-        found = []
-        for number, theta in enumerate(places):
-            with suppress(ComputationError):
-                found.append((float(np.sum(problem.residual(theta) ** 2)), number))
-        found = [one for one in found if np.isfinite(one[0])]
-        return places[min(found)[1]] if found else None
-
-    def _keep(
-        self, form: Form, uses: EffectSet, problem: Problem, theta: Array, exact: bool
-    ) -> Explanation | None:
-        """An explanation of a set near a minimum, or led to it, in place of one that lies higher."""
-        try:
-            if exact:
-                there = descend(problem, theta)
-                tangent = Tangent.at(problem, there.theta, there.residual, there.jacobian)
-            else:
-                tangent = Tangent.at(problem, theta, problem.residual(theta), problem.jacobian(theta))
-        except NotSettledError as fault:
-            there = fault.reached
-            tangent = Tangent.at(problem, there.theta, there.residual, there.jacobian)
-        except ComputationError:
-            return None
-        if not np.all(np.isfinite(tangent.jacobian)):
-            return None
+        """Fit a set and keep it, and what is to be expected beside it."""
+        start = form.refits.done[uses - {promise.use}]
+        default = [start.fit.values] if self.cheap and len(uses) == 1 else []
+        refit = form.refits.fit(start, uses, [*self._along(promise), *default])
+        if refit is None:
+            return
+        tangent = Tangent.at(refit.problem, refit.fit.theta, refit.fit.residual, refit.fit.jacobian)
         _, ln_evidence = self.weighed(form, tangent)
         one = Explanation("effects", form, uses, tangent, self._ln_prior(form, uses), ln_evidence)
-        for k, other in enumerate(self.found):
-            if other.form is form and other.uses == uses:
-                if one.tangent.chi2 < other.tangent.chi2:
-                    self.found[k] = one
-                return self.found[k]
         self.found.append(one)
-        return one
-
-    def _polish(self) -> None:
-        """Lead the likeliest sets to their minimum, and what each of them contains from there."""
-        done: set[tuple[int, EffectSet]] = set()
-        while True:
-            least = self.best - POLISHED
-            rest = [e for e in self.found if len(e.uses) > 1 and e.ln_joint > least]
-            rest = [e for e in rest if (id(e.form), e.uses) not in done]
-            if not rest:
-                return
-            for one in rest:
-                done.add((id(one.form), one.uses))
-                better = self._keep(one.form, one.uses, one.tangent.problem, one.tangent.theta, exact=True)
-                values = one.tangent.problem.values_at((better or one).tangent.theta)
-                for use in one.uses:
-                    less = one.uses - {use}
-                    problem = replace(one.form.problem.with_uses(sorted(less)), one_sided=True)
-                    theta = problem.start(values)
-                    with suppress(ComputationError):
-                        if self._lower(one.form, less, float(np.sum(problem.residual(theta) ** 2))):
-                            self._keep(one.form, less, problem, theta, exact=True)
-
-    def _lower(self, form: Form, uses: EffectSet, chi2: float) -> bool:
-        """Whether a sum of squares is lower than that of a set that was fitted."""
-        return all(chi2 < e.tangent.chi2 for e in self.found if e.form is form and e.uses == uses)
+        if self.cheap and len(uses) < len(OF_SIZE):
+            self._expect(one)
 
     @property
     def best(self) -> float:
@@ -517,7 +466,7 @@ class Explanations:
         """
         form = one.form
         count = len({c.use.name for c in form.catalogue.candidates})
-        needed = float(np.log(NOTHING / (OF_SIZE[0] / max(count, 1))) - np.log(NOTHING_ABOVE))
+        needed = float(np.log(NOTHING / (OF_SIZE[0] / max(count, 1))) - np.log1p(-SURE))
         return form.catalogue.visible(self.looked_at(one), self.looked_at(self._bare(form)), needed)
 
     def looked_at(self, one: Explanation) -> Marginal:

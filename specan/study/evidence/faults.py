@@ -24,19 +24,10 @@ from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.units import convert, printed_unit
 
-SIZES = (
-    0.003,
-    0.01,
-    0.03,
-    0.1,
-    0.3,
-)  # of what the model predicts: deviations of what is not known, summed over
-OF_A_SETTING = (
-    1.0,
-    3.0,
-    10.0,
-    30.0,
-)  # the same of a scale without a zero, in its usual uncertainties of setting
+# Deviations of what is not known, summed over: of what the model predicts; and of a scale without a zero, in its usual
+# uncertainties of setting.
+SIZES = (0.003, 0.01, 0.03, 0.1, 0.3)
+OF_A_SETTING = (1.0, 3.0, 10.0, 30.0)
 PLACES = 200  # rows from which on something may differ, or values above which, that are tried
 MOST_LINES = 6  # that a sentence names
 LEAST_ROWS = 3  # on either side of such a row

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from specan.study.evidence.explanations import NOTHING_ABOVE, EffectSet, Explanation, Explanations
+from specan.study.evidence.explanations import SURE, EffectSet, Explanation, Explanations
 
-FAULT_ABOVE = (
-    0.95  # probability of a fault of the data above which a verdict says so: its owner has to look for it
-)
 OF_THE_BEST = 1 / 30  # probability over that of the best set, from which a set is named beside it
 
 
@@ -88,11 +85,11 @@ def judge(explanations: Explanations) -> Judgement:
     whole = Judgement("", (), all_of_them)
     named = whole.probability("effects")
     fault = whole.probability("fault")
-    if fault > FAULT_ABOVE:
+    if fault > SURE:  # its owner has to look for it
         faults = tuple(one for one in all_of_them if one.kind == "fault")
         return Judgement("faulty-data", faults[:1], all_of_them)
     # A fault that is not sure is no reason to say that an effect is missing.
-    if whole.probability("nothing") > NOTHING_ABOVE * (1 - fault):
+    if whole.probability("nothing") > (1 - SURE) * (1 - fault):
         return Judgement("nothing-missing", (), all_of_them)
     beyond = [one for one in all_of_them if one.kind == "beyond"]
     if whole.probability("beyond") > max(named, whole.probability("unknown")):

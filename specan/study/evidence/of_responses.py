@@ -29,7 +29,6 @@ from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import confounded_with
 from specan.study.selection.initial_fit import InitialFit, with_covariances_about
-from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.single_instruments import displaced
 
 SHORT = 2 / 3  # of what a promise leaves from afar, that a fit may take away in addition
@@ -46,6 +45,8 @@ class OfResponses(Explanations):
         The base, what is fitted first, and values near the minimum of some sets.
     """
 
+    cheap = False
+
     def __init__(self, near: InitialFit, progress: Progress = unheard) -> None:
         self.fitted_anyway = 3 if near.base.poor_fit else 1
         self.errors = AlongLines()
@@ -58,9 +59,9 @@ class OfResponses(Explanations):
 
     def _about(self, near: InitialFit) -> None:
         """Look from a base whose covariance is about some field."""
-        self.near, self.refits = near, Refits(near.base, near.known)
+        self.near = near
         self.problem, self.base = near.base.problem, near.base.fit
-        self.forms = [Form({}, self.problem, self.base, 0.0)]
+        self.forms = [Form({}, self.problem, self.base, 0.0, near.known)]
         self.found = []
         self._grown: set[EffectSet] = set()
         self._promised: dict[EffectSet, Promise] = {}
@@ -113,7 +114,7 @@ class OfResponses(Explanations):
             for use in self.near.likely:
                 yield np.inf, Promise(use, 0.0, ())
             return
-        refit, beside = self.refits.done[one.uses], self.looked_at(one)
+        refit, beside = one.form.refits.done[one.uses], self.looked_at(one)
         part, tangent = beside.tangent.problem, beside.tangent
         worth = self.problem.n_data / part.n_data
         here = replace(
@@ -160,7 +161,7 @@ class OfResponses(Explanations):
         (use,) = best.uses
         for rival in confounded_with(self.problem.assembly.model, use):
             promise = self._promised.pop(frozenset({rival}), None)
-            if promise is not None and frozenset({rival}) not in self.refits.done:
+            if promise is not None and frozenset({rival}) not in best.form.refits.done:
                 self._wait(np.inf, best.form, frozenset({rival}), promise)
 
     def _may_grow(self, uses: EffectSet) -> bool:
@@ -189,23 +190,3 @@ class OfResponses(Explanations):
             self.found.append(
                 replace(one, kind="unknown", ln_prior=ln_prior, ln_evidence=bare.ln_evidence + gain)
             )
-
-    # --- fits -----------------------------------------------------------------------------------
-
-    def _add(self, form: Form, uses: EffectSet, promise: Promise) -> None:
-        """Fit a set, and keep it."""
-        start = self.refits.done[uses - {promise.use}]
-        refit = self.refits.fit(start, uses, promise.starts)
-        if refit is not None:
-            self.found.append(self._explanation(form, refit))
-
-    def _explanation(self, form: Form, refit: Refit) -> Explanation:
-        fit = refit.fit
-        tangent = Tangent.at(refit.problem, fit.theta, fit.residual, fit.jacobian)
-        _, ln_evidence = self.weighed(form, tangent)
-        return Explanation(
-            "effects", form, refit.uses, tangent, self._ln_prior(form, refit.uses), ln_evidence
-        )
-
-    def _polish(self) -> None:
-        """Sets are fitted to their minimum already."""

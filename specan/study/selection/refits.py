@@ -18,6 +18,7 @@ from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.levenberg_marquardt import (
     STALL_TOLERANCE,
     Minimum,
+    NotSettledError,
     best_screened,
     descend,
     descend_steps,
@@ -260,7 +261,7 @@ class Refits:
         best: Minimum | None = None
         reason = ""
         thetas = [problem.start(values) for values in starts]
-        if problem.strategy.continuation:  # many starts, and most of them lead astray slowly
+        if not problem.strategy.either_sign:  # most of several starts lead astray slowly
             try:
                 thetas = [best_screened(problem, thetas)]
             except ComputationError as fault:
@@ -274,6 +275,8 @@ class Refits:
                     if self.rough
                     else descend(problem, theta, _slopes(fewer, problem, theta), lowest)
                 )
+            except NotSettledError as fault:
+                found = fault.reached
             except ComputationError as fault:
                 reason = fault.found
                 continue

@@ -36,22 +36,19 @@ from specan.study.selection.signatures import Known, Point, default_value, shape
 
 STARTS = 3  # signatures of a candidate that lie apart
 SCANNED = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
-EVERYWHERE = 2  # effects that are looked for at every place
+BEST = (
+    2  # effects that are looked for at every place; places of an element; places from which a search goes on
+)
 PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
 LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
 RESONANCES = 45  # 5 % apart over a decade
-FROM_CORNER, EACH_EDGE = (
-    0.08,
-    5,
-)  # of an edge, and places along each: two a wavelength where an edge holds one and a half
-ALL_OVER = 2  # of these places, from which a search goes on
+EACH_EDGE = 5  # places along an edge that are tried with sizes: two a wavelength where it holds 1.5
 WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side of the best, and how often
 
 Array = NDArray[np.float64]
 
 EACH_WAY = 11  # places along an edge, corners among them: a sixth of a wavelength where an edge holds two
 FROM_EDGE = 0.04  # of an edge
-MOST_SEATS = 2  # places of one element
 LEAST_SHARE = 0.7  # share of what the best place explains, below which another is no place to begin
 
 
@@ -109,7 +106,7 @@ def scan_promising(refit: Refit) -> dict[Use, list[Scored]]:
         return found
     best = dict.fromkeys(use.name for use in sorted(found, key=lambda use: refit.promised(found[use][0])))
     return found | scan_shapes(
-        refit, [use for use in order if use.name in [*best][:EVERYWHERE] and use not in found]
+        refit, [use for use in order if use.name in [*best][:BEST] and use not in found]
     )
 
 
@@ -166,7 +163,7 @@ def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
     if len(places) < 3 or candidate.without_prior:
         return []
     usual: Point = {name: default_value(candidate, name) for name in candidate.shapes}
-    along = [float(part) for part in np.linspace(FROM_CORNER, 1 - FROM_CORNER, EACH_EDGE)]
+    along = [float(part) for part in np.linspace(2 * FROM_EDGE, 1 - 2 * FROM_EDGE, EACH_EDGE)]
     points: list[Point] = [
         {**usual, **dict(zip(places, place, strict=True)), candidate.amplitudes[0]: size}
         for size in _sizes(candidate)
@@ -175,7 +172,7 @@ def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
     scored = sorted(
         _scored(refit, [candidate], {candidate.use: points}, known), key=lambda s: -s.chi2_reduction
     )
-    led = [_coordinate_search(refit, candidate, best, known) for best in different(scored, ALL_OVER)]
+    led = [_coordinate_search(refit, candidate, best, known) for best in different(scored, BEST)]
     return list({tuple(best.signature.shapes.values()): best for best in led}.values())
 
 
@@ -339,7 +336,7 @@ def likely_places(refit: Refit, found: Sequence[Candidate]) -> dict[Use, list[Fo
                 dict(zip(names, (float(grid[i]), float(grid[j])), strict=True)),
                 float(share[i, j]),
             )
-            for i, j in peaks[:MOST_SEATS]
+            for i, j in peaks[:BEST]
         ]
     return out
 
