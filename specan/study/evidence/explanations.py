@@ -134,7 +134,8 @@ class Form:
     @cached_property
     def refits(self) -> Refits:
         """Fits of it with effects."""
-        return Refits(Refit(frozenset(), replace(self.problem, one_sided=True), self.fit), self.known)
+        problem = replace(self.problem, one_sided=not self.problem.strategy.frugal)
+        return Refits(Refit(frozenset(), problem, self.fit), self.known)
 
     @cached_property
     def catalogue(self) -> Catalogue:

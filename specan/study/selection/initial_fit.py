@@ -98,7 +98,7 @@ def initial_fit(
             look(use)
     near = _nearest(refits)
     for use in near.uses:
-        # What is easily taken for it, and the same elsewhere: opposite walls are alike from afar.
+        # What is easily taken for it, and the same elsewhere: opposite ends are alike from afar.
         alike = [other for other in found if other.name == use.name]
         for other in (*alike, *confounded_with(start.problem.assembly.model, use)):
             look(other)
