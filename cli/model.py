@@ -36,9 +36,10 @@ def list_models(as_json: bool) -> None:
     """
     from specan.models.catalogue import example_model, model_names, model_summary
 
-    names = model_names()
+    models = {name: example_model(name) for name in model_names()}
     rows = [
-        {"name": n, "summary": model_summary(n), "effects": list(example_model(n).effects)} for n in names
+        {"name": name, "summary": model_summary(name), "effects": sorted([*model.effects, *model.unsuited])}
+        for name, model in models.items()
     ]
     if as_json:
         emit_json(rows)

@@ -13,7 +13,7 @@ from specan.models import Model, Nuisance, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
 from specan.study.build_problem import undetermined
-from specan.study.history import Step, changing, commit, line_of
+from specan.study.history import Step, changing
 from specan.study.observation import kind_of
 from specan.study.study import Study, relative_to
 from specan.study.study_file import NAME, StudyText, file_hash
@@ -115,8 +115,7 @@ def begin(
         with changing(directory):
             if (directory / NAME).exists():
                 raise RequestError(f"{directory} holds a study by now", remedy="choose another directory")
-            commit(directory, study.text().text, line_of(step))
-        study.history.append(step)
+            study.keep(step)
     except BaseException:
         if not existed and not (directory / NAME).exists():
             shutil.rmtree(directory, ignore_errors=True)

@@ -18,7 +18,7 @@ from specan.result import Result
 from specan.study.build_problem import undetermined
 from specan.study.create import effect_entry, hold_undetermined
 from specan.study.estimation.fit import fit, intervals_95, profile_interval
-from specan.study.history import History, Step, changing, commit, error_pairs, line_of
+from specan.study.history import History, Step, changing, commit, error_pairs
 from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyText, read_study_file
@@ -125,16 +125,16 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
     with changing(study.directory):
         study = _as_it_stands(study)
         _check_addable(study, use)
-        by_hand, before, text = study.unrecorded(), study.step("now"), study.text()
+        before, text = _begun(study)
         if use in study.problem.nuisances:
             text.set_role(use, "model")
         else:
             text.add_effect(effect_entry(use))
         changed, held = hold_undetermined(Study(study.directory, draft=text))
-        after = _kept(changed, by_hand, "add", use, because, study)
+        after = changed.step("add", str(use), because, study.diagnosed)
         intervals = _intervals(changed, use)
         remarks = _remarks_on_adding(study, changed, before, after, use, held)
-        _commit(changed, by_hand, after)
+        changed.keep(after)
     return Change(before, after, study, changed, intervals, held, tuple(remarks))
 
 
@@ -146,15 +146,15 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
         names = study.model_effects
         if str(use) not in names:
             raise RequestError(f"{effect!r} is not in the model", remedy=nearest(effect, names))
-        by_hand, before, text = study.unrecorded(), study.step("now"), study.text()
+        before, text = _begun(study)
         has_prior = any(Use.parse(n.effect) == use for n in study.model.nuisances)
         if has_prior:
             text.set_role(use, "nuisance")
         else:
             text.drop_effect(use)
         changed = Study(study.directory, draft=text)
-        after = _kept(changed, by_hand, "drop", use, because, study)
-        _commit(changed, by_hand, after)
+        after = changed.step("drop", str(use), because, study.diagnosed)
+        changed.keep(after)
     remarks = [f"{use} is constrained by its certificate again"] if has_prior else []
     remarks += _on_errors(before, after, expected_to_fall=False)
     return Change(before, after, study, changed, {}, (), tuple(remarks))
@@ -214,18 +214,12 @@ def _as_it_stands(study: Study) -> Study:
     return study if same_file and same_history else Study(study.directory)
 
 
-def _kept(changed: Study, by_hand: Step | None, action: str, use: Use, because: str, study: Study) -> Step:
-    """The step that a change makes, numbered after a change by hand that is kept with it."""
+def _begun(study: Study) -> tuple[Step, StudyText]:
+    """The state before a change, and the text to change; what was done by hand before is kept as a step of its own."""
+    by_hand = study.unrecorded()
     if by_hand is not None:
-        changed.history.append(by_hand)
-    return changed.step(action, str(use), because, study.diagnosed)
-
-
-def _commit(changed: Study, by_hand: Step | None, after: Step) -> None:
-    """Write the changed study with the steps that led to it."""
-    steps = [after] if by_hand is None else [by_hand, after]
-    commit(changed.directory, changed.text().text, "".join(map(line_of, steps)))
-    changed.history.append(after)
+        study.keep(by_hand)
+    return study.step("now"), study.text()
 
 
 def _own_file(study: Study, path: Path) -> tuple[Study, str]:

@@ -437,13 +437,17 @@ class Study:
         )
 
     def record_changes(self) -> Step | None:
-        """Keep as a step what a person changed by hand since the last one; None where nothing was."""
+        """Keep what somebody did to the study by hand as a step; None if nothing was done."""
         step = self.unrecorded()
         if step is not None:
             with changing(self.directory):
-                commit(self.directory, None, line_of(step))
-            self.history.append(step)
+                self.keep(step)
         return step
+
+    def keep(self, step: Step) -> None:
+        """Write a step, and the study as it is then; the caller holds it by `changing`."""
+        commit(self.directory, self.text().text if self.draft else None, line_of(step))
+        self.history.append(step)
 
     def unrecorded(self) -> Step | None:
         """What a person changed by hand since the last step, as a step that is not kept yet."""

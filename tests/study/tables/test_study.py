@@ -420,6 +420,6 @@ def test_the_report_shows_names_as_text_and_needs_no_network(study, files, tmp_p
     assert "<script>alert" not in page
     assert "&lt;script&gt;" in page
     assert "&lt;b&gt;table &amp; co" in page
-    assert page.count("data:image/png;base64,") == 4
+    assert page.count("data:image/png;base64,") == 3
     assert "load-dependent-friction" in page
     assert "held out" in page
