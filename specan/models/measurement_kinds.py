@@ -289,8 +289,8 @@ class Receivers:
         The model's axis that names them.
     noun, plural : str
         What they are called in sentences.
-    role, reference_role, helper_role : str
-        Roles of their channels, of the reference channel and of the drive signal in a recording.
+    role, reference_role : str
+        Roles of their channels and of the reference channel in a recording.
     band_hz : tuple of float
         Lowest and highest frequency that is looked at.
     positions_m : array (receivers, 3)
@@ -331,7 +331,6 @@ class Receivers:
     plural: str
     role: str
     reference_role: str
-    helper_role: str
     band_hz: tuple[float, float]
     positions_m: Array
     moved_by: str

@@ -7,7 +7,7 @@ from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
 from specan.models.catalogue import load_model
 from specan.room.study.estimate_frf import observe_recording
-from specan.study.data.line_noise import noise_density
+from specan.study.data.estimated_lines import noise_density
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
 from specan.study.observation.window_leakage import fold
 
@@ -39,7 +39,7 @@ def test_folded_model_equals_the_estimate_of_the_filtered_reference():
     v, p = filtered(np.random.default_rng(0))
     lines = np.arange(20, 700)
     estimate = h1(v, p, lines, 1000, 1000)
-    folding = fold(v, RATE, BLOCK, 1000, 1000, lines)
+    folding = fold(v, RATE, BLOCK, 1000, lines)
     folded = folding(response(folding.nodes)[None])[0]
     size = np.sqrt(np.mean(np.abs(estimate) ** 2))
     assert np.sqrt(np.mean(np.abs(folded - estimate) ** 2)) < 1e-3 * size
@@ -55,7 +55,7 @@ def test_a_room_that_rings_for_long_is_folded_rightly(monkeypatch, liveliness, w
     v, p = filtered(np.random.default_rng(6), history=8)
     lines = np.arange(20, 700)
     estimate = h1(v, p, lines, 4000, 1000)
-    folding = fold(v, RATE, BLOCK, 1000, 4000, lines)
+    folding = fold(v, RATE, BLOCK, 4000, lines)
     gap = folding(response(folding.nodes)[None])[0] - estimate
     assert np.sqrt(np.mean(np.abs(gap) ** 2)) < worst * np.sqrt(np.mean(np.abs(estimate) ** 2))
 

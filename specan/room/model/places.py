@@ -97,7 +97,6 @@ def room_receivers(
         plural="microphones",
         role="microphone",
         reference_role="vibrometer",
-        helper_role="generator",
         band_hz=(rig.band.f_min_hz, rig.band.f_max_hz),
         positions_m=positions,
         moved_by="microphone-position",

@@ -15,19 +15,15 @@ from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.models import Model, Receivers
 from specan.models.measurement_kinds import InRecording
+from specan.room.study.background_noise import background_noise
 from specan.room.study.block_length import block_length
-from specan.study.data.background_noise import background_noise
-from specan.study.data.line_noise import LEAST_BLOCKS, noise_of_lines
+from specan.study.data.estimated_lines import LEAST_BLOCKS, estimate_lines
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import Drift, FrfObservation
-from specan.study.observation.window_leakage import fold
 
 SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
 LISTENING = 4  # receivers that the decay is taken from
-TOGETHER = 1 << 21  # samples of blocks that are analysed together: a second of 40 channels at 51.2 kHz
-
-Complex = Any
 
 Real = NDArray[np.float64]
 
@@ -81,6 +77,7 @@ def observe_recording(
         )
     settings = TransferFunction(
         reference=reference.label,
+        channels=tuple(channel.label for channel in channels),
         estimator=estimator,  # type: ignore[arg-type]
         lines=round(rate * block_s / 2.56),
         window="hann",
@@ -95,18 +92,23 @@ def observe_recording(
             f"{recording.label} lasts {reference.duration_s:.1f} s",
             expected=f"at least {least:.1f} s for lines {rate / block:.2g} Hz apart",
         )
-    frequency_hz, response = _estimated(recording, receivers, settings, channels, band)
-    helper = recording.by_role(receivers.helper_role)[:1] if estimator == "H3c" else ()
-    signals = recording.read([reference, *helper])
-    lines = np.round(frequency_hz * block / rate).astype(int)
-    folding = fold(signals[0], rate, block, block // 2, start, lines, signals[1] if helper else None)
-    spacing = block / rate
-    quiet = background_noise(background, recording, channels, spacing, frequency_hz) if background else None
-    noise = noise_of_lines(recording, reference, channels, signals, frequency_hz, block, start, quiet)
-    density = _density_at(signals[0], rate, block, reference, folding.nodes)
+    found = estimate_lines(recording, reference, settings, band)
+    if not np.any(np.nanmedian(found.coherence, axis=1) > 0.2):
+        raise InputError(
+            f"{recording.label}: {receivers.plural} and {receivers.reference_role} have no coherence "
+            f"between {f_min_hz:g} and {f_max_hz:g} Hz",
+            expected="noise from the source in that band",
+            remedy="check the channels or change [band]",
+        )
+    frequency_hz, folding, driven = found.frequency_hz, found.folding, found.signals[0]
+    quiet = None
+    if background:
+        quiet = background_noise(background, recording, channels, block / rate, frequency_hz)
+        found = replace(found, density=quiet.beside(found.density))
+    density = _density_at(driven, rate, block, reference, folding.nodes)
     conditions: dict[str, Any] = {"frequency": folding.nodes, "velocity_psd": density, **own.conditions}
     names = model.axes[receivers.axis]
-    noise = _in_rows(own, len(names), noise, 1)
+    noise = _in_rows(own, len(names), found.noise, 1)
     kept = np.zeros(noise.shape, dtype=bool)
     kept[own.rows] = _looked_at(receivers, frequency_hz)
     plain = FrfObservation(
@@ -116,7 +118,7 @@ def observe_recording(
         frequency_hz=frequency_hz,
         line_hz=rate / block,
         channels=names,
-        response=_in_rows(own, len(names), response, 0),
+        response=_in_rows(own, len(names), found.response, 0),
         noise=noise,
         random=noise,
         folding=folding,
@@ -127,7 +129,7 @@ def observe_recording(
             *([f"{recording.label}: {own.text}"] if own.text else []),
             *([quiet.text] if quiet and quiet.text else []),
         ),
-        drift=Drift.of(*own.drift, _block_power(signals[0][start:], block, lines)) if own.drift else None,
+        drift=Drift.of(*own.drift, _block_power(driven[start:], block, found.numbers)) if own.drift else None,
     )
     here = replace(receivers, positions_m=_own_places(receivers, own))
     calibrated = _as_calibrated(here, own, channels, u_calibrator_percent)
@@ -141,34 +143,6 @@ def _block_length(
     few = channels[:: max(1, len(channels) // LISTENING)]
     heard = (recording.read([channel])[0] for channel in few)
     return block_length(recording.read([reference])[0], heard, reference.sampling_rate, band)
-
-
-def _estimated(
-    recording: Recording,
-    receivers: Receivers,
-    settings: TransferFunction,
-    channels: Sequence[Channel],
-    band: tuple[float, float],
-) -> tuple[Real, Complex]:
-    """Lines of a band, and the transfer functions there of all channels, array (channels, lines)."""
-    parts = [
-        settings.model_copy(update={"channels": few})(recording).between(*band)
-        for few in _few_at_once([channel.label for channel in channels], settings.block)
-    ]
-    if not np.any(np.nanmedian(np.concatenate([part.coherence for part in parts]), axis=1) > 0.2):
-        raise InputError(
-            f"{recording.label}: {receivers.plural} and {receivers.reference_role} have no coherence "
-            f"between {band[0]:g} and {band[1]:g} Hz",
-            expected="noise from the source in that band",
-            remedy="check the channels or change [band]",
-        )
-    return parts[0].frequency_hz, np.concatenate([part.response for part in parts])
-
-
-def _few_at_once(names: Sequence[str], block: int) -> list[tuple[str, ...]]:
-    """Channels in parts of about one size, whose blocks hold few samples: each has many lines beyond the band."""
-    count = min(-(-len(names) * block // TOGETHER), len(names))
-    return [tuple(part.tolist()) for part in np.array_split(np.array(names), count)]
 
 
 def _block_power(reference: Real, block: int, lines: Any) -> Real:

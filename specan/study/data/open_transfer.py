@@ -20,14 +20,14 @@ from specan.errors import InputError, RequestError, SpecanError, nearest
 from specan.io.open import open_recording
 from specan.models import Model, Observable
 from specan.models.trial import try_model
-from specan.study.data.line_noise import LEAST_BLOCKS, noise_of_lines
+from specan.study.data.estimated_lines import LEAST_BLOCKS, estimate_lines
 from specan.study.data.recordings import put_aside
 from specan.study.data.recordings import reads as is_recording
 from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file, sigma_of
 from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.correlated_errors import piecewise_linear_basis
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
-from specan.study.observation.window_leakage import Folding, fold
+from specan.study.observation.window_leakage import Folding
 from specan.units import convert, is_compatible, scale_to
 
 TITLE = "transfer functions (a recording, a universal file 58, or text with frequency, re and im)"
@@ -330,47 +330,38 @@ def _lines_of_recording(
 ) -> tuple[FrfObservation, str, bool]:
     from specan.analysis.transfer_function import TransferFunction, quotient
 
-    responses = [channel for _, channel in pairs]
     settings = TransferFunction(
         reference=reference.label,
-        channels=tuple(c.label for c in responses),
+        channels=tuple(channel.label for _, channel in pairs),
         estimator=estimator,  # type: ignore[arg-type]
         align=False,
     )
     rate, seen = reference.sampling_rate, settings(recording)
     settings = settings.model_copy(update={"lines": seen.settings["lines"]})
-    block, hop = settings.block, settings.block // 2
-    # What the system remembers of the time before the record dies out within a block.
-    start = block if reference.n_samples >= (1 + LEAST_BLOCKS) * block else 0
-    if start:
-        seen = settings.model_copy(update={"start_s": start / rate})(recording)
-    top = min(band[1], float(seen.frequency_hz[-1]))
-    seen = seen.between(band[0], top)
-    order = [seen.channels.index(c.label) for c in responses]
-    lines = np.round(seen.frequency_hz * block / rate).astype(int)
-    helper = recording.by_role("generator")[0] if estimator == "H3c" else None
-    signals = recording.read([reference, *([helper] if helper else [])])
-    folding = fold(signals[0], rate, block, hop, start, lines, signals[1] if helper else None)
-    noise = noise_of_lines(recording, reference, responses, signals, seen.frequency_hz, block, start)
-    f = seen.frequency_hz
-    gain = np.stack([np.abs(c.correction(f) / reference.correction(f)) for c in responses])
+    if reference.n_samples >= (1 + LEAST_BLOCKS) * settings.block:
+        # What the system remembers of the time before the record dies out within a block.
+        settings = settings.model_copy(update={"start_s": settings.block / rate})
+    found = estimate_lines(
+        recording, reference, settings, (band[0], min(band[1], float(seen.frequency_hz[-1])))
+    )
+    f, spacing = found.frequency_hz, rate / found.block
+    gain = np.stack([np.abs(c.correction(f) / reference.correction(f)) for _, c in pairs])
     factors = []
     for observable, channel in pairs:
         unit = quotient(channel.target_unit, reference.target_unit)
         said = f"{channel.label} over {reference.label}"
         factors.append(_factor(recording.label, said, "" if unit == "1" else unit, observable))
-    factor = np.array([size for size, _ in factors])
-    found = made(
-        [o for o, _ in pairs], frequency_hz=f, line_hz=rate / block, response=factor[:, None] * seen.response[order],
-        noise=factor[:, None] * gain * noise, folding=folding, line_correlation=LINE_CORRELATION,
-        common=(seen.u_common_percent[order].max(axis=1) / 100,
-                np.radians(seen.u_common_phase_deg[order].max(axis=1))),
+    factor = np.array([[size] for size, _ in factors])
+    observation = made(
+        [o for o, _ in pairs], frequency_hz=f, line_hz=spacing, response=factor * found.response,
+        noise=factor * gain * found.noise, folding=found.folding, line_correlation=LINE_CORRELATION,
+        common=(found.u_common_percent / 100, np.radians(found.u_common_deg)),
     )  # fmt: skip
     names = ", ".join(f"{o.name} is {c.label} over {reference.label}{text}"
                       for (o, c), (_, text) in zip(pairs, factors, strict=True))  # fmt: skip
     said = (
-        f"{recording.label}: {names}; {f.size} lines of {rate / block:.3g} Hz, {estimator}, blocks of "
-        f"{block / rate:.3g} s; the model filters the recorded {reference.label} and goes through the same blocks"
-        + "".join(f"; {note}" for note in seen.notes if note.startswith("leakage"))
+        f"{recording.label}: {names}; {f.size} lines of {spacing:.3g} Hz, {estimator}, blocks of "
+        f"{1 / spacing:.3g} s; the model filters the recorded {reference.label} and goes through the same blocks"
+        + "".join(f"; {note}" for note in found.notes if note.startswith("leakage"))
     )
-    return found, said, True
+    return observation, said, True

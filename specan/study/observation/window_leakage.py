@@ -53,7 +53,6 @@ def fold(
     reference: Real,
     rate: float,
     block: int,
-    hop: int,
     start: int,
     lines: NDArray[np.intp],
     instrument: Real | None = None,
@@ -66,9 +65,9 @@ def fold(
         Recorded reference v, from the beginning of the record.
     rate : float
         Sampling rate, Hz.
-    block, hop, start : int
-        Samples of a block, between block starts, before the first block. What the field still remembers
-        of the time before the record has died out by `start`.
+    block, start : int
+        Samples of a block, of which each begins in the middle of the one before, and before the first block. What the
+        field still remembers of the time before the record has died out by `start`.
     lines : array of int
         Numbers of the lines ``f = i rate / block``.
     instrument : array (n,), optional
@@ -76,7 +75,7 @@ def fold(
     """
     from scipy.sparse import csr_array, vstack
 
-    driver = reference if instrument is None else instrument
+    driver, hop = reference if instrument is None else instrument, block // 2
     n = len(reference)
     starts = np.arange(start, n - block + 1, hop)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(block) / block)

@@ -213,7 +213,7 @@ def test_memory_of_the_window_matrix_grows_with_the_length_not_with_its_square()
     for seconds in (8, 32):
         signal_ = np.random.default_rng(0).standard_normal(rate * seconds)
         tracemalloc.start()
-        fold(signal_, rate, rate, rate // 2, rate, lines)
+        fold(signal_, rate, rate, rate, lines)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 5 * peaks[0]

@@ -1,0 +1,179 @@
+"""Lines of transfer functions of a recording: their noise, free of what short records leak, and their windows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.channel import Channel
+from specan.data.recording import Recording
+from specan.study.observation.window_leakage import Folding, fold
+
+if TYPE_CHECKING:
+    from specan.analysis.transfer_function import TransferFunction
+
+Real = NDArray[np.float64]
+
+TOGETHER = 1 << 21  # samples of blocks that are analysed together: a second of 40 channels at 51.2 kHz
+LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
+ORDER = 3  # of the polynomial
+HALF = 5  # lines of the whole record to either side; 11 equations for 8 unknowns
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatedLines:
+    """Transfer functions of a recording, with what its noise and its windows do to their lines.
+
+    Attributes
+    ----------
+    frequency_hz, numbers : array (lines,)
+        And the number of each line in a block.
+    response, coherence : array (channels, lines)
+    u_common_percent, u_common_deg : array (channels,)
+        Uncertainty of the sensitivities, the largest of all lines.
+    density : array (channels, lines)
+        Noise of the responses, squared per Hz, which no leakage enlarges.
+    worth : array (lines,)
+        Square of the random uncertainty of the real part of a line over that density.
+    folding : Folding
+        What the windows make of a model's response.
+    signals : tuple of array
+        Samples of the reference, and of the generator where one takes its noise out.
+    block, start : int
+        Samples of a block, and before the first of them.
+    notes : tuple of str
+    """
+
+    frequency_hz: Real
+    numbers: NDArray[np.intp]
+    response: NDArray[np.complex128]
+    coherence: Real
+    u_common_percent: Real
+    u_common_deg: Real
+    density: Real
+    worth: Real
+    folding: Folding
+    signals: tuple[Real, ...]
+    block: int
+    start: int
+    notes: tuple[str, ...] = ()
+
+    @property
+    def noise(self) -> Real:
+        """Random uncertainty of the real part of every line: ``sqrt(G_nn / (4 n_eff G_vv))``."""
+        return np.sqrt(self.density * self.worth)
+
+
+def estimate_lines(
+    recording: Recording, reference: Channel, settings: TransferFunction, band_hz: tuple[float, float]
+) -> EstimatedLines:
+    """Estimate the lines of a band by averages, a few channels at once: each has many lines beyond the band."""
+    from specan.dsp.welch import effective_averages, power_density
+
+    rate, block = reference.sampling_rate, settings.block
+    start = round((settings.start_s or 0.0) * rate)
+    count = min(-(-len(settings.channels) * block // TOGETHER), len(settings.channels))
+    few = [tuple(part.tolist()) for part in np.array_split(np.array(settings.channels), count)]
+    parts = [settings.model_copy(update={"channels": names})(recording).between(*band_hz) for names in few]
+    order = [[part.channels.index(name) for name in names] for part, names in zip(parts, few, strict=True)]
+
+    def all_of(name: str) -> Any:
+        return np.concatenate([getattr(part, name)[rows] for part, rows in zip(parts, order, strict=True)])
+
+    frequency = parts[0].frequency_hz
+    numbers = np.round(frequency * block / rate).astype(int)
+    helper = [recording.by_role("generator")[0]] if settings.estimator == "H3c" else []
+    signals = tuple(recording.read([reference, *helper]))
+    channels = [recording.channel(name) for name in settings.channels]
+    responses = (recording.read([channel])[0] for channel in channels)
+    f, density = power_density(signals[0][start:], rate, block)
+    drive = np.interp(frequency, f, density)
+    if helper:
+        from scipy.signal import coherence
+
+        drive = drive * np.interp(frequency, *coherence(signals[1], signals[0], rate, "hann", block))
+    averages = effective_averages((reference.n_samples - start - block) // (block // 2) + 1, "hann", 0.5)
+    return EstimatedLines(
+        frequency_hz=frequency,
+        numbers=numbers,
+        response=all_of("response"),
+        coherence=all_of("coherence"),
+        u_common_percent=all_of("u_common_percent").max(axis=1),
+        u_common_deg=all_of("u_common_phase_deg").max(axis=1),
+        density=noise_density(signals[0], responses, rate, frequency),
+        worth=1 / (2 * averages * drive),
+        folding=fold(signals[0], rate, block, start, numbers, *signals[1:]),
+        signals=signals,
+        block=block,
+        start=start,
+        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
+    )
+
+
+def noise_density(reference: Real, responses: Iterable[Real], rate: float, frequency_hz: Real) -> Real:
+    """One-sided noise density of each response at the given frequencies.
+
+    Around a line the transfer function and the transient that the record's ends leave are polynomials of
+    the line's number, ``P_k = G(k) V_k + T(k) + noise``; what a least-squares fit over a few lines of the
+    whole record's spectrum leaves is noise. A coherence of short blocks would count the leakage of a lightly
+    damped mode as noise too (Pintelon and Schoukens, System Identification, 2nd ed. (2012), ch. 7).
+
+    Parameters
+    ----------
+    reference : array (n,)
+    responses : iterable of array (n,)
+        One a channel; taken one at a time, so that a long recording need not be held whole.
+    rate : float
+        Sampling rate, Hz.
+    frequency_hz : array (lines,)
+
+    Returns
+    -------
+    array (channels, lines)
+        Unit of the responses squared per Hz, smoothed over neighbouring lines.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> v, noise = rng.standard_normal((2, 20_000))
+    >>> found = noise_density(v, 3 * v[None] + 0.1 * noise, 1000.0, np.arange(20.0, 400.0))
+    >>> round(float(found.mean() / (0.01 / 500)), 1)
+    1.0
+    """
+    n = reference.size
+    spectrum = np.fft.rfft(reference)
+    centre = np.clip(np.round(frequency_hz * n / rate).astype(int), HALF + 1, spectrum.size - HALF - 2)
+    number = np.arange(-HALF, HALF + 1)
+    powers = (number[:, None] / HALF) ** np.arange(ORDER + 1)
+    rows = centre[:, None] + number
+    system = np.concatenate(
+        [powers * spectrum[rows][..., None], np.broadcast_to(powers, (*rows.shape, ORDER + 1))], -1
+    )
+    # columns of very different size: the transient is far smaller than the response
+    scale = np.linalg.norm(system, axis=1, keepdims=True)
+    basis, _ = np.linalg.qr(system / np.where(scale > 0, scale, 1.0))
+    picked = np.stack(
+        [np.fft.rfft(response)[rows] for response in responses], axis=-1
+    )  # (lines, equations, channels)
+    left = picked - basis @ (basis.conj().transpose(0, 2, 1) @ picked)
+    freedom = rows.shape[1] - system.shape[2]
+    density = 2 * np.sum(np.abs(left) ** 2, axis=1).T / (freedom * n * rate)
+    return _smooth(density, freedom)
+
+
+def _smooth(density: Real, freedom: float) -> Real:
+    """Mean of the logarithm over neighbouring lines, freed of its bias; a peak does not lift its neighbours."""
+    from scipy.ndimage import uniform_filter1d
+    from scipy.special import digamma
+
+    logarithm = np.log(np.maximum(density, np.finfo(float).tiny))
+    bias = float(digamma(freedom)) - np.log(freedom)
+    # 15: lines over which the logarithm of the noise is averaged
+    smooth: Real = np.exp(
+        uniform_filter1d(logarithm, min(15, density.shape[1]), axis=1, mode="nearest") - bias
+    )
+    return smooth
