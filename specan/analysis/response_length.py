@@ -291,9 +291,4 @@ def leakage(
 
 def _mean_over(values: NDArray[np.float64], weights: Sequence[float]) -> NDArray[np.float64]:
     """Weighted mean over neighbouring lines (an odd number), the ends repeated."""
-    n, reach = len(values), len(weights) // 2
-    place = np.arange(n)
-    total = np.zeros(n)
-    for offset, weight in enumerate(weights, start=-reach):
-        total += weight * values[np.clip(place + offset, 0, n - 1)]
-    return total
+    return np.convolve(np.pad(values, len(weights) // 2, mode="edge"), weights, "valid")

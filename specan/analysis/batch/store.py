@@ -221,7 +221,7 @@ class Store:
             "reason": result.reason,
             "about": result.about,
             "set_aside": result.set_aside,
-            "tones": [_plain(tone) for tone in result.tones],
+            "tones": [vars(tone) for tone in result.tones],
             "checksum": zlib.crc32(b"".join(encoded.values())),
             "lines": {table: len(lines) for table, lines in encoded.items()},
             "rows": {table: lines.count(b"\n") for table, lines in encoded.items()},
@@ -229,7 +229,7 @@ class Store:
         try:
             # Not waited for: what a power cut has left half written does not have its checksum, and is made again.
             with text_file(self._path(result.label), durable=False) as file:
-                file.write(json.dumps(head) + "\n")
+                file.write(json.dumps(head, default=np.ndarray.tolist) + "\n")
                 write_encoded(file, encoded.values())
         except RequestError as fault:
             raise RequestError(
@@ -259,31 +259,25 @@ class Store:
         )
 
 
-def _plain(tone: ToneTable) -> dict[str, Any]:
-    """A tone table for JSON: numbers keep every digit, arrays are marked as such."""
-    found = {}
-    for field in fields(tone):
-        value = getattr(tone, field.name)
-        found[field.name] = {"array": value.tolist()} if isinstance(value, np.ndarray) else value
-    return found
-
-
 def _result(found: Mapping[str, Any]) -> FileResult:
-    tones = tuple(
-        ToneTable(**{name: _restored(value) for name, value in tone.items()}) for tone in found["tones"]
-    )
-    about, aside = _restored(found["about"]), _restored(found["set_aside"])
+    tones = tuple(map(_tone, found["tones"]))
+    about, aside = _tuples(found["about"]), _tuples(found["set_aside"])
     return FileResult(found["label"], found["kind"], found["reason"], about, {}, tones, aside)
 
 
-def _restored(value: Any) -> Any:
-    if isinstance(value, list):
-        return tuple(_restored(entry) for entry in value)
+def _tone(found: Mapping[str, Any]) -> ToneTable:
+    """A tone table from JSON, whose numbers keep every digit."""
+    arrays = {field.name for field in fields(ToneTable) if field.type == "Real"}
+    return ToneTable(
+        **{name: np.array(v, dtype=float) if name in arrays else _tuples(v) for name, v in found.items()}
+    )
+
+
+def _tuples(value: Any) -> Any:
+    """Lists of JSON as the tuples that they were."""
     if isinstance(value, dict):
-        if set(value) == {"array"}:
-            return np.array(value["array"], dtype=float)
-        return {key: _restored(entry) for key, entry in value.items()}
-    return value
+        return {key: _tuples(entry) for key, entry in value.items()}
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
 def unchanged(entry: Input, store: Store, *, verify: bool) -> Kept | None:
