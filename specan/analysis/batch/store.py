@@ -268,9 +268,10 @@ def _result(found: Mapping[str, Any]) -> FileResult:
 def _tone(found: Mapping[str, Any]) -> ToneTable:
     """A tone table from JSON, whose numbers keep every digit."""
     arrays = {field.name for field in fields(ToneTable) if field.type == "Real"}
-    return ToneTable(
-        **{name: np.array(v, dtype=float) if name in arrays else _tuples(v) for name, v in found.items()}
-    )
+    known: dict[str, Any] = {
+        name: np.array(v, dtype=float) if name in arrays else _tuples(v) for name, v in found.items()
+    }
+    return ToneTable(**known)
 
 
 def _tuples(value: Any) -> Any:
