@@ -130,16 +130,29 @@ class TransferFunctionAccumulator:
         self.notes = (*others, *notes)
         self.channels = (*helpers, *self.responses)
         self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
-        n = self.stop - self.start
-        least = settings.lines or LEAST_LINES
+        least, n = settings.lines or LEAST_LINES, self.stop - self.start
         if n < block_of(least):
             raise InputError(
                 f"{recording.label}: {n} samples are less than one block",
                 expected=f"at least {block_of(least)} samples for {least} lines",
                 remedy="use fewer lines" if settings.lines else "analyse a longer section",
             )
-        first = block_of(settings.lines or self._most_lines(DEFAULT_LINES))
-        self._passes_once = passes_once(recording, self.reference, first, self.start, self.stop)
+        self._choose_blocks(block_of(settings.lines or self._most_lines(DEFAULT_LINES)))
+        self._spectra = CrossSpectra(
+            self.reference.sampling_rate,
+            self.settings.block,
+            self.settings.window,
+            self.settings.overlap,
+            n_channels=len(self.channels),
+            references=[0] if self.instrument is None else [0, 1],
+            lines=self.settings.lines,
+            shifts=self.shifts,
+        )
+
+    def _choose_blocks(self, first: int) -> None:
+        """Overlap, lines and shifts, by what the beginning of the recording shows in blocks of `first` samples."""
+        settings, n = self.settings, self.stop - self.start
+        self._passes_once = passes_once(self.recording, self.reference, first, self.start, self.stop)
         if self._passes_once and "overlap" not in settings.model_fields_set:
             settings = self.settings = settings.model_copy(update={"overlap": PASSING_OVERLAP})
         seen = self._look(first) if settings.align or settings.lines is None else None
@@ -157,16 +170,6 @@ class TransferFunctionAccumulator:
         self._whole = None
         if seen is not None and seen.block == self.settings.block and not any(self.shifts):
             self._whole = None if self.instrument is not None else seen.whole
-        self._spectra = CrossSpectra(
-            self.reference.sampling_rate,
-            self.settings.block,
-            self.settings.window,
-            self.settings.overlap,
-            n_channels=len(self.channels),
-            references=[0] if self.instrument is None else [0, 1],
-            lines=self.settings.lines,
-            shifts=self.shifts,
-        )
 
     def _most_lines(self, lines: int) -> int:
         """As many lines, or half of them and so on until the section holds eight independent averages."""

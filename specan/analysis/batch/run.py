@@ -156,12 +156,7 @@ def run_batch(
     if jobs is not None and cluster is not None:
         raise RequestError("--jobs and --cluster are both given", expected="--jobs or --cluster, not both")
     settings = (settings or BatchSettings()).completed()
-    inputs = find_inputs(directories)
-    if channel_table is not None or settings.sampling_rate is not None:
-        told = {"channel_table": str(channel_table or ""), "sampling_rate": settings.sampling_rate}
-        inputs = [replace(entry, **told) for entry in inputs]  # type: ignore[arg-type]
-    if channel_table is not None:
-        read_channel_table(channel_table)
+    inputs = _inputs(directories, settings, channel_table)
     with claim(out, _certain(settings)):
         store = Store(out / STORE)
         begun = store.holds_results()
@@ -186,9 +181,9 @@ def run_batch(
             for entry in assigned.inputs
             if entry.label not in kept
         ]
+        watched = _watched(tasks, _outcomes(tasks, jobs, cluster, warn), len(kept), progress)
         failed = []
-        outcomes = _outcomes(tasks, jobs, cluster, warn)
-        for entry, outcome in _watched([task.entry for task in tasks], outcomes, resumed, progress):
+        for entry, outcome in watched:
             if outcome.identity is None:
                 failed.append(outcome.result)
             else:
@@ -215,22 +210,33 @@ def _published(entry: Input, place: Path, out: Path) -> Input:
     return replace(entry, calibration=str(out / made.name)) if made.parent == place else entry
 
 
+def _inputs(directories: Sequence[Path], settings: BatchSettings, channel_table: Path | None) -> list[Input]:
+    """The recordings, with what was said of all of them."""
+    inputs = find_inputs(directories)
+    if channel_table is None and settings.sampling_rate is None:
+        return inputs
+    if channel_table is not None:
+        read_channel_table(channel_table)
+    table = str(channel_table or "")
+    return [replace(e, channel_table=table, sampling_rate=settings.sampling_rate) for e in inputs]
+
+
 def _watched(
-    todo: Sequence[Input],
+    tasks: Sequence[Task],
     outcomes: Iterator[tuple[int, Outcome]],
     before: int,
     progress: Progress | None,
 ) -> Iterator[tuple[Input, Outcome]]:
     """The outcomes with their inputs; tells the progress of each."""
-    begin, left = time.monotonic(), sum(entry.size for entry in todo)
-    total, done = max(left, 1), 0
+    begin, total, done = time.monotonic(), max(sum(task.entry.size for task in tasks), 1), 0
     with closing(outcomes):  # type: ignore[type-var]
         for count, (position, outcome) in enumerate(outcomes, before + 1):
-            yield todo[position], outcome
-            done += todo[position].size
+            entry = tasks[position].entry
+            yield entry, outcome
+            done += entry.size
             if progress is not None:
                 remaining = (time.monotonic() - begin) * (total - done) / max(done, 1)
-                progress(count, before + len(todo), remaining)
+                progress(count, before + len(tasks), remaining)
 
 
 def _outcomes(
