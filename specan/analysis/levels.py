@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.accumulator import read_through
-from specan.analysis.band_results import level, quality_flags
-from specan.analysis.quality import QualityAccumulator
+from specan.analysis.quality import QualityAccumulator, quality_flags
 from specan.analysis.section import SectionSettings, joined, of_one_rate, section, slices, slow_part
 from specan.data.band_levels import apart
-from specan.data.levels import SignalLevels
+from specan.data.levels import SignalLevels, level
 from specan.data.recording import Recording
 from specan.dsp.band_history import SETTLING_TIME_CONSTANTS, BandHistoryAccumulator, weighting_filter
 from specan.dsp.statistics import exceeded

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -143,3 +144,11 @@ def rms_and_quality(recording: Recording) -> dict[int, tuple[float, Quality]]:
         rms = np.sqrt(energy / n_samples).tolist()
         found.update(zip(places, zip(rms, quality.result(), strict=True), strict=True))
     return found
+
+
+def quality_flags(
+    channels: Sequence[Channel], file_flags: Sequence[str], quality: Sequence[Quality] | None
+) -> tuple[tuple[str, ...], ...]:
+    """Words for each channel: those of its samples, and those of the file."""
+    found = [()] * len(channels) if quality is None else [q.flags for q in quality]
+    return tuple((*words, *file_flags) for words in found)

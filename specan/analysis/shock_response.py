@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from specan.analysis.accumulator import READ_BLOCK
-from specan.analysis.band_results import quality_flags
-from specan.analysis.quality import QualityAccumulator
+from specan.analysis.quality import QualityAccumulator, quality_flags
 from specan.analysis.section import SectionSettings, of_one_rate, section, slow_part
 from specan.data.recording import Recording
 from specan.data.shock_response import ShockResponse

@@ -15,6 +15,12 @@ from specan.units import LevelReference
 Real = NDArray[np.float64]
 
 
+def level(mean_square: Real, zero: Real | float) -> Real:
+    """10 lg(mean square / `zero`) in dB; minus infinity for nothing, NaN for NaN."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 10.0 * np.log10(np.asarray(mean_square) / zero)
+
+
 @dataclass(frozen=True)
 class Quality:
     """What the samples of one channel say about their own usability.

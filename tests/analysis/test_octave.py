@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from specan.analysis.band_results import BandResults
-from specan.analysis.octave import Octave
+from specan.analysis.octave import BandResults, Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
 from specan.schema import parse

@@ -9,8 +9,7 @@ import numpy as np
 from bokeh.models import Div, ScrollBox
 
 from specan.analysis.levels import Levels
-from specan.analysis.octave import Octave
-from specan.analysis.octave_settings import READINGS_PER_TIME_CONSTANT
+from specan.analysis.octave import READINGS_PER_TIME_CONSTANT, Octave
 from specan.data.band_levels import BandLevels
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
