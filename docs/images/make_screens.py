@@ -73,7 +73,7 @@ def main() -> None:
         f"text('readout').includes('coherence') && {calm}",
         "inspect_frf.png",
     )
-    tried = "text('verdict') && text('status').includes('is tried')"
+    tried = "text('verdict') && text('status').includes('not accepted')"
     photograph(gear, "?tried=windage", tried, "inspect_study.png")
     photograph(room, "?tried=wall-impedance%40z1", tried, "inspect_room.png")
 

@@ -72,7 +72,8 @@ def _residuals(axes: Axes, study: Study, legend: bool) -> float:
         found = measured_transfer(observation, predicted)
         used = np.isfinite(found.error_dB).any(axis=0)
         f, errors = found.frequency_hz[used], found.error_dB[:, used]
-        curves = tuple(Curve(name, f, error) for name, error in zip(found.channels, errors, strict=True))
+        named = zip(found.channels, errors, strict=True)
+        curves = tuple(Curve(name, f, error) for name, error in named if np.isfinite(error).any())
         panel = Panel("Model - measured level / dB", curves, marks=(0.0,))
         octave_axis(axes, float(f[0]), float(f[-1]))
         axes.set_xlabel("Frequency / Hz")

@@ -103,12 +103,13 @@ def response_drawing(
             levels.append(Curve(name, f, level_dB(one.model[row])))
             phases.append(Curve(name, f, with_gaps(phase_deg(one.model[row]))))
             errors.append(Curve(name, f, one.error_dB[row]))
-    end = float(np.clip(np.nanquantile(np.abs(found.error_dB[row]), 0.98), 1.0, 20.0))
+    worst = max(float(np.nanquantile(np.abs(curve.y), 0.98)) for curve in errors)
+    end = float(np.clip(worst, 1.0, 20.0))
     used = f[np.isfinite(found.measured).any(axis=0)]
     panels = (
         Panel(f"Magnitude / dB re 1 {printed_unit(unit)}", tuple(levels), level_limits(level, _DYNAMICS_DB)),
         Panel("Phase / degrees", tuple(phases), share=2, leads=False, phase=True),
-        Panel("Model - measured / dB", tuple(errors), (-end, end), share=2, leads=False),
+        Panel("Error / dB", tuple(errors), (-end, end), share=2, leads=False),
     )
     ends = float(used.min()), float(used.max())
     return Drawing(found.name, ("",), "Frequency / Hz", panels, hertz=True, x_limits=ends)

@@ -61,7 +61,7 @@ def failing_map(found: ResidualMap | None, known: bool) -> str:
     lines = []
     for i in reversed(range(len(found.rows))):
         cells = "".join(_cell(found, i, j, across, up) for j in range(len(found.columns)))
-        lines.append(f"<tr><th>{escape(found.rows[i])}</th>{cells}</tr>")
+        lines.append(f"<tr><th {_LINE}>{escape(found.rows[i])}</th>{cells}</tr>")
     style = "writing-mode:vertical-rl;vertical-align:top;padding:2px 0"
     foot = "".join(
         f'<td style="border:0"><span style="{style}">{escape(text)}</span></td>' for text in found.columns

@@ -148,6 +148,7 @@ def _curves(level: Axes, phase: Axes, study: Study, errors: FrfErrors, shown: in
     found = measured_transfer(observation, predicted)  # type: ignore[arg-type]
     drawing = response_drawing(found, shown, study.model.observables["frf"].unit)
     draw_panels([level, phase], drawing.panels[:2])
+    level.set_ylabel(drawing.panels[0].label.replace("Magnitude", "|H|"))
     legend_above(level)
     phase.set_xlabel(drawing.x_label)
     for axes in (level, phase):
