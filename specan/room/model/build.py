@@ -118,19 +118,18 @@ def _at_logged_temperature(rig: Rig) -> tuple[Rig, TemperatureLog | None, tuple[
         return rig, None, ()
     path = Path(rig.air.temperature_log)
     log = read_temperature_log(path)
-    thermometer = rig.uncertainty.temperature_K
-    known = thermometer if log.timed else log.uncertainty_K(thermometer)
-    logged = rig.model_copy(
-        update={
-            "air": rig.air.model_copy(update={"nominal_temperature_C": log.mean_C}),
-            "uncertainty": rig.uncertainty.model_copy(update={"temperature_K": known}),
-        }
-    )
+    mean, span = float(log.celsius.mean()), float(np.ptp(log.celsius))
+    known, how = rig.uncertainty.temperature_K, ", of each recording by its own time"
+    if log.time_utc is None:
+        # The air passed through every value of the span: a rectangular law, span / sqrt(12) (JCGM 100:2008, 4.3.7).
+        known, how = float(np.hypot(known, span / np.sqrt(12))), ""
+    air = rig.air.model_copy(update={"nominal_temperature_C": mean})
+    uncertainty = rig.uncertainty.model_copy(update={"temperature_K": known})
     said = (
-        f"air of {log.mean_C:.2f} degrees Celsius, {log.span_K:.2g} K from the lowest to the highest reading"
+        f"{path.name}: air of {mean:.2f} degrees Celsius, {span:.2g} K from the lowest to the highest reading; "
+        f"standard uncertainty {known:.2g} K with that of the thermometer{how}"
     )
-    how = "with that of the thermometer" + (", of each recording by its own time" if log.timed else "")
-    return logged, log, (f"{path.name}: {said}; standard uncertainty {known:.2g} K {how}",)
+    return rig.model_copy(update={"air": air, "uncertainty": uncertainty}), log, (said,)
 
 
 def _box(rig: Rig) -> RoomShape:
@@ -197,14 +196,16 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
     ]  # fmt: skip
     further = tuple((walls.index(s.wall), np.array(s.centre_m), s.radius_m) for s in rig.loudspeakers)
     opaque = [
-        constant("wall_names", walls, "1", "Names of the walls."),
-        constant("further_loudspeakers", further, "1", "Wall, centre and radius of loudspeakers beside the piston."),
-        constant("driven_sets", rig.driven_sets, "1", "Loudspeakers that move, that of the vibrometer first."),
-    ]  # fmt: skip
-    return [
-        *(replace(one, opaque=True) for one in opaque),
-        *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed),
+        ("wall_names", walls, "Names of the walls."),
+        ("further_loudspeakers", further, "Wall, centre and radius of loudspeakers beside the piston."),
+        ("driven_sets", rig.driven_sets, "Loudspeakers that move, that of the vibrometer first."),
     ]
+    return [*(solver_constant(*one) for one in opaque), *(constant(*one) for one in listed)]
+
+
+def solver_constant(name: str, value: Any, doc: str) -> Quantity:
+    """A constant that is no number: no effect adds to it."""
+    return replace(constant(name, value, "1", doc), opaque=True)
 
 
 def _ratios(rig: Rig) -> np.ndarray:
@@ -221,12 +222,11 @@ def _of_walls(
     names = list(walls)
     wall_of = np.array([next(i for i, n in enumerate(names) if face in walls[n]) for face in faces])
     known = np.array([names.index(name) for name in tables], dtype=int)
-    stated = constant("wall_tables", tuple(tables.values()), "1", "What the rig file states of walls.")
     return [
         constant("wall_of_face", wall_of, "1", "Number of the wall that each face belongs to.", ("face",)),
         constant("known_walls", known, "1", "Numbers of the walls of which something is stated."),
         constant("octave_hz", octaves, "Hz", "Octaves of the band.", ("octave",)),
-        replace(stated, opaque=True),
+        solver_constant("wall_tables", tuple(tables.values()), "What the rig file states of walls."),
     ]
 
 

@@ -59,7 +59,7 @@ def in_recording(
     if own.temperature_C is not None:
         conditions["temperature_difference"] = own.temperature_C - rig.air.nominal_temperature_C
         text = f"air of {own.temperature_C:g} degrees Celsius"
-    elif log is not None and log.timed and start is not None:
+    elif log is not None and log.time_utc is not None and start is not None:
         during = log.during(start, duration_s)
         conditions["temperature_difference"] = float(during.mean()) - rig.air.nominal_temperature_C
         text = f"air of {during.mean():.2f} degrees Celsius, {np.ptp(during):.2g} K of drift"

@@ -31,21 +31,6 @@ class TemperatureLog:
     celsius: NDArray[np.float64]
     time_utc: NDArray[np.datetime64] | None = None
 
-    @property
-    def timed(self) -> bool:
-        """Whether it tells when its readings were taken."""
-        return self.time_utc is not None
-
-    @property
-    def mean_C(self) -> float:
-        """Mean of all readings."""
-        return float(self.celsius.mean())
-
-    @property
-    def span_K(self) -> float:
-        """From the lowest to the highest reading."""
-        return float(np.ptp(self.celsius))
-
     def during(self, start: np.datetime64, duration_s: float) -> NDArray[np.float64]:
         """Temperatures at even steps of a recording, straight between the readings, degrees Celsius.
 
@@ -64,13 +49,6 @@ class TemperatureLog:
                 remedy=f"give the right log, or remove its column {TIME}",
             )
         return np.interp(np.linspace(0.0, duration_s, STEPS), at, self.celsius)
-
-    def uncertainty_K(self, thermometer_K: float) -> float:
-        """Standard uncertainty of a temperature that drifts over the span, read by a thermometer.
-
-        The air passed through every value of the span: a rectangular law, span / sqrt(12) (JCGM 100:2008, 4.3.7).
-        """
-        return float(np.hypot(thermometer_K, self.span_K / np.sqrt(12)))
 
 
 def read_temperature_log(path: Path) -> TemperatureLog:
