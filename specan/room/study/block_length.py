@@ -7,6 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.dsp.energy_decay import NoiseFloor, decay_line, energy_decay
+
 Real = NDArray[np.float64]
 
 USUAL_S = 1.0  # lines of 1 Hz, as long as the modes are no narrower
@@ -51,19 +53,14 @@ def reverberation_s(reference: Real, response: Real, rate: float, band_hz: tuple
     v, p = (np.fft.rfft(x)[: last + 1] for x in (reference, response))
     power = np.abs(v) ** 2
     power[:first] = 0.0
-    floor = DRIVEN * power[first:].mean()  # lines that the source hardly drove count little
+    least = DRIVEN * power[first:].mean()  # lines that the source hardly drove count little
     n = 2 * last  # samples at twice the highest frequency
     rate = n * rate / reference.size
-    squared = np.fft.irfft(np.where(power > 0, p * v.conj(), 0) / (power + floor), n)[: n // 2] ** 2
-    noise = squared[-int(TAIL * squared.size) :].mean()
-    left = np.cumsum((squared - noise)[::-1])[::-1]
-    if left[0] <= SURE * noise * np.sqrt(
-        2 * squared.size
-    ):  # of squares of a normal law, the sum scatters by that
+    squared = np.fft.irfft(np.where(power > 0, p * v.conj(), 0) / (power + least), n)[: n // 2] ** 2
+    floor = NoiseFloor(float(squared[-int(TAIL * squared.size) :].mean()), squared.size, 0.0)
+    left = energy_decay(squared, floor)
+    # of squares of a normal law, the sum scatters by that
+    if left[0] <= SURE * floor.power * np.sqrt(2 * squared.size):
         return float("nan")
     level = 10 * np.log10(np.maximum(left, 1e-12 * left[0]) / left[0])
-    ends = [int(np.argmax(level < dB)) for dB in RANGE_DB]
-    if not 0 < ends[0] < ends[1]:
-        return float("nan")
-    slope = np.polyfit(np.arange(ends[0], ends[1]) / rate, level[ends[0] : ends[1]], 1)[0]
-    return float(-60.0 / slope) if slope < 0 else float("nan")
+    return decay_line(level, *RANGE_DB).samples / rate
