@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.dsp.bands import band_at, nominal_frequency
 from specan.errors import RequestError, nearest
 from specan.models.effect import ParameterName
 from specan.result import Result, counted
@@ -28,7 +29,6 @@ from specan.room.model.absorption import diffuse_absorption, normal_absorption
 from specan.room.wall_impedance.wall_admittance import WallFit, wall_fit
 from specan.study.build_problem import assemble
 from specan.study.observation import Array
-from specan.study.observation.frf import nominal_third
 
 if TYPE_CHECKING:
     from specan.study.study import Study
@@ -269,7 +269,7 @@ def _row(wall: str, mid_hz: float, beta: complex, covariance: Array, accuracy: f
             low = -np.inf if name == "reactance" else low
             low = 0.0 if name == "resistance" else low
         found[name] = Interval(float(function(np.array([best]))[0]), low, high)
-    nominal = nominal_third(round(10 * np.log10(mid_hz / 1000)))
+    nominal = nominal_frequency(band_at(mid_hz, 3), 3)
     return WallBand(wall, nominal, float(mid_hz), bool(1.96 * 4 * error <= accuracy), best, error, **found)
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.dsp.bands import mid_frequencies
 from specan.errors import ComputationError, RequestError
 from specan.models import Parameter, Use, effect
 from specan.models.model import Model
@@ -266,7 +267,7 @@ def third_octaves(low_hz: float, high_hz: float) -> Array:
     """
     place = 10 * np.log10(np.array([low_hz, high_hz]) / 1000)
     first, last = int(np.floor(place[0] + 1e-9)), int(np.ceil(place[1] - 1e-9))
-    return np.asarray(1000 * 10.0 ** (np.arange(first, last + 1) / 10))
+    return mid_frequencies(np.arange(first, last + 1), 3)
 
 
 def spline_basis(frequency_hz: Array, mid_hz: Array) -> Array:
