@@ -88,10 +88,9 @@ def room_receivers(
     rig: Rig, names: tuple[str, ...], of_recording: Callable[[str, Any, float], InRecording]
 ) -> Receivers:
     """The microphones of a room, compared with the vibrometer."""
-    dims = rig.room.dims_m
     nominal_K = rig.air.nominal_temperature_C + 273.15
     positions = np.concatenate(rig.places)
-    return Receivers(
+    found = Receivers(
         axis="place",
         noun="microphone",
         plural="microphones",
@@ -108,26 +107,30 @@ def room_receivers(
         in_recording=of_recording,
         # k goes as T^(-1/2), and the response as the density besides: dH/d ln k = -2 (T dH/dT + H)
         wave_number=WaveNumberStep("temperature", "offset", STEP_K, -2 * nominal_K, -2.0),
-        groups=lambda channels: {} if dims is None else near_walls(dims, positions, names, channels),
+        groups=lambda channels: {},
         group_label="near_wall",
         group_words="microphones near wall",
-        places=None
-        if dims is None
-        else Places(
+    )
+    dims = rig.room.dims_m
+    if dims is None:
+        return found
+    source = SourcePlaces(
+        faces=WALLS,
+        with_source=lambda model, wall, across, along: _with_source(rig, model, wall, across, along),
+        words=lambda wall, across, along: _source_words(rig, wall, across, along),
+    )
+    return replace(
+        found,
+        groups=lambda channels: near_walls(dims, positions, names, channels),
+        places=Places(
             free=lambda: free_places(rig),
             with_receivers=with_microphones,
             depth=lambda wall, places: _depth(dims, wall, places),
             extent_m=dims,
         ),
-        placed=None if dims is None else PLACED,
-        modes=None if dims is None else NAMED,
-        source=None
-        if dims is None or rig.loudspeakers
-        else SourcePlaces(
-            faces=WALLS,
-            with_source=lambda model, wall, across, along: _with_source(rig, model, wall, across, along),
-            words=lambda wall, across, along: _source_words(rig, wall, across, along),
-        ),
+        placed=PLACED,
+        modes=NAMED,
+        source=None if rig.loudspeakers else source,
     )
 
 
