@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from specan.room.model.axis_modes import AxisModes
 from specan.room.model.port import Port
+from specan.room.model.resonances import Shapes
 
 Complex = NDArray[np.complex128]
 
@@ -66,16 +67,9 @@ class Modes:
 
     def products(self, source: Port, receivers: Sequence[Port], numbers: NDArray[np.intp]) -> Complex:
         """``Psi(r) Psi(s) / Lambda`` of single modes (3, n), array (lines, receivers, n)."""
-        points = np.array([port.position for port in receivers])
-        from_source = _along(self.axes, source)
-        heard = np.ones((1, 1, 1), dtype=complex)
-        for i, axis in enumerate(self.axes):
-            heard = heard * axis.at(points[:, i])[:, numbers[i]]
-        out = np.empty((len(self.k2), len(receivers), numbers.shape[1]), dtype=complex)
-        for part, here in self._parts():
-            each = (here.amplitudes([x[part] for x in from_source], source) * here.distance)[:, *numbers]
-            out[part] = (each[..., None] * heard[part]).transpose(0, 2, 1)
-        return out
+        shapes = Shapes.of(self.axes, numbers)
+        found = (shapes.at(source) / shapes.norm)[..., None] * shapes.at_all(receivers)
+        return found.transpose(0, 2, 1)
 
     def lacks(self, numbers: NDArray[np.intp]) -> Complex:
         """``K^2 - k^2`` of single modes (3, n), as the box has them, array (lines, n)."""

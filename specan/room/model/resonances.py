@@ -49,6 +49,13 @@ class Shapes:
     a0: tuple[Complex, ...]
     _at: dict[tuple[Port, ...], Complex] = field(default_factory=dict, repr=False)
 
+    @classmethod
+    def of(cls, axes: Sequence[AxisModes], orders: NDArray[np.intp]) -> Shapes:
+        """Modes of the given orders (3, modes), at the lines of the axes."""
+        w = tuple(axis.w[:, n] for axis, n in zip(axes, orders, strict=True))
+        a0 = tuple(np.broadcast_to(axis.a0, w[0].shape) for axis in axes)
+        return cls(tuple(axis.length for axis in axes), w, a0)
+
     @property
     def norm(self) -> Complex:
         """Integral of the squared shapes over the box, m^3."""
@@ -156,7 +163,6 @@ def resonances(
     moved : array of int (3, n) and array (n,), optional
         See `Modes`.
     """
-    lengths = tuple(axis.length for axis in axes)
     orders = _orders(tuple(counts))
     distance = _distance(axes, orders) - k2[few.chosen, None]
     more = np.zeros(len(orders[0]), dtype=complex)
@@ -176,11 +182,7 @@ def resonances(
     smooth = np.max(np.abs(off), axis=0) <= EXACT * np.max(np.abs(seen), axis=0)
     kept, left = smooth & found, ~smooth
     poles = _at_poles(axes, few, orders[:, kept], pole[kept])
-    others = Shapes(
-        lengths,
-        tuple(axis.w[:, n] for axis, n in zip(axes, orders[:, left], strict=True)),
-        tuple(axis.a0 + np.zeros((1, left.sum())) for axis in axes),
-    )
+    others = Shapes.of(axes, orders[:, left])
     return Resonances(
         few,
         poles,
