@@ -157,6 +157,14 @@ class Simplices:
         self.inverse = np.linalg.pinv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
         self.tree = KDTree(corners.mean(axis=1))
 
+    def circle(self, number: int, count: int) -> Real:
+        """Unit vectors (count, 3) all round in the plane of a triangle."""
+        a, b, c = self.corners[number]
+        across = (b - a) / np.linalg.norm(b - a)
+        along = c - a - (c - a) @ across * across
+        angle = 2 * np.pi * (np.arange(count) + 0.5) / count
+        return np.outer(np.cos(angle), across) + np.outer(np.sin(angle), along / np.linalg.norm(along))
+
     def nearest(self, points: Real) -> tuple[Numbers, Real, Real]:
         """Simplex, the place in it, and the distance from there, for each point (points, 3).
 

@@ -210,17 +210,11 @@ class MeshModes:
         """Points and weights (sum 1) of a quadrature over a patch in the plane of the nearest wall."""
         centre = np.array(port.position)
         skin = min(self._skin.values(), key=lambda s: s.nearest(centre[None])[2][0])
-        corners = skin.corners[skin.nearest(centre[None])[0][0]]
-        across = corners[1] - corners[0]
-        across /= np.linalg.norm(across)
-        along = corners[2] - corners[0] - (corners[2] - corners[0]) @ across * across
-        along /= np.linalg.norm(along)
+        out = skin.circle(int(skin.nearest(centre[None])[0][0]), 24)
         part, weight = np.polynomial.legendre.leggauss(10)
         radius = port.radius * (part + 1) / 2
-        angle = 2 * np.pi * (np.arange(24) + 0.5) / 24
-        out = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * along
         points = centre + (radius[:, None, None] * out).reshape(-1, 3)
-        weights = np.repeat(weight * radius, len(angle))
+        weights = np.repeat(weight * radius, len(out))
         return points, weights / weights.sum()
 
 

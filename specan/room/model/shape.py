@@ -111,12 +111,7 @@ def _centre_in_wall(mesh: RoomMesh, name: str, piston: Piston) -> np.ndarray:
             f"the {name}'s centre {list(piston.centre_m)} m lies {off[0]:.3g} m off the wall {wall!r}",
             expected=f"a place in that surface, such as {[round(float(x), 4) for x in place[0]]}",
         )
-    a, b, c = skin.corners[number[0]]
-    across = (b - a) / np.linalg.norm(b - a)
-    along = np.cross(np.cross(across, c - a), across)
-    along /= np.linalg.norm(along)
-    angle = 2 * np.pi * np.arange(36) / 36
-    rim = place[0] + piston.radius_m * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * along)
+    rim = place[0] + piston.radius_m * skin.circle(int(number[0]), 36)
     if skin.nearest(rim)[2].max() > _TOLERANCE:
         raise RequestError(
             f"the {name} of radius {piston.radius_m} m at {list(piston.centre_m)} m reaches over the edge of "
