@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,22 +9,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import RequestError, nearest
-from specan.models import Condition, Model, SettingError
+from specan.errors import RequestError
+from specan.models import Model
 from specan.models.groups import grouped
 from specan.models.trial import try_model
 from specan.schema import regular
+from specan.study.data.held_out import Column, chosen, of_file
 from specan.study.data.operating_table import SCATTER, Rows, check_varied, join
 from specan.study.data.setpoints import grouping_of
 from specan.study.data.table_covariance import uncertainty
 from specan.study.data.table_file import Table
 from specan.study.data.table_reader import read_measurement
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
-from specan.units import convert, is_compatible, printed_unit
 
 TITLE = "a table (text with a header line, .xlsx, Parquet)"
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_VALUES = re.compile(rf"(?P<low>{_NUMBER})(?:\s*\.\.\s*(?P<high>{_NUMBER}))?\s*(?P<unit>[^\d\s.].*)?")
 WORKBOOKS = (".xlsx", ".xlsm")  # an archive of another name is not a table
 
 
@@ -118,84 +115,18 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
     RequestError
         No such column or level; what there is, is named.
     """
-    key, _, text = where.partition("=")
-    name = _condition_named(key.strip(), rows, model)
+    columns = {model.conditions[name].column: _column(rows, model, name) for name in rows.conditions}
+    return chosen(columns, where) & of_file(file, rows.recordings, rows.recording)
+
+
+def _column(rows: Rows, model: Model, name: str) -> Column:
     condition = model.conditions[name]
     if condition.group:
-        return _named(rows, name, text, where) & _in_file(rows, file)
-    unit = rows.units.get(name, condition.column_unit)
-    found = np.zeros(rows.n, dtype=bool)
-    for word in text.split(","):
-        ends = values_of(word, where, condition, unit)
-        if len(ends) == 2:
-            here = (rows.levels[name] >= min(ends)) & (rows.levels[name] <= max(ends))
-        else:
-            here = _at_level(rows, name, ends[0], grouping_of(model, condition))
-        if not np.any(here):
-            levels = convert(np.unique(rows.levels[name]), condition.unit, unit)
-            shown = f" {printed_unit(unit)}".rstrip()
-            raise RequestError(
-                f"no row has {condition.column} = {word.strip()}" + shown * word.strip()[-1].isdigit(),
-                expected=f"one of {', '.join(f'{level:.4g}' for level in levels[:20])}{shown}",
-            )
-        found |= here
-    return found & _in_file(rows, file)
+        return Column(np.array([*rows.groups[name], ""])[rows.conditions[name].astype(int)])
+    setting = grouping_of(model, condition)
 
+    def reach(value: float) -> float:
+        read = 0.0 if rows.is_set[name] else SCATTER * float(setting.at(value))
+        return max(read, 5e-4 * abs(value), 1e-12)  # levels are printed to four digits
 
-def values_of(word: str, where: str, condition: Condition, unit: str) -> list[float]:
-    """SI values of ``60``, ``60 kN`` or ``60..90 kN``."""
-    said = _VALUES.fullmatch(word.strip())
-    if said is None:
-        raise RequestError(
-            f"{word!r} in {where!r} is not a number",
-            expected=f"{condition.column}=value,value or {condition.column}=low..high, with a unit if need be",
-        )
-    given = said["unit"] or unit
-    if not is_compatible(given, condition.column_unit):
-        raise RequestError(f"{given!r} in {where!r} is not a unit of {condition.column}", expected=unit)
-    found = [float(said[end]) for end in ("low", "high") if said[end]]
-    return [
-        float(convert(convert(v, given, condition.column_unit), condition.column_unit, condition.unit))
-        for v in found
-    ]
-
-
-def _in_file(rows: Rows, file: str | None) -> NDArray[np.bool_]:
-    """Rows of a measurement; all where none is named."""
-    if file is None:
-        return np.ones(rows.n, dtype=bool)
-    if file not in rows.recordings:
-        raise RequestError(f"no measurement {file!r}", remedy=nearest(file, rows.recordings))
-    return np.asarray(rows.recording == rows.recordings.index(file))
-
-
-def _named(rows: Rows, axis: str, text: str, where: str) -> NDArray[np.bool_]:
-    """Rows of some names of a group."""
-    wanted = [word.strip() for word in text.split(",")]
-    for name in wanted:
-        if name not in rows.groups[axis]:
-            raise RequestError(
-                f"no row has {axis} = {name} ({where})",
-                expected="one of " + ", ".join(rows.groups[axis][:20]),
-            )
-    return np.isin(rows.conditions[axis], [rows.groups[axis].index(name) for name in wanted])
-
-
-def _at_level(rows: Rows, name: str, value: float, setting: SettingError) -> NDArray[np.bool_]:
-    distance = np.abs(rows.levels[name] - value)
-    read = 0.0 if rows.is_set[name] else SCATTER * float(setting.at(value))
-    reach = max(read, 5e-4 * abs(value), 1e-12)  # levels are printed to four digits
-    return (distance <= reach) & (distance == distance.min())
-
-
-def _condition_named(key: str, rows: Rows, model: Model) -> str:
-    """Condition that a column, or a part of its name, stands for."""
-    columns = {model.conditions[name].column: name for name in rows.conditions}
-    if key in columns:
-        return columns[key]
-    close = [name for column, name in columns.items() if key and key in column]
-    if len(close) != 1:
-        raise RequestError(
-            f"{key!r} names no single column", expected="one of " + ", ".join(columns), remedy="write it out"
-        )
-    return close[0]
+    return Column(rows.levels[name], condition, rows.units.get(name, ""), reach)

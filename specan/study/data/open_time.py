@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.data.channel import Channel
 from specan.data.recording import Recording
@@ -17,7 +15,7 @@ from specan.io.open import open_recording
 from specan.models import Condition, Model, Observable
 from specan.models.rates import KIND, TIME
 from specan.models.trial import try_model
-from specan.study.data.open_tables import values_of
+from specan.study.data.held_out import Column, chosen, of_file
 from specan.study.data.recordings import reads as reads
 from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.time import TimeObservation
@@ -41,8 +39,12 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     noise = {name: _noise(model, name, [one[1][name] for one in fitted]) for name in _observables(model)}
     whole = _observation(model, wanted.measurements, fitted, noise)
     aside = np.zeros(whole.n, dtype=bool)
+    columns = {
+        TIME: Column(whole.conditions[TIME], model.conditions[TIME], reach=lambda value: 0.0),
+        "channel": Column(whole.observable),
+    }
     for file, where in wanted.hold_out:
-        aside |= _put_aside(whole, model.conditions[TIME], file, where)
+        aside |= chosen(columns, where) & of_file(file, whole.recordings, np.asarray(whole.recording))
     if np.all(aside):
         raise RequestError(
             "all samples are held out", expected="some to fit", remedy="hold out a shorter time"
@@ -163,19 +165,3 @@ def _observation(
         position=position,
         lines=np.concatenate([np.arange(1, n + 1) for n in sizes] * every),
     )
-
-
-def _put_aside(whole: TimeObservation, time: Condition, file: str | None, where: str) -> NDArray[np.bool_]:
-    """Samples that ``time=6..10`` or ``observable=v`` names."""
-    key, _, said = where.partition("=")
-    mine: NDArray[np.bool_] = np.ones(whole.n, bool)
-    if file is not None:
-        if file not in whole.recordings:
-            raise RequestError(f"no measurement {file!r}", expected="one of " + ", ".join(whole.recordings))
-        mine = np.asarray(whole.recording == whole.recordings.index(file))
-    if key.strip() == "channel":
-        return np.asarray(mine & np.isin(whole.observable, [w.strip() for w in said.split(",")]))
-    if key.strip() != TIME or not re.search(r"\.\.", said):
-        raise RequestError(f"{where!r} is not known for a recording", expected="time=6..10, or channel=NAME")
-    low, high = values_of(said, where, time, time.unit)
-    return np.asarray(mine & (whole.conditions[TIME] >= low) & (whole.conditions[TIME] <= high))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,8 @@ from scipy.stats import linregress
 
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.errors import InputError, RequestError, nearest
+from specan.errors import InputError
+from specan.study.data.held_out import Column, chosen
 from specan.study.observation import DataFile, MeasuredFiles, Observation
 
 Real = NDArray[np.float64]
@@ -38,51 +38,20 @@ def reads(path: Path) -> bool:
 def put_aside(
     whole: Observation, file: DataFile, wanted: MeasuredFiles, label_of: Callable[[str], str] = str
 ) -> NDArray[np.bool_]:
-    """Rows that ``channel=Mic 19,Mic 20`` names.
+    """Rows of a file that are held out: ``channel=Mic 6``, ``third_octave_hz=200``; `label_of` names a key's label.
 
-    Parameters
-    ----------
-    whole : Observation
-        Of a recording.
-    file, wanted
-        What it was read from, and what is to be held out.
-    label_of : callable
-        Name of the label that a user's key means.
+    Raises
+    ------
+    RequestError
+        A key or a level that the rows do not have. A number that a file does not vary around is left to other files.
     """
     aside = np.zeros(whole.n, dtype=bool)
+    columns = {name: Column(values) for name, values in whole.labels.items()}
     for file_name, where in wanted.hold_out:
-        if file_name not in (None, file.name):
-            continue
-        given, _, levels = where.partition("=")
-        key = label_of(given.strip())
-        if key not in whole.labels:
-            raise RequestError(
-                f"{given!r} in {where!r} is not known for a recording", remedy=nearest(given, whole.labels)
-            )
-        labels = whole.labels[key]
-        # a condition that is the same in a whole recording may be that of another recording
-        elsewhere = labels.dtype.kind == "f" and np.ptp(labels) == 0
-        for level in map(str.strip, levels.split(",")):
-            chosen = _alike(labels, level)
-            if not chosen.any() and not elsewhere:
-                raise RequestError(
-                    f"{file.name} has no {key} {level!r}",
-                    remedy=nearest(level, [str(v) for v in np.unique(labels)]),
-                )
-            aside |= chosen
+        if file_name in (None, file.name):
+            key, equals, text = where.partition("=")
+            aside |= chosen(columns, f"{label_of(key.strip())}{equals}{text}", elsewhere=True)
     return aside
-
-
-def _alike(labels: NDArray[Any], level: str) -> NDArray[np.bool_]:
-    """Which labels are what a user wrote: ``25`` is the third octave 25.0."""
-    if labels.dtype.kind != "f":
-        # one that stands elsewhere in another recording is named after its channel there, too
-        return np.asarray((labels == level) | np.char.startswith(labels.astype(str), f"{level} in "))
-    try:
-        # 0.02: relative, of a level that a user writes: conditions are printed to three digits
-        return np.isclose(labels, float(level), rtol=0.02)
-    except ValueError:
-        return np.zeros(labels.size, dtype=bool)
 
 
 def doubts(recording: Recording, channels: Sequence[Channel], reference: Channel) -> list[str]:

@@ -1,0 +1,133 @@
+"""Rows that are put aside: ``torque=60,90``, ``speed_rpm=2000..2400``, ``time=6..7 s``, ``channel=Mic 6``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError, nearest
+from specan.models import Condition
+from specan.units import convert, is_compatible, printed_unit
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_VALUES = re.compile(rf"(?P<low>{_NUMBER})(?:\s*\.\.\s*(?P<high>{_NUMBER}))?\s*(?P<unit>[^\d\s.].*)?")
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """What rows can be chosen by.
+
+    Attributes
+    ----------
+    values : array
+        Names, or numbers: those of a condition in its unit.
+    condition : Condition, optional
+    unit : str
+        Of a number that is given without one; by default that of the condition's column.
+    reach : callable
+        How far a value may be from the number that is given.
+    """
+
+    values: NDArray[Any]
+    condition: Condition | None = None
+    unit: str = ""
+    reach: Callable[[float], float] = lambda value: 0.02 * abs(value)
+
+    @property
+    def levels(self) -> list[str]:
+        """What can be chosen, as a user writes it."""
+        distinct = np.unique(self.values)
+        if distinct.dtype.kind != "f":
+            return [str(name) for name in distinct]
+        shown = convert(distinct, self.condition.unit, self._given) if self.condition else distinct
+        return [f"{level:.4g}" for level in shown]
+
+    @property
+    def _given(self) -> str:
+        return self.unit or (self.condition.column_unit if self.condition else "")
+
+    @property
+    def printed_unit(self) -> str:
+        """With a space before it."""
+        return f" {printed_unit(self._given)}".rstrip() if self._given else ""
+
+    def holds(self, word: str, where: str) -> NDArray[np.bool_]:
+        """Rows of a name, or of a number, with a unit if need be, or of numbers from one to another."""
+        if self.values.dtype.kind != "f":
+            names = self.values.astype(str)
+            return np.asarray((names == word) | np.char.startswith(names, f"{word} in "))
+        low, *high = self._numbers(word, where)
+        if high:
+            return np.asarray((self.values >= min(low, *high)) & (self.values <= max(low, *high)))
+        distance = np.abs(self.values - low)
+        return np.asarray((distance <= self.reach(low)) & (distance == distance.min()))
+
+    def _numbers(self, word: str, where: str) -> list[float]:
+        said, key = _VALUES.fullmatch(word), where.partition("=")[0].strip()
+        if said is None:
+            raise RequestError(
+                f"{word!r} in {where!r} is not a number",
+                expected=f"{key}=value,value or {key}=low..high, with a unit if need be",
+            )
+        found, known = [float(said[end]) for end in ("low", "high") if said[end]], self.condition
+        given = said["unit"] or self._given
+        if known is None or not is_compatible(given, known.column_unit):
+            if said["unit"]:
+                raise RequestError(f"{given!r} in {where!r} is not a unit of {key}", expected=self._given)
+            return found
+        return [
+            float(convert(convert(v, given, known.column_unit), known.column_unit, known.unit)) for v in found
+        ]
+
+
+def chosen(columns: Mapping[str, Column], where: str, *, elsewhere: bool = False) -> NDArray[np.bool_]:
+    """Rows that ``key=value,value`` means; a key may be a part of a column's name.
+
+    Parameters
+    ----------
+    columns : mapping
+    where : str
+    elsewhere : bool
+        Whether other files may hold the number that a column does not vary around.
+
+    Raises
+    ------
+    RequestError
+        No such column or value; what there is, is named.
+    """
+    key, _, text = where.partition("=")
+    close = [name for name in columns if key.strip() and key.strip() in name]
+    names = [key.strip()] if key.strip() in columns else close
+    if len(names) != 1:
+        raise RequestError(
+            f"{key.strip()!r} names no single column",
+            expected="one of " + ", ".join(columns),
+            remedy="write it out",
+        )
+    column = columns[names[0]]
+    constant = column.values.dtype.kind == "f" and np.ptp(column.values) == 0
+    found = np.zeros(column.values.size, dtype=bool)
+    for word in map(str.strip, text.split(",")):
+        here = column.holds(word, where)
+        if not here.any() and not (elsewhere and constant):
+            unit = column.printed_unit if word[-1:].isdigit() else ""
+            raise RequestError(
+                f"no row has {names[0]} = {word}{unit}",
+                expected=f"one of {', '.join(column.levels[:20])}{column.printed_unit}",
+            )
+        found |= here
+    return found
+
+
+def of_file(file: str | None, recordings: Sequence[str], recording: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Rows of a measurement; all where none is named."""
+    if file is None:
+        return np.ones(recording.size, dtype=bool)
+    if file not in recordings:
+        raise RequestError(f"no measurement {file!r}", remedy=nearest(file, recordings))
+    return np.asarray(recording == list(recordings).index(file))
