@@ -38,7 +38,7 @@ def reads(path: Path) -> bool:
 def put_aside(
     whole: Observation, file: DataFile, wanted: MeasuredFiles, label_of: Callable[[str], str] = str
 ) -> NDArray[np.bool_]:
-    """Rows of a file that are held out: ``channel=Mic 6``, ``third_octave_hz=200``; `label_of` names a key's label.
+    """Rows of a file that are held out: ``channel=A 6``, ``third_octave_hz=200``; `label_of` names a key's label.
 
     Raises
     ------
