@@ -1,4 +1,4 @@
-"""Rows that are put aside: ``torque=60,90``, ``speed_rpm=2000..2400``, ``time=6..7 s``, ``channel=A 6``."""
+"""Rows that are put aside: ``load=60,90``, ``speed=2000..2400 rpm``, ``time=6..7``, ``channel=A 6``."""
 
 from __future__ import annotations
 
