@@ -17,9 +17,9 @@ from specan.planetary_gear.model import excitation, load, response
 from specan.planetary_gear.model.geometry import (
     check_assembly,
     inertia_uncertainty,
+    inertias,
     mesh_phases,
     planet_angles,
-    rotors,
     set_meshes,
 )
 from specan.planetary_gear.model.kinematics import (
@@ -110,7 +110,7 @@ def _nuisances(rig: Rig, *, known_rotors: bool) -> tuple[Nuisance, ...]:
 
 def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
     sun, ring = set_meshes(gear)
-    module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))
+    angle = math.radians(gear.pressure_angle_deg)
     turns = repeat_turns(gear)
     per_turn = next_fast_len(2 * (HARMONICS * gear.z_ring + max(16, gear.z_ring // 2)), real=True)
     if turns * per_turn > MOST_SAMPLES:
@@ -122,7 +122,7 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
     law = rig.contact
     si = np.array([law.K_N_mm_e * 1e3**law.exponent, law.exponent, 1e3 * law.C_Ns_mm, 1e-3 * law.depth_mm])
     phases, places = np.stack(mesh_phases(gear)), planet_angles(gear)
-    made = rotors(gear, rig.rotors)
+    carrier, planet = inertias(gear, rig.rotors)
     turn = np.arange(samples) * (turns / samples)
     from_sensor = places[:, None] - np.radians(rig.sensors.acc_angle_deg)[:, None, None]
     listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
@@ -141,12 +141,12 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
          "exp(j a), a the turn of the sun against the carrier beyond each planet's place.", ("planet",)),
         ("planet_order", float(planet_order(gear)), "1", "Turns of a planet against the carrier.", ()),
         ("carrier_ratio", carrier_speed_ratio(gear), "1", "Speed of the carrier over the sun's.", ()),
-        ("base_radii", module * cos / 2 * np.array([gear.z_sun, gear.z_planet, gear.z_ring]), "m", "Base radii.", ()),
-        ("carrier_inertia", made.carrier_inertia, "kg*m^2", "Of the carrier with the planets' masses on it.", ()),
-        ("planet_inertia", made.planet_inertia, "kg*m^2", "Of a planet about its pin.", ()),
-        ("centre_distance", made.centre_distance, "m", "From the carrier's axis to a planet's.", ()),
-        ("pressure_cosine", cos, "1", "Cosine of the pressure angle.", ()),
-        ("pressure_angle", math.acos(cos), "rad", "Pressure angle.", ()),
+        ("base_radii", np.array(gear.base_radii_m), "m", "Base radii of sun, planet and ring.", ()),
+        ("carrier_inertia", carrier, "kg*m^2", "Of the carrier with the planets' masses on it.", ()),
+        ("planet_inertia", planet, "kg*m^2", "Of a planet about its pin.", ()),
+        ("centre_distance", gear.pin_distance_m, "m", "From the carrier's axis to a planet's.", ()),
+        ("pressure_cosine", math.cos(angle), "1", "Cosine of the pressure angle.", ()),
+        ("pressure_angle", angle, "rad", "Pressure angle.", ()),
         ("planet_angle", places, "rad", "Places of the planets on the carrier.", ("planet",)),
         ("nominal_phase", phases, "1", "Phases of sun and ring meshes as drawn, in pitches.", ("planet",)),
         ("sensor_angle", np.radians(rig.sensors.acc_angle_deg), "rad", "Places of the sensors.", ("sensor",)),

@@ -14,10 +14,10 @@ from specan.planetary_gear.model import contact_steps
 from specan.planetary_gear.model.geometry import (
     Mesh,
     disc,
+    inertias,
     mesh_phases,
     pair_mesh,
     planet_angles,
-    rotors,
     set_meshes,
 )
 from specan.planetary_gear.model.rig import Contact, Gear, Rig
@@ -191,10 +191,8 @@ def _system(rig: Rig) -> _System:
 
 def _set(rig: Rig, gear: Gear, contact: Contact) -> _System:
     sun, ring = set_meshes(gear)
-    module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))
-    rb_s, rb_p, rb_r = (module * z * cos / 2 for z in (gear.z_sun, gear.z_planet, gear.z_ring))
-    made = rotors(gear, rig.rotors)
-    carrier, inertia = made.carrier_inertia, made.planet_inertia
+    rb_s, rb_p, rb_r = gear.base_radii_m
+    carrier, inertia = inertias(gear, rig.rotors)
     speed = 2 * np.pi * rig.operation.sun_speed_hz
     relative = speed * gear.z_ring / (gear.z_sun + gear.z_ring)  # of the sun against the carrier
     sizes = np.array([rb_s, rb_p, rb_r, carrier, inertia, relative * gear.z_sun / (2 * np.pi)])

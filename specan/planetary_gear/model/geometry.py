@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.planetary_gear.model.rig import Gear, Pair, Rig
-from specan.planetary_gear.model.rig import Rotors as Known
+from specan.planetary_gear.model.rig import Gear, Pair, Rig, Rotors
 
 Real = NDArray[np.float64]
 
@@ -186,8 +185,8 @@ def check_assembly(gear: Gear) -> None:
     _check_places(gear)
     places = np.sort(planet_angles(gear) % (2 * np.pi))
     nearest = float(np.min(np.diff([*places, places[0] + 2 * np.pi])))
-    a = gear.centre_distance_mm or gear.module_mm * (gear.z_sun + gear.z_planet) / 2
-    room, needed = 2 * a * math.sin(min(nearest, np.pi) / 2), gear.module_mm * (gear.z_planet + 2)
+    room = 2e3 * gear.pin_distance_m * math.sin(min(nearest, np.pi) / 2)
+    needed = gear.module_mm * (gear.z_planet + 2)
     if places.size > 1 and room <= needed:
         raise RequestError(
             f"neighbouring planets touch: their centres lie {room:.2f} mm apart, their tip circles are "
@@ -250,15 +249,6 @@ def _with_ratio(mesh: Mesh, ratio: float | None) -> Mesh:
 STEEL = 7850.0  # kg/m^3
 
 
-@dataclass(frozen=True)
-class Rotors:
-    """Inertias in kg m^2 about the own axis; the carrier's holds the planets' masses on it and the load."""
-
-    carrier_inertia: float
-    planet_inertia: float
-    centre_distance: float
-
-
 def disc(diameter: float, width: float) -> tuple[float, float]:
     """Mass and inertia of a steel disc.
 
@@ -271,13 +261,16 @@ def disc(diameter: float, width: float) -> tuple[float, float]:
     return mass, mass * diameter**2 / 8
 
 
-def rotors(gear: Gear, known: Known) -> Rotors:
-    """Unless known, planets are discs of the pitch circle and the carrier is a plate that reaches to their centres."""
+def inertias(gear: Gear, known: Rotors) -> tuple[float, float]:
+    """Of the carrier with the planets' masses on it and the load, and of a planet about its own axis, kg m^2.
+
+    Unless known, planets are discs of the pitch circle and the carrier is a plate that reaches to their centres.
+    """
     width = 1e-3 * gear.face_width_mm
     mass, inertia = disc(1e-3 * gear.module_mm * gear.z_planet, width)
-    centre = 1e-3 * (gear.centre_distance_mm or gear.module_mm * (gear.z_sun + gear.z_planet) / 2)
+    centre = gear.pin_distance_m
     carrier = known.carrier_kg_m2 or disc(2 * centre, width)[1] + gear.planets * mass * centre**2
-    return Rotors(carrier + known.load_kg_m2, known.planet_kg_m2 or inertia, centre)
+    return carrier + known.load_kg_m2, known.planet_kg_m2 or inertia
 
 
 def inertia_uncertainty(rig: Rig) -> float:

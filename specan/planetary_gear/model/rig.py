@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -31,6 +32,17 @@ class Gear(Settings):
     contact_ratio_sun_planet: Annotated[float, Field(ge=1, lt=3)] | None = None
     contact_ratio_ring_planet: Annotated[float, Field(ge=1, lt=3)] | None = None
     backlash_mm: NotNegative = 0.1
+
+    @property
+    def pin_distance_m(self) -> float:
+        """From the carrier's axis to a planet's."""
+        return 1e-3 * (self.centre_distance_mm or self.module_mm * (self.z_sun + self.z_planet) / 2)
+
+    @property
+    def base_radii_m(self) -> tuple[float, float, float]:
+        """Of sun, planet and ring."""
+        per_tooth = 1e-3 * self.module_mm * math.cos(math.radians(self.pressure_angle_deg)) / 2
+        return per_tooth * self.z_sun, per_tooth * self.z_planet, per_tooth * self.z_ring
 
 
 class Pair(Settings):

@@ -67,8 +67,7 @@ def _carrier_torque(motion: Motion, rig: Rig) -> Real:
     """Torque of the meshes on the carrier."""
     gear = rig.gear
     assert gear is not None
-    cos = math.cos(math.radians(gear.pressure_angle_deg)) * 1e-3 * gear.module_mm / 2
-    sun, planet, ring = (cos * z for z in (gear.z_sun, gear.z_planet, gear.z_ring))
+    sun, planet, ring = gear.base_radii_m
     return (sun + planet) * motion.sun_force.sum(axis=0) + (ring - planet) * motion.ring_force.sum(axis=0)
 
 
@@ -76,9 +75,8 @@ def planet_centres(motion: Motion) -> list[tuple[Real, Real]]:
     """x and y of each planet's centre, m."""
     gear = motion.rig.gear
     assert gear is not None
-    radius = 1e-3 * (gear.centre_distance_mm or gear.module_mm * (gear.z_sun + gear.z_planet) / 2)
     angles = [motion.carrier_angle + place for place in planet_angles(gear)]
-    return [(radius * np.cos(angle), radius * np.sin(angle)) for angle in angles]
+    return [(gear.pin_distance_m * np.cos(angle), gear.pin_distance_m * np.sin(angle)) for angle in angles]
 
 
 def _centres(motion: Motion, rig: Rig) -> list[SimulatedChannel]:
