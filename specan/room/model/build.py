@@ -35,8 +35,10 @@ CONDITIONS = (
     Condition("driven", "1", "Number of the set of loudspeakers that move.", "driven", "1", default=0.0),
 )  # fmt: skip
 MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
-NOTHING_KNOWN = {"known_wall": "the rig file states the impedance of no wall ([walls])"}
-ONE_LOUDSPEAKER = {"loudspeaker": "the rig file has no further loudspeaker ([[loudspeakers]])"}
+LACKS = {  # why effects at an axis without elements cannot be looked for
+    "known_wall": "the rig file states the impedance of no wall ([walls])",
+    "loudspeaker": "the rig file has no further loudspeaker ([[loudspeakers]])",
+}
 LARGEST_M = 100.0  # no room is so large along its shortest edge
 MOST_MODES = 60_000  # about 60 MB a block of lines
 
@@ -70,11 +72,8 @@ def build(rig: Mapping[str, Any]) -> Model:
     ]
     effects = effects_in("specan.room.model.effects")
     loudspeakers = tuple(f"loudspeaker {i}" for i in range(2, 2 + len(settings.loudspeakers)))
-    lacks = {
-        **({} if tables else NOTHING_KNOWN),
-        **({} if settings.loudspeakers else ONE_LOUDSPEAKER),
-    }
-    unsuited = {name for name, effect in effects.items() if effect.at in lacks}
+    there = {"known_wall": tables, "loudspeaker": loudspeakers}
+    unsuited = {n: LACKS[e.at] for n, e in sorted(effects.items()) if e.at in there and not there[e.at]}
     return Model(
         name="room",
         title=shape.title,
@@ -82,7 +81,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         conditions={c.name: c for c in CONDITIONS},
         quantities={q.name: q for q in quantities},
         effects={name: effect for name, effect in effects.items() if name not in unsuited},
-        unsuited={name: lacks[effects[name].at] for name in sorted(unsuited)},
+        unsuited=unsuited,
         observables={
             "frf": Observable(
                 "frf", "indicated_frf", "Pa*s/m", "Sound pressure over diaphragm velocity.", kind="frf"
