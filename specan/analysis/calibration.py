@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from specan.analysis.calibration_verdict import (
     judge,
     natural,
     repeatability,
+    sound,
     turned_over,
 )
 from specan.analysis.calibrator_tone import CalibrationSettings
@@ -63,27 +63,33 @@ def join_insertions(
             "no channel of the calibrator recordings has a signal", expected="a calibrator's tone"
         )
     tones = _tones(insertions)
+    # Without clipped channels: their harmonics, folded back by sampling, may fall on the tone.
+    clean = [replace(i, heard=tuple(h for h in i.heard if not h.clipped)) for i in insertions]
     chained = [
-        chain_phases([_unclipped(i) for i in insertions if i.frequency_hz in tone], settings.u_insertion_deg)
-        for tone in tones
+        chain_phases([i for i in clean if i.frequency_hz in tone], settings.u_insertion_deg) for tone in tones
     ]
     names = sorted({h.channel for i in insertions for h in i.heard}, key=natural)
-    phases: dict[str, _Phase] = {}
+    phases: dict[str, PhaseCalibration] = {}
+    parts: dict[str, list[ChainedPhase]] = {}
+    doubts: dict[str, str] = {}
     notes: list[str] = []
     for channel in names:
         if any(channel in chain for chain in chained):
-            phases[channel], dropped = _phase(channel, tones, chained, settings)
+            phases[channel], parts[channel], dropped = _phase(channel, tones, chained, settings)
             notes += dropped
-    groups = sorted({phase.calibration.group for phase in phases.values()}, key=natural)
+    groups = sorted({phase.group for phase in phases.values()}, key=natural)
     if len(groups) > 1:
         notes.append(_separate(groups, phases))
     notes += _left_out(insertions, set(names))
     for group in groups:
-        phases |= _with_polarity({name: phases[name] for name in _members(group, phases)}, group)
+        _correct_polarity(group, phases, doubts)
     heard = {name: [(i, h) for i in insertions for h in i.heard if h.channel == name] for name in names}
     common, levels = _Common.of(heard, settings), {insertion.level_dB for insertion in insertions}
     return Calibration(
-        channels=tuple(_channel(name, heard[name], phases.get(name), common) for name in names),
+        channels=tuple(
+            _channel(name, heard[name], common, phases.get(name), parts.get(name, ()), doubts.get(name, ""))
+            for name in names
+        ),
         made_from=tuple(insertion.label for insertion in insertions),
         calibrator_frequency_hz=_plain(float(np.mean(tones[0]))) if len(tones) == 1 else None,
         calibrator_level_dB=levels.pop() if len(levels) == 1 else None,
@@ -125,20 +131,10 @@ def _tones(insertions: Sequence[Insertion]) -> list[list[float]]:
     """Frequencies of the insertions in clusters: a calibrator repeats its tone within 2 %."""
     clusters: list[list[float]] = []
     for frequency in sorted({insertion.frequency_hz for insertion in insertions}):
-        if clusters and frequency <= clusters[-1][0] * 1.02:
-            clusters[-1].append(frequency)
-        else:
-            clusters.append([frequency])
+        if not clusters or frequency > clusters[-1][0] * 1.02:
+            clusters.append([])
+        clusters[-1].append(frequency)
     return clusters
-
-
-@dataclass(frozen=True)
-class _Phase:
-    """Phases of one channel at its tones, and where their uncertainties come from."""
-
-    calibration: PhaseCalibration
-    parts: tuple[ChainedPhase, ...]
-    doubt: str = ""
 
 
 def _phase(
@@ -146,8 +142,8 @@ def _phase(
     tones: Sequence[Sequence[float]],
     chained: Sequence[dict[str, ChainedPhase]],
     settings: CalibrationSettings,
-) -> tuple[_Phase, list[str]]:
-    """Phase at the tones that tie the channel to one and the same reference."""
+) -> tuple[PhaseCalibration, list[ChainedPhase], list[str]]:
+    """Phase at the tones that tie the channel to one and the same reference, what it is of, and what is left out."""
     found = [
         (
             float(np.mean(tone)),
@@ -171,10 +167,10 @@ def _phase(
         model=settings.phase_model,
         group=reference,
     )
-    return _Phase(calibration, tuple(phase for _, phase in kept)), dropped
+    return calibration, [phase for _, phase in kept], dropped
 
 
-def _separate(groups: Sequence[str], phases: dict[str, _Phase]) -> str:
+def _separate(groups: Sequence[str], phases: dict[str, PhaseCalibration]) -> str:
     members = [_members(group, phases) for group in groups]
     listed = "; ".join(f"{names[0]} ... {names[-1]}" if len(names) > 1 else names[0] for names in members)
     return (
@@ -184,35 +180,29 @@ def _separate(groups: Sequence[str], phases: dict[str, _Phase]) -> str:
     )
 
 
-def _members(group: str, phases: dict[str, _Phase]) -> list[str]:
-    return [name for name, phase in phases.items() if phase.calibration.group == group]
+def _members(group: str, phases: dict[str, PhaseCalibration]) -> list[str]:
+    return [name for name, phase in phases.items() if phase.group == group]
 
 
-def _with_polarity(group: dict[str, _Phase], reference: str) -> dict[str, _Phase]:
-    """Name inverted microphones; their phase is corrected by 180 degrees at all frequencies.
+def _correct_polarity(reference: str, phases: dict[str, PhaseCalibration], doubts: dict[str, str]) -> None:
+    """Name inverted microphones of a group; their phase is corrected by 180 degrees at all frequencies.
 
     Where the reference itself is inverted, all phases are turned, so that those of the others are near zero.
     """
-    inverted, unclear = turned_over({name: phase.calibration.phase_deg for name, phase in group.items()})
-    found = {}
-    for name, phase in group.items():
-        calibration, reason = phase.calibration, ""
+    group = _members(reference, phases)
+    inverted, unclear = turned_over({name: phases[name].phase_deg for name in group})
+    for name in group:
+        degrees = phases[name].phase_deg
         if reference in inverted:
-            turned = tuple(_plain(d % 360.0 - 180.0) for d in calibration.phase_deg)
-            calibration = replace(calibration, phase_deg=turned)
+            degrees = tuple(_plain(d % 360.0 - 180.0) for d in degrees)
+        phases[name] = replace(phases[name], phase_deg=degrees, inverted=name in inverted)
         if name in inverted:
-            calibration = replace(calibration, inverted=True)
-            reason = "polarity inverted: 180 degrees are corrected at all frequencies"
+            doubts[name] = "polarity inverted: 180 degrees are corrected at all frequencies"
         elif name in unclear:
-            told = " / ".join(f"{d:.0f}" for d in calibration.phase_deg)
-            reason = f"a phase of {told} degrees is that of neither a matched nor an inverted microphone"
-        found[name] = _Phase(calibration, phase.parts, reason)
-    return found
-
-
-def _unclipped(insertion: Insertion) -> Insertion:
-    """Without clipped channels: their harmonics, folded back by sampling, may fall on the tone."""
-    return replace(insertion, heard=tuple(h for h in insertion.heard if not h.clipped))
+            told = " / ".join(f"{d:.0f}" for d in degrees)
+            doubts[name] = (
+                f"a phase of {told} degrees is that of neither a matched nor an inverted microphone"
+            )
 
 
 @dataclass(frozen=True)
@@ -229,7 +219,7 @@ class _Common:
         """From the sensitivities of all channels, those that were inserted more than once first."""
         squares, dof, windows = 0.0, 0, []
         for found in heard.values():
-            used = _used(found)
+            used = sound(found)
             values = np.log([h.sensitivity for h in used])
             squares += float(np.sum((100 * (values - values.mean())) ** 2))
             dof += len(used) - 1
@@ -238,7 +228,7 @@ class _Common:
             squares, dof, float(np.mean(windows or [0.0])), _percent(settings.u_insertion_dB)
         )
         alone = [
-            np.mean([h.sensitivity for h in _used(found)])
+            np.mean([h.sensitivity for h in sound(found)])
             for found in heard.values()
             if not any(h.nominal for _, h in found)
         ]
@@ -250,15 +240,15 @@ class _Common:
         )
 
 
-def _used(found: Sequence[tuple[Insertion, Heard]]) -> list[Heard]:
-    """The insertions of a channel whose sensitivity counts; all where none is sound."""
-    return [h for _, h in found if h.usable] or [h for _, h in found]
-
-
 def _channel(
-    name: str, heard: Sequence[tuple[Insertion, Heard]], phase: _Phase | None, common: _Common
+    name: str,
+    heard: Sequence[tuple[Insertion, Heard]],
+    common: _Common,
+    phase: PhaseCalibration | None,
+    parts: Sequence[ChainedPhase],
+    doubt: str,
 ) -> ChannelCalibration:
-    used = _used(heard)
+    used = sound(heard)
     n = len(used)
     values = np.array([h.sensitivity for h in used])
     mean = float(values.mean())
@@ -267,16 +257,16 @@ def _channel(
     if REPEAT.judge(20 * np.log10(values.max() / values.min()))[0]:
         own = 100 * float(values.std(ddof=1)) / mean  # it repeats worse than the others
         between, dof = (own, n - 1) if own > between else (between, dof)
-    verdict, reasons = judge(heard, mean, common.typical, phase.doubt if phase else "")
+    verdict, reasons = judge(heard, mean, common.typical, doubt)
     budget = [
         Contribution("sensitivity", "calibrator level", "B", common.u_level_percent, "%", None),
-        Contribution("sensitivity", "insertion", *_type(dof), between / np.sqrt(n), "%", dof),
+        Contribution("sensitivity", "insertion", "A" if dof else "B", between / np.sqrt(n), "%", dof),
         Contribution("sensitivity", "windows", "A", within, "%", sum(h.windows - 1 for h in used)),
     ]
-    for f, part in zip(phase.calibration.frequency_hz, phase.parts, strict=True) if phase else ():
+    for f, part in zip(phase.frequency_hz, parts, strict=True) if phase else ():
         of = f"phase at {f:.6g} Hz"
         budget += [
-            Contribution(of, "insertion", *_type(part.dof), part.u_insertion_deg, "deg", part.dof),
+            Contribution(of, "insertion", "A" if part.dof else "B", part.u_insertion_deg, "deg", part.dof),
             Contribution(of, "windows", "A", part.u_windows_deg, "deg", sum(h.windows - 1 for h in used)),
         ]
     return ChannelCalibration(
@@ -284,17 +274,13 @@ def _channel(
         sensitivity=float(f"{mean:.7g}"),  # never zero, however faint the channel
         unit="mV/Pa",
         u_sensitivity_percent=_plain(float(np.sqrt(sum(c.u**2 for c in budget if c.of == "sensitivity")))),
-        phase=phase.calibration if phase else None,
+        phase=phase,
         scatter_percent=_plain(max(h.scatter_percent for h in used)),
         drift_percent=_plain(max((h.drift_percent for h in used), key=abs)),
         verdict=verdict,
         reasons=reasons,
         budget=tuple(budget),
     )
-
-
-def _type(dof: int | None) -> tuple[Literal["A", "B"]]:
-    return ("B" if dof is None else "A",)
 
 
 def _percent(dB: float) -> float:

@@ -61,7 +61,7 @@ def judge(
     doubt : str
         A sentence on its phase.
     """
-    used = [h for _, h in heard if h.usable] or [h for _, h in heard]
+    used = sound(heard)
     judged = [
         *_spoilt(heard, failed=not any(h.usable for _, h in heard)),
         PURITY.judge(max(h.impurity for h in used)),
@@ -73,6 +73,11 @@ def judge(
     ]
     worst = max(severity for severity, _ in judged)
     return VERDICTS[worst], tuple(dict.fromkeys(text for severity, text in judged if severity))
+
+
+def sound(heard: Sequence[tuple[Insertion, Heard]]) -> list[Heard]:
+    """The insertions of a channel whose sensitivity counts; all where none is sound."""
+    return [h for _, h in heard if h.usable] or [h for _, h in heard]
 
 
 def _spoilt(heard: Sequence[tuple[Insertion, Heard]], failed: bool) -> list[tuple[int, str]]:
