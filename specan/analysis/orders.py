@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -273,7 +274,7 @@ class OrderAccumulator:
             self._averages += 1
         if self.settings.wanted:
             self._kept.append(found)
-        elif self.shaft.channel is None and self._seen <= _HELD_TURNS * self.per_turn:
+        elif self.shaft.tacho.channel is None and self._seen <= _HELD_TURNS * self.per_turn:
             self._kept.append(found[:1])
 
     def _take(self, block: Real) -> None:
@@ -324,10 +325,7 @@ class OrderAccumulator:
         average = np.roll(average, round(self.first_turn * self.per_turn) % average.shape[1], axis=1)
         centre = self._sum / max(self._seen, 1)
         rms = np.sqrt(np.maximum(self._square / max(self._seen, 1) - centre**2, 0.0))
-        tacho = TachoReport(
-            self.shaft.channel, self.shaft.pulses, self.shaft.missing, self.shaft.double, self.shaft.jitter_s,
-            self.speed_range,
-        )  # fmt: skip
+        tacho = replace(self.shaft.tacho, speed_hz=self.speed_range)
         return OrderSpectrum(
             label=self.recording.label,
             channels=tuple(c.label for c in self.channels),
@@ -417,7 +415,7 @@ class OrderAccumulator:
             known = [(o, a / strongest) for o, a in zip(orders.tolist(), at_start.tolist()) if a]
         highest, found = float(orders.max()), []
         for k in np.argsort(weight)[-STRONGEST:]:
-            if weight[k] and (sharp[k] or self.shaft.channel is None):
+            if weight[k] and (sharp[k] or self.shaft.tacho.channel is None):
                 beside = [line for line in known if abs(line[0] - orders[k]) <= NEIGHBOURS]
                 one = departure(x, self.per_turn, float(orders[k]), highest, not wanted, beside)
                 found.append((one, sharp[k]))
@@ -435,8 +433,8 @@ class OrderAccumulator:
             )
         if stated is None:
             return [
-                f"the angle of {self.shaft.channel} is not that of the vibration: {line}; a tacho with more pulses "
-                "a turn follows faster changes of the speed"
+                f"the angle of {self.shaft.tacho.channel} is not that of the vibration: {line}; a tacho with more "
+                "pulses a turn follows faster changes of the speed"
             ]
         if found.steady and self.settings.wanted:
             fits = stated * (1 + found.slope / found.order)

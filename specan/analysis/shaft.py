@@ -6,11 +6,13 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.channel import Channel
+from specan.data.orders import TachoReport
 from specan.data.recording import Recording
 from specan.dsp.tacho import COUNTABLE, pulse_times, repair, shaft_angle
 from specan.errors import InputError, RequestError
@@ -30,9 +32,8 @@ class Shaft:
         Turns, and turns per second, at instants in s from the recording's first sample.
     start_s, stop_s : float
         Between which they are known.
-    channel : str or None
-    pulses, missing, double : int
-    jitter_s : float
+    tacho : TachoReport
+        Without the speeds, which are those of what is analysed.
     silent : tuple of (float, float)
         From when to when there are no pulses.
     """
@@ -41,25 +42,22 @@ class Shaft:
     speed: Callable[[Real], Real]
     start_s: float
     stop_s: float
-    channel: str | None = None
-    pulses: int = 0
-    missing: int = 0
-    double: int = 0
-    jitter_s: float = 0.0
+    tacho: TachoReport
     silent: tuple[tuple[float, float], ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What was repaired, and where the angle is not known."""
-        found = []
-        if self.missing + self.double:
+        found, tacho = [], self.tacho
+        if tacho.missing + tacho.double:
             found.append(
-                f"{self.channel}: {self.missing} missing and {self.double} double pulses among {self.pulses} repaired"
+                f"{tacho.channel}: {tacho.missing} missing and {tacho.double} double pulses among {tacho.pulses} "
+                "repaired"
             )
         if self.silent:
             gaps = ", ".join(f"{first:.3f} to {last:.3f} s" for first, last in self.silent)
             found.append(
-                f"{self.channel}: no pulses from {gaps}: the shaft stands still or the tacho fails; analysed is "
+                f"{tacho.channel}: no pulses from {gaps}: the shaft stands still or the tacho fails; analysed is "
                 f"{max(self.start_s, 0.0):.3f} to {self.stop_s:.3f} s"
             )
         return tuple(found)
@@ -67,9 +65,8 @@ class Shaft:
 
 def steady_shaft(speed_hz: float) -> Shaft:
     """A shaft of one known speed; turn zero is the first sample."""
-    return Shaft(
-        lambda t: speed_hz * np.asarray(t), lambda t: np.full(np.shape(t), speed_hz), -math.inf, math.inf
-    )
+    speed = partial(np.full_like, fill_value=speed_hz, dtype=float)
+    return Shaft(lambda t: speed_hz * np.asarray(t), speed, -math.inf, math.inf, TachoReport())
 
 
 def tracked_shaft(
@@ -121,11 +118,7 @@ def tracked_shaft(
         lambda t: found.speed(np.asarray(t) - delay),
         float(max([found.time[0] - spacing[0], *(b for _, b in silent if b <= found.time[0])]) + delay),
         float(min([found.time[-1] + spacing[-1], *(a for a, _ in silent if a >= found.time[-1])]) + delay),
-        channel.label,
-        pulses.time.size,
-        pulses.missing,
-        pulses.double,
-        found.jitter_s,
+        TachoReport(channel.label, pulses.time.size, pulses.missing, pulses.double, found.jitter_s),
         tuple((float(a + delay), float(b + delay)) for a, b in silent),
     )
 

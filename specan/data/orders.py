@@ -32,12 +32,12 @@ class TachoReport:
         Least, mean and greatest speed of the reference shaft.
     """
 
-    channel: str | None
-    pulses: int
-    missing: int
-    double: int
-    jitter_s: float
-    speed_hz: tuple[float, float, float]
+    channel: str | None = None
+    pulses: int = 0
+    missing: int = 0
+    double: int = 0
+    jitter_s: float = 0.0
+    speed_hz: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def mean_hz(self) -> float:

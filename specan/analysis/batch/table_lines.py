@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -72,10 +72,14 @@ def _energy_mean(table: ToneTable) -> str:
 
 def _lines(table: ToneTable, **columns: Any) -> str:
     common = {
-        "file": table.label, "frequency_hz": table.frequency_hz, "reference": table.reference or "",
-        "reference_rms": table.reference_rms,
+        "frequency_hz": table.frequency_hz, "reference": table.reference or "", "reference_rms": table.reference_rms
     }  # fmt: skip
-    return text.table_lines({**common, **columns}, text.COLUMNS["sine.txt"])
+    return _blocks("sine.txt", table.label, [{**common, **columns}])
+
+
+def _blocks(name: str, label: str, blocks: Iterable[Mapping[str, Any]]) -> str:
+    """Lines of a table from the columns of each block."""
+    return "".join(text.table_lines({"file": label, **block}, text.COLUMNS[name]) for block in blocks)
 
 
 def joined_lines(response: FrequencyResponse, roles: dict[str, str], units: dict[str, str]) -> str:
@@ -84,8 +88,7 @@ def joined_lines(response: FrequencyResponse, roles: dict[str, str], units: dict
     blocks = []
     for row, name in enumerate(response.channels):
         known = np.flatnonzero(np.isfinite(response.response[row]))
-        columns = {
-            "file": response.label,
+        block = {
             "channel": name,
             "role": roles[name],
             "unit": units[name],
@@ -96,8 +99,8 @@ def joined_lines(response: FrequencyResponse, roles: dict[str, str], units: dict
             "reference": response.reference,
             "flags": " ".join((JOINED, *response.flags[row])),
         }
-        blocks.append(text.table_lines(columns, text.COLUMNS["sine.txt"]))
-    return "".join(blocks)
+        blocks.append(block)
+    return _blocks("sine.txt", response.label, blocks)
 
 
 def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -> str:
@@ -105,11 +108,8 @@ def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -
     u_percent = np.hypot(response.u_magnitude_percent, response.u_common_percent)
     u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
     magnitude, phase = response.magnitude, response.phase_deg
-    blocks = []
-    for row, name in enumerate(response.channels):
-        words = tuple(dict.fromkeys((*quality[row], *response.flags[row])))
-        columns = {
-            "file": response.label,
+    blocks = (
+        {
             "channel": name,
             "frequency_hz": response.frequency_hz,
             "magnitude": magnitude[row],
@@ -117,16 +117,16 @@ def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -
             "coherence": text.fixed(response.coherence[row], 5),
             "u_magnitude_percent": u_percent[row],
             "u_phase_deg": u_phase[row],
-            "flags": response.line_words(row, words),
+            "flags": response.line_words(row, tuple(dict.fromkeys((*quality[row], *response.flags[row])))),
         }
-        blocks.append(text.table_lines(columns, text.COLUMNS["noise.txt"]))
-    return "".join(blocks)
+        for row, name in enumerate(response.channels)
+    )
+    return _blocks("noise.txt", response.label, blocks)
 
 
 def band_lines(levels: BandLevels) -> str:
     """Lines of all channels: each channel's bands, then its overall levels."""
-    names = text.COLUMNS["bands.txt"]
-    return "".join(text.table_lines({"file": levels.label, **table}, names) for table in levels.tables())
+    return _blocks("bands.txt", levels.label, levels.tables())
 
 
 def other_lines(levels: BandLevels, roles: Sequence[str]) -> str:
@@ -136,9 +136,8 @@ def other_lines(levels: BandLevels, roles: Sequence[str]) -> str:
         zero = levels.references[row].value
         bands = zip(table["band_hz"], table["level_dB"], strict=True)
         rms = [zero * 10 ** (level / 20) if name == "total-Z" else np.nan for name, level in bands]
-        columns = {"file": levels.label, **table, "role": role, "unit": levels.units[row], "rms": rms}
-        blocks.append(text.table_lines(columns, text.COLUMNS["other.txt"]))
-    return "".join(blocks)
+        blocks.append({**table, "role": role, "unit": levels.units[row], "rms": rms})
+    return _blocks("other.txt", levels.label, blocks)
 
 
 def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Sequence[Sequence[str]]) -> str:
@@ -147,7 +146,6 @@ def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Se
     with np.errstate(divide="ignore"):
         level = 20 * np.log10(np.asarray(rms) / zero)
     columns = {
-        "file": label,
         "channel": text.words(c.label for c in channels),
         "role": [c.role for c in channels],
         "unit": text.words(c.unit for c in channels),
@@ -156,7 +154,7 @@ def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Se
         "level_dB": level,
         "flags": flags,
     }
-    return text.table_lines(columns, text.COLUMNS["other.txt"])
+    return _blocks("other.txt", label, [columns])
 
 
 TABLE = "orders.txt"
@@ -211,7 +209,6 @@ def order_lines(orders: OrderSpectrum, flags: Sequence[Sequence[str]]) -> str:
         with np.errstate(divide="ignore"):
             level = 20 * np.log10(amplitude / np.sqrt(2) / level_reference(unit).value)
         columns = {
-            "file": orders.label,
             "channel": name,
             "unit": unit,
             "order": order,
@@ -225,5 +222,5 @@ def order_lines(orders: OrderSpectrum, flags: Sequence[Sequence[str]]) -> str:
                 "u": lines.u[row],
                 "u_blocks": lines.u_scatter[row],
             }
-        blocks.append(text.table_lines(columns, text.COLUMNS[TABLE]))
-    return "".join(blocks)
+        blocks.append(columns)
+    return _blocks(TABLE, orders.label, blocks)

@@ -69,11 +69,7 @@ def write_tables(
         about = [f"file {r.label}: {line}" for r in here for line in r.about]
         lines: Iterable[str | bytes]
         if name in ("skipped.txt", "sine.txt"):
-            made = (
-                _skipped(results)
-                if name == "skipped.txt"
-                else _sine_lines(results, _blocks(name, here, kept))
-            )
+            made = _skipped(results) if name == "skipped.txt" else _sine_lines(name, results, here, kept)
             lines = texts = list(made)
             written[name] = sum(block.count("\n") for block in texts)
         else:
@@ -91,11 +87,6 @@ def _head(name: str, header: Sequence[str]) -> list[str]:
         f"units: {UNITS[name]}",
         f"level references: {references}",
     ]
-
-
-def _blocks(name: str, results: Sequence[FileResult], kept: Mapping[str, Kept]) -> Iterator[tuple[str, str]]:
-    for result in results:
-        yield result.label, kept[result.label].lines(name)
 
 
 def _skipped(results: Sequence[FileResult]) -> Iterator[str]:
@@ -138,9 +129,11 @@ def _join(label: str, tables: Sequence[ToneTable]) -> FrequencyResponse | InputE
         return InputError(unforeseen(fault))
 
 
-def _sine_lines(results: Sequence[FileResult], blocks: Iterator[tuple[str, str]]) -> Iterator[str]:
+def _sine_lines(
+    name: str, results: Sequence[FileResult], here: Sequence[FileResult], kept: Mapping[str, Kept]
+) -> Iterator[str]:
     """Lines of the files and of the directories of stepped sines, in order of labels."""
-    lines = list(blocks)
+    lines = [(result.label, kept[result.label].lines(name)) for result in here]
     for label, tables in _directories(results).items():
         joined = _join(label, tables)
         if isinstance(joined, FrequencyResponse):
