@@ -146,22 +146,15 @@ class OrderSpectrum(RecordingResult):
 
     def tables(self) -> Iterable[dict[str, Any]]:
         """The requested lines, or the spectrum."""
-        lines = self.lines
+        silent = dict.fromkeys(("phase_deg", "u", "u_blocks"), "")
         for row, channel in enumerate(self.channels):
-            found: dict[str, Any] = {
-                "channel": channel,
-                "order": self.order,
-                "amplitude": self.amplitude[row],
-            }
-            more: dict[str, Any] = dict.fromkeys(("phase_deg", "u", "u_blocks"), "")
-            if lines is not None:
-                found |= {"order": lines.order, "amplitude": abs(lines.amplitude[row])}
-                more = {
-                    "phase_deg": lines.phase_deg[row],
-                    "u": lines.u[row],
-                    "u_blocks": lines.u_scatter[row],
-                }
-            yield found | more
+            if (lines := self.lines) is None:
+                yield {"channel": channel, "order": self.order, "amplitude": self.amplitude[row], **silent}
+            else:
+                yield {
+                    "channel": channel, "order": lines.order, "amplitude": abs(lines.amplitude[row]),
+                    "phase_deg": lines.phase_deg[row], "u": lines.u[row], "u_blocks": lines.u_scatter[row],
+                }  # fmt: skip
 
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""

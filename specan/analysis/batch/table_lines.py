@@ -202,25 +202,10 @@ def _analyse(recording: Recording, settings: Orders) -> tuple[OrderSpectrum, Seq
 def order_lines(orders: OrderSpectrum, flags: Sequence[Sequence[str]]) -> str:
     """The orders that were asked for, with phase and uncertainty; without any, the lines of the spectrum."""
     blocks = []
-    for row, (name, unit) in enumerate(zip(orders.channels, orders.units, strict=True)):
-        lines = orders.lines
-        order = orders.order[1:] if lines is None else lines.order
-        amplitude = orders.amplitude[row, 1:] if lines is None else np.abs(lines.amplitude[row])
+    for table, unit, words in zip(orders.tables(), orders.units, flags, strict=True):
+        if orders.lines is None:
+            table |= {name: table[name][1:] for name in ("order", "amplitude")}
         with np.errstate(divide="ignore"):
-            level = 20 * np.log10(amplitude / np.sqrt(2) / level_reference(unit).value)
-        columns = {
-            "channel": name,
-            "unit": unit,
-            "order": order,
-            "amplitude": amplitude,
-            "level_dB": level,
-            "flags": " ".join(flags[row]),
-        }
-        if lines is not None:
-            columns |= {
-                "phase_deg": lines.phase_deg[row],
-                "u": lines.u[row],
-                "u_blocks": lines.u_scatter[row],
-            }
-        blocks.append(columns)
+            level = 20 * np.log10(table["amplitude"] / np.sqrt(2) / level_reference(unit).value)
+        blocks.append({**table, "unit": unit, "level_dB": level, "flags": " ".join(words)})
     return _blocks(TABLE, orders.label, blocks)
