@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from specan.result import RecordingResult, Sheet, cell, counted, picked, records
-from specan.units import LevelReference
+from specan.units import LevelReference, level_reference
 
 Real = NDArray[np.float64]
 
@@ -19,6 +19,13 @@ def level(mean_square: Real, zero: Real | float) -> Real:
     """10 lg(mean square / `zero`) in dB; minus infinity for nothing, NaN for NaN."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return 10.0 * np.log10(np.asarray(mean_square) / zero)
+
+
+def rms_level(rms: ArrayLike, units: Sequence[str]) -> Real:
+    """Levels of RMS values, (channels, ...), re the references of the channels' units."""
+    references = np.array([level_reference(unit).value for unit in units])
+    with np.errstate(divide="ignore"):
+        return np.asarray(20 * np.log10((np.asarray(rms).T / references).T))
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.data.levels import rms_level
 from specan.data.spectrum import highest
 from specan.result import RecordingResult, Sheet, cell, counted, picked, records
-from specan.units import level_reference
 
 Real = NDArray[np.float64]
 
@@ -216,17 +216,12 @@ class OrderSpectrum(RecordingResult):
     @property
     def level_dB(self) -> Real:
         """RMS levels of the lines."""
-        return self._level(self.amplitude)
+        return rms_level(self.amplitude / np.sqrt(2), self.units)
 
     @property
     def map_level_dB(self) -> Real:
         """RMS levels of the map, (columns, channels, lines)."""
-        return self._level(self.map)
-
-    def _level(self, amplitude: Real) -> Real:
-        reference = np.array([level_reference(unit).value for unit in self.units])[:, None]
-        with np.errstate(divide="ignore"):
-            return 20 * np.log10(amplitude / np.sqrt(2) / reference)
+        return rms_level(self.map.swapaxes(0, 1) / np.sqrt(2), self.units).swapaxes(0, 1)
 
 
 class OrderMap(OrderSpectrum):

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.data.levels import rms_level
 from specan.result import Result, counted, picked
-from specan.units import level_reference
 
 Real = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ class ToneTable(Result):
     @property
     def level_dB(self) -> Real:
         """Level of `rms` re the reference of each unit (ISO 1683)."""
-        return _level(self.rms, self.units)
+        return rms_level(self.rms, self.units)
 
     @property
     def reference_rms(self) -> float:
@@ -113,12 +113,6 @@ class ToneTable(Result):
         if self.reference is None or self.reference not in self.channels:
             return float("nan")
         return float(self.tone_rms[self.channels.index(self.reference)])
-
-
-def _level(rms: Real, units: tuple[str, ...]) -> Real:
-    base = np.array([level_reference(unit).value for unit in units])
-    with np.errstate(divide="ignore"):
-        return np.asarray(20 * np.log10(rms / base))
 
 
 ExcitationKind = Literal["sine", "noise", "sweep", "stepped-sine", "calibrator", "unknown"]

@@ -17,12 +17,12 @@ from specan.analysis.quality import QualityAccumulator
 from specan.data.band_levels import BandLevels
 from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse
+from specan.data.levels import rms_level
 from specan.data.orders import OrderSpectrum
 from specan.data.recording import Recording
 from specan.data.tone import ToneTable
 from specan.errors import SpecanError
 from specan.io import results_text as text
-from specan.units import level_reference
 
 MEAN = "energy-mean"
 JOINED = "stepped-sine"
@@ -63,7 +63,7 @@ def _energy_mean(table: ToneTable) -> str:
         role="microphone",
         unit="Pa",
         rms=rms,
-        level_dB=20 * np.log10(rms / level_reference("Pa").value),
+        level_dB=rms_level([rms], ["Pa"]),
         tone_rms=tone,
         magnitude_re_reference=tone / table.reference_rms if table.reference_rms > 0 else np.nan,
         flags=[tuple(dict.fromkeys(word for i in rows for word in table.flags[i]))],
@@ -142,16 +142,13 @@ def other_lines(levels: BandLevels, roles: Sequence[str]) -> str:
 
 def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Sequence[Sequence[str]]) -> str:
     """Lines of `other.txt` for channels without band levels: one total a channel."""
-    zero = np.array([level_reference(c.unit).value for c in channels])
-    with np.errstate(divide="ignore"):
-        level = 20 * np.log10(np.asarray(rms) / zero)
     columns = {
         "channel": text.words(c.label for c in channels),
         "role": [c.role for c in channels],
         "unit": text.words(c.unit for c in channels),
         "band_hz": "total-Z",
         "rms": rms,
-        "level_dB": level,
+        "level_dB": rms_level(rms, [c.unit for c in channels]),
         "flags": flags,
     }
     return _blocks("other.txt", label, [columns])
@@ -205,7 +202,6 @@ def order_lines(orders: OrderSpectrum, flags: Sequence[Sequence[str]]) -> str:
     for table, unit, words in zip(orders.tables(), orders.units, flags, strict=True):
         if orders.lines is None:
             table |= {name: table[name][1:] for name in ("order", "amplitude")}
-        with np.errstate(divide="ignore"):
-            level = 20 * np.log10(table["amplitude"] / np.sqrt(2) / level_reference(unit).value)
+        level = rms_level([table["amplitude"] / np.sqrt(2)], [unit])[0]
         blocks.append({**table, "unit": unit, "level_dB": level, "flags": " ".join(words)})
     return _blocks(TABLE, orders.label, blocks)
