@@ -87,7 +87,7 @@ def initial_fit(
     def look(use: Use) -> None:
         progress(f"{text}: with {use}", 0.4)
         problem = refits.with_uses([use])
-        items = found.get(use) or scan_shapes(base, [use]).get(use, ())
+        items = found.get(use) or scan_shapes(base, [use]).get(use, [])
         if items:
             refits.fit(base, frozenset({use}), [start_from(base, [item], problem) for item in items])
 

@@ -110,15 +110,15 @@ class Refits:
         SI values near the minimum of some sets, from where they are begun.
     rough : bool
         Nothing is concluded from the fits: some steps do for a minimum.
-    failed : dict
-        Sets whose fit did not converge from any start, with the reason.
+    failed : set
+        Sets whose fit did not converge from any start.
     """
 
     base: Refit
     known: Mapping[EffectSet, Mapping[str, Any]] = field(default_factory=dict)
     rough: bool = False
     done: dict[EffectSet, Refit] = field(default_factory=dict)
-    failed: dict[EffectSet, str] = field(default_factory=dict)
+    failed: set[EffectSet] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.done[frozenset()] = self.base
@@ -127,9 +127,7 @@ class Refits:
         """The base with effects."""
         return self.base.problem.with_uses(sorted(uses))
 
-    def fit(
-        self, start: Refit, uses: EffectSet, starts: Sequence[Mapping[str, Any]], again: bool = False
-    ) -> Refit | None:
+    def fit(self, start: Refit, uses: EffectSet, starts: Sequence[Mapping[str, Any]]) -> Refit | None:
         """Fit a set that contains a fitted one.
 
         A descent that ends above a fit with fewer effects has missed the minimum: it is begun anew from there.
@@ -141,49 +139,33 @@ class Refits:
         uses : frozenset of Use
         starts : sequence of mapping
             SI values to start from.
-        again : bool
-            From these starts, though the set was fitted or its values are known: the better fit is kept.
 
         Returns
         -------
         Refit or None
-            None where no start converged; the reason is in `failed`.
+            None where no start converged.
         """
-        before = self.done.get(uses)
-        if not again and (before is not None or uses in self.failed):
-            return before
+        if uses in self.done or uses in self.failed:
+            return self.done.get(uses)
         problem = self.with_uses(uses)
-        if not again:
-            known = [dict(self.known[uses])] if uses in self.known else []
-            starts = known or self._continuation_start(start, problem, uses, starts) or starts
+        known = [dict(self.known[uses])] if uses in self.known else []
+        starts = known or self._continuation_start(start, problem, uses, starts) or starts
         near = self._nearer(problem, start, starts)
         if problem.strategy.either_sign and self._whole(start).reduced > POOR_FIT:
             near = [*near, *of_either_sign(problem, start.fit.values, uses - start.uses)]
-        best, reason = self._pruned_minimum(uses, problem, near), ""
+        best = self._pruned_minimum(uses, problem, near)
         if best is None:
-            best, reason = self._lowest(problem, near, self._whole(start))
-            nested = self._best_within(uses)
+            best, nested = self._lowest(problem, near, self._whole(start)), self._best_within(uses)
             if best is None or best.chi2 > nested.fit.chi2 + STALL_TOLERANCE * unit(problem, best.chi2):
-                best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)], nested)
-        return self._keep(uses, problem, best, reason)
-
-    def _keep(self, uses: EffectSet, problem: Problem, best: Minimum | None, reason: str) -> Refit | None:
-        """Keep a minimum if it is the lowest of a set so far; the reason where there is none."""
-        before = self.done.get(uses)
-        if best is None or (before is not None and before.fit.chi2 <= best.chi2):
-            if before is None:
-                self.failed[uses] = reason
-            return before
+                best = self._lowest(problem, [start_nested(nested, starts[0], problem)], nested)
+        if best is None:
+            self.failed.add(uses)
+            return None
         fitted = describe(problem, best.theta, best.residual, best.jacobian)
         names = {str(use) for use in uses}
         count = sum(name.owner in names for name in problem.names)
         self.done[uses] = Refit(uses, problem, fitted, count)
-        self.failed.pop(uses, None)
         return self.done[uses]
-
-    def beyond_pruning_bound(self, chi2: float, best: float) -> bool:
-        """Whether a chi-square is too far above the best for an exact minimum, and an exact equation, to help."""
-        return chi2 > PRUNING_FACTOR * best + FORM_TOLERANCE**2 * max(self.base.fit.chi2 - best, 0.0)
 
     def _whole(self, start: Refit) -> Refit:
         """A set on all lines, of which a part was looked at."""
@@ -245,27 +227,27 @@ class Refits:
             theta = descend_steps(problem, theta, jacobians)
             residual = problem.residual(theta)
             chi2 = float(residual @ residual)
-            if not self.beyond_pruning_bound(chi2, min(others)):
-                return None
+            best = min(others)
+            if chi2 <= PRUNING_FACTOR * best + FORM_TOLERANCE**2 * max(self.base.fit.chi2 - best, 0.0):
+                return None  # near enough for an exact minimum, or an exact equation, to help
             if chi2 > hopeless * min(others):
                 break
         return Minimum(theta, residual, problem.jacobian(theta), chi2)
 
     def _lowest(
         self, problem: Problem, starts: Sequence[Mapping[str, float | Array]], fewer: Refit | None
-    ) -> tuple[Minimum | None, str]:
-        """Lowest minimum that a descent from one of the starts reaches; None, and why not, where none does.
+    ) -> Minimum | None:
+        """Lowest minimum that a descent from one of the starts reaches; None where none does.
 
         `fewer` is a fit with fewer effects, whose slopes serve where new ones are expensive.
         """
         best: Minimum | None = None
-        reason = ""
         thetas = [problem.start(values) for values in starts]
         if not problem.strategy.either_sign:  # most of several starts lead astray slowly
             try:
                 thetas = [best_screened(problem, thetas)]
-            except ComputationError as fault:
-                return None, fault.found
+            except ComputationError:
+                return None
         for theta in thetas:
             # Of starts to either side, those that stay far above another are not followed to their minimum.
             lowest = best.chi2 if best is not None and problem.strategy.either_sign else np.inf
@@ -277,12 +259,11 @@ class Refits:
                 )
             except NotSettledError as fault:
                 found = fault.reached
-            except ComputationError as fault:
-                reason = fault.found
+            except ComputationError:
                 continue
             if best is None or found.chi2 < best.chi2:
                 best = found
-        return best, reason
+        return best
 
     def _best_within(self, uses: EffectSet) -> Refit:
         """The best fit so far that a set contains: with the other effects at nothing the set is as good."""
