@@ -25,7 +25,7 @@ from specan.study.localisation.localise import localise
 from specan.study.localisation.mistaken_set_up import undeclared_shifts
 from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.law_search import likeliest_law
-from specan.study.selection.pulls import TOO_FAR, pulls, shown, what_would_tell
+from specan.study.selection.pulls import TOO_FAR, Pull, pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
 from specan.study.verdict import (
     LEAST_TOLD,
@@ -88,16 +88,9 @@ class _Telling:
     def diagnosis(self) -> Diagnosis:
         """All of it."""
         judged, base = self.judged, self.base
-        kind, reason, sets = judged.kind, "", judged.sets
+        kind, sets = judged.kind, judged.sets
         best = self.refit(self._best.best)
         pulled = self.try_to("what is off its known value", lambda: pulls(best), ())
-        far = [p for p in pulled if abs(p.pull) > TOO_FAR or (p.at_bound and p.parameter.owner)]
-        if kind == "fits-only-if":
-            values = " and ".join(p.text for p in far[:3])
-            with_what = f"with {_names(sets)} it" if sets[0].uses else "the model"
-            telling = what_would_tell(best)
-            reason = f"{with_what} fits only with {values}" + (f"; {telling} would tell" if telling else "")
-        reason = reason or self._reason(kind)
         fails_at = self.try_to("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
         error = self.try_to("the error", lambda: error_fall(base, best if sets else base), None)
         law = None
@@ -111,7 +104,7 @@ class _Telling:
         remarks = self._remarks()
         return Diagnosis(
             verdict=kind,
-            reason=reason,
+            reason=self._only_with(best, pulled) if kind == "fits-only-if" else self._reason(kind),
             alternatives=tuple(tuple(sorted({u.name for u in one.uses})) for one in sets),
             at=places_of(u for one in sets for u in one.uses),
             unknown_possible=kind in ("fits-only-if", "unknown-effect")
@@ -152,6 +145,14 @@ class _Telling:
             for one in self.judged.stated
             if one.probability > LISTED
         ]
+
+    def _only_with(self, best: Refit, pulled: Sequence[Pull]) -> str:
+        """The values off what is known that a fit needs."""
+        far = [p for p in pulled if abs(p.pull) > TOO_FAR or (p.at_bound and p.parameter.owner)]
+        values = " and ".join(p.text for p in far[:3])
+        with_what = f"with {_names(self.judged.sets)} it" if self.judged.sets[0].uses else "the model"
+        telling = what_would_tell(best)
+        return f"{with_what} fits only with {values}" + (f"; {telling} would tell" if telling else "")
 
     def _reason(self, kind: str) -> str:
         judged, sets, parts = self.judged, self.judged.sets, []

@@ -19,6 +19,7 @@ from specan.models import Use
 from specan.study.estimation.continuation import about, continuation_fit, down_weighted
 from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
+from specan.study.estimation.problem import Problem
 from specan.study.processes import each
 from specan.study.selection.candidates import confounded_with
 from specan.study.selection.refits import (
@@ -76,33 +77,8 @@ def initial_fit(
     """
     if not start.problem.strategy.linearised_covariance or start.reduced < POOR_FIT:
         return InitialFit(start)
-    text = "looking for a field that is near the measured one"
-    progress(text, 0.1)
-    values = continuation_fit(start.problem)
-    view = down_weighted(start.problem, values=values)
-    base = Refit(frozenset(), view, fit(view, start=values))
-    refits = Refits(base, rough=True)
-    found = scan_promising(base)
-
-    def look(use: Use) -> None:
-        progress(f"{text}: with {use}", 0.4)
-        problem = refits.with_uses([use])
-        items = found.get(use) or scan_shapes(base, [use]).get(use, [])
-        if items:
-            refits.fit(base, frozenset({use}), [start_from(base, [item], problem) for item in items])
-
-    counts: Counter[str] = Counter()
-    for use in sorted(found, key=lambda use: base.promised(found[use][0])):
-        counts[use.name] += 1
-        if counts[use.name] <= PER_EFFECT and len(refits.done) <= REFITTED:
-            look(use)
-    near = _nearest(refits)
-    for use in near.uses:
-        # What is easily taken for it, and the same elsewhere: opposite ends are alike from afar.
-        alike = [other for other in found if other.name == use.name]
-        for other in (*alike, *confounded_with(start.problem.assembly.model, use)):
-            look(other)
-    near = _nearest(refits)
+    refits = _singles(start.problem, progress)
+    base, near = refits.base, _nearest(refits)
     if near.fit.chi2 > CLEAR * base.fit.chi2:  # the base is as near as the view can tell
         return InitialFit(start)
     sets = {
@@ -117,6 +93,35 @@ def initial_fit(
         order[0],
         near.reduced,
     )
+
+
+def _singles(problem: Problem, progress: Callable[[str, float], None]) -> Refits:
+    """Rough fits of the model with single effects, to few, uncertain lines."""
+    text = "looking for a field that is near the measured one"
+    progress(text, 0.1)
+    values = continuation_fit(problem)
+    view = down_weighted(problem, values=values)
+    base = Refit(frozenset(), view, fit(view, start=values))
+    refits, found = Refits(base, rough=True), scan_promising(base)
+
+    def look(use: Use) -> None:
+        progress(f"{text}: with {use}", 0.4)
+        richer = refits.with_uses([use])
+        items = found.get(use) or scan_shapes(base, [use]).get(use, [])
+        if items:
+            refits.fit(base, frozenset({use}), [start_from(base, [item], richer) for item in items])
+
+    counts: Counter[str] = Counter()
+    for use in sorted(found, key=lambda use: base.promised(found[use][0])):
+        counts[use.name] += 1
+        if counts[use.name] <= PER_EFFECT and len(refits.done) <= REFITTED:
+            look(use)
+    for use in _nearest(refits).uses:
+        # What is easily taken for it, and the same elsewhere: opposite ends are alike from afar.
+        alike = [other for other in found if other.name == use.name]
+        for other in (*alike, *confounded_with(problem.assembly.model, use)):
+            look(other)
+    return refits
 
 
 def _nearest(refits: Refits) -> Refit:

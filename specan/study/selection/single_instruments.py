@@ -60,12 +60,9 @@ def _led(
     problem = refit.problem.with_uses([c.use for c in found])
     neutral: dict[str, float] = {name: c.neutral(name) for c in found for name in c.amplitudes}
     theta = problem.start({**refit.fit.values, **neutral})
-    place = {name: k for k, name in enumerate(problem.names)}
     low, high = problem.bounds()
-    own = {c.use: np.array([place[name] for name in c.amplitudes]) for c in found}
-    size = {
-        c.use: np.array([STEP * (default_value(c, n) - c.neutral(n)) for n in c.amplitudes]) for c in found
-    }
+    own = {c.use: np.array([problem.names.index(name) for name in c.amplitudes]) for c in found}
+    size = {c.use: STEP * np.array([default_value(c, n) - c.neutral(n) for n in c.amplitudes]) for c in found}
 
     def at(many: list[Array]) -> Array:
         return residuals(problem, [problem.values_at(one) for one in many])
@@ -90,13 +87,10 @@ def _led(
                 theta[part], here[mine] = trial[part], there[mine]
             else:
                 reach[use] /= 4
-    noise = min(refit.reduced, 1.0)
     out = {}
     for use, part in own.items():
-        mine = rows[use]
-        before = float(start[mine] @ start[mine])
-        gain = before - float(here[mine] @ here[mine])
-        beyond = before - noise * mine.size
-        if gain > EXPLAINS * beyond:
+        before, after = (float(x[rows[use]] @ x[rows[use]]) for x in (start, here))
+        gain = before - after
+        if gain > EXPLAINS * (before - min(refit.reduced, 1.0) * rows[use].size):
             out[use] = Displaced({problem.names[k]: float(theta[k]) for k in part}, gain)
     return out
