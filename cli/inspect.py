@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,7 +60,7 @@ def command(
     return 0
 
 
-def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Callable[[Document], None]:
+def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Callable[[Document], object]:
     from specan.api.recordings import read
     from specan.errors import InputError
     from specan.inspect.opened import Opened, watched
@@ -77,13 +78,10 @@ def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Ca
     if not opened.keys:
         raise InputError(f"{place} has no channel with samples and a sampling rate")
 
-    def fill(document: Document) -> None:
-        RecordingPage(document, opened)
-
-    return fill
+    return partial(RecordingPage, opened=opened)
 
 
-def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], None]:
+def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], object]:
     from specan_cli.study import open_study
 
     study = open_study(place, effects)
@@ -91,12 +89,7 @@ def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], None]
     from specan.inspect.study_page import StudyPage
     from specan.inspect.trial import KeptStudy
 
-    kept = KeptStudy(study)
-
-    def fill(document: Document) -> None:
-        StudyPage(document, kept)
-
-    return fill
+    return partial(StudyPage, kept=KeptStudy(study))
 
 
 def _require_bokeh() -> None:
@@ -111,7 +104,7 @@ def _require_bokeh() -> None:
         )
 
 
-def _serve(fill: Callable[[Document], None], address: str, port: int, browser: bool) -> None:
+def _serve(fill: Callable[[Document], object], address: str, port: int, browser: bool) -> None:
     from specan.inspect.server import open_browser, start_server
 
     server = start_server(fill, address, port)

@@ -332,15 +332,9 @@ def draw(found: Result, plot: Path | None, **options: Any) -> None:
 
 def draw_beside(found: Result, plot: Path | None) -> None:
     """The figure of a result that is printed as well: where there is nothing to draw, a line says so."""
-    if plot is None:
-        return
-    import specan
-    from specan.api.drawing import saved
     from specan.errors import RequestError
 
     try:
-        figure = specan.plot(found)
+        draw(found, plot)
     except RequestError as fault:
         say(f"No figure: {fault}")
-        return
-    saved(figure, plot)

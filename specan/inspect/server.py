@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 LOOPBACK = "127.0.0.1"
 
 
-def start_server(fill: Callable[[Document], None], address: str = LOOPBACK, port: int = 0) -> PageServer:
+def start_server(fill: Callable[[Document], object], address: str = LOOPBACK, port: int = 0) -> PageServer:
     """A running server of one page; nothing else is served but Bokeh's own scripts.
 
     Its address, which holds a secret, is the only way to the page; see `specan.inspect.server`.
@@ -116,7 +116,7 @@ class PageServer(BaseServer):
         Address that leads there once, for the command line of a browser.
     """
 
-    def __init__(self, fill: Callable[[Document], None], host: str, address: str, port: int) -> None:
+    def __init__(self, fill: Callable[[Document], object], host: str, address: str, port: int) -> None:
         sockets, port = _bound(address, port)
         key, code = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +29,6 @@ class Overview:
         count = -(-self.channel.n_samples // STEP)
         self.low, self.high = np.full(count, np.nan), np.full(count, np.nan)
         self.read_to = 0
-        self._lock = Lock()
 
     @property
     def finished(self) -> bool:
@@ -39,16 +37,15 @@ class Overview:
 
     def read_on(self) -> None:
         """Read the next piece."""
-        with self._lock:
-            start, stop = self.read_to, min(self.read_to + PIECE, self.channel.n_samples)
-            if start >= stop:
-                return
-            samples = self.recording.read([self.channel], start, stop)[0]
-            edges = np.arange(0, samples.size, STEP)
-            pairs = slice(start // STEP, start // STEP + edges.size)
-            self.low[pairs] = np.fmin.reduceat(samples, edges)
-            self.high[pairs] = np.fmax.reduceat(samples, edges)
-            self.read_to = stop
+        start, stop = self.read_to, min(self.read_to + PIECE, self.channel.n_samples)
+        if start >= stop:
+            return
+        samples = self.recording.read([self.channel], start, stop)[0]
+        edges = np.arange(0, samples.size, STEP)
+        pairs = slice(start // STEP, start // STEP + edges.size)
+        self.low[pairs] = np.fmin.reduceat(samples, edges)
+        self.high[pairs] = np.fmax.reduceat(samples, edges)
+        self.read_to = stop
 
 
 class Waveform:

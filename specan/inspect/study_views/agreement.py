@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 from bokeh.layouts import column, row
 from bokeh.models import MultiSelect, Select
@@ -150,25 +150,8 @@ class TransferAgreement:
         self.plots.draw(replace(joined(drawings), facts=(self._title,)), styles)
 
 
-class Agreement(Protocol):
-    """Figures that hold a fitted model beside its measurement.
-
-    Attributes
-    ----------
-    body : object
-        What is laid out.
-    """
-
-    body: Any
-
-    def show(self, trial: Trial) -> None:
-        """Show another fit."""
-
-
-VIEWS: dict[str, Callable[[Study], Agreement]] = {"table": TableAgreement, "frf": TransferAgreement}
-
-
-def agreement_of(study: Study) -> list[Agreement]:
-    """One for every kind of measurement of a study."""
+def agreement_of(study: Study) -> list[TableAgreement | TransferAgreement]:
+    """Figures that hold a fitted model beside its measurement: one for every kind of measurement of a study."""
     kinds = {o.kind for o in study.data.fitted}  # not of the problem, whose covariances may rest on a fit
-    return [view(study) for kind, view in VIEWS.items() if kind in kinds]
+    found: list[TableAgreement | TransferAgreement] = [TableAgreement(study)] if "table" in kinds else []
+    return [*found, *([TransferAgreement(study)] if "frf" in kinds else [])]
