@@ -136,8 +136,7 @@ class PanelPlot(Spectral):
         self.sheet.patches(
             "x", "y", source=self._shades, fill_color="colour", fill_alpha=0.25, line_color=None
         )
-        names = ("x", "y", "colour", "dash", "name", "alpha")
-        self.source = ColumnDataSource({name: [] for name in names}, name="curves")
+        self.source = ColumnDataSource(_columns(LINE, []), name="curves")
         self._glyph = self.sheet.multi_line(
             "x", "y", source=self.source, line_color="colour", line_dash="dash", line_width=1.3, line_alpha="alpha"
         )  # fmt: skip
@@ -169,25 +168,23 @@ class PanelPlot(Spectral):
         """Exchange the curves, and the bands behind them."""
         curves = shown.curves
         hues = [COLOURS[styles[c.name][0]] if c.name in styles else _PALE for c in curves]
-        banded = [
-            (outline(c.x, c.low, c.high), hue)
-            for c, hue in zip(curves, hues)
-            if c.low is not None and c.high is not None and hue != _PALE
-        ]
-        self._shades.data = {
-            "x": [x for (x, _), _ in banded],
-            "y": [y for (_, y), _ in banded],
-            "colour": [hue for _, hue in banded],
-        }
-        lines = [_line(c) for c in curves] if shown.kind in ("line", "steps", "thin") else []
-        self.source.data = {
-            "x": [x for x, _ in lines],
-            "y": [np.where(np.isfinite(y), y, np.nan) for _, y in lines],
-            "colour": hues[: len(lines)],
-            "dash": [_DASHES[styles.get(c.name, (0, 0))[1] % len(_DASHES)] for c in curves[: len(lines)]],
-            "name": [plain(c.name) for c in curves[: len(lines)]],
-            "alpha": [alpha if c.name in styles else 0.35 for c in curves[: len(lines)]],
-        }
+        self._shades.data = _columns(
+            ("x", "y", "colour"),
+            [
+                (*outline(c.x, c.low, c.high), hue)
+                for c, hue in zip(curves, hues)
+                if c.low is not None and c.high is not None and hue != _PALE
+            ],
+        )
+        lines = curves if shown.kind in ("line", "steps", "thin") else ()
+        self.source.data = _columns(
+            LINE,
+            [
+                (*_line(c), hue, _DASHES[styles.get(c.name, (0, 0))[1] % len(_DASHES)], plain(c.name),
+                 alpha if c.name in styles else 0.35)
+                for c, hue in zip(lines, hues)
+            ],
+        )  # fmt: skip
         dotted = shown.kind in ("dots", "rows")
         dots = [
             (*points, hue, c.about or (c.name,) * len(points[0]))
@@ -202,12 +199,9 @@ class PanelPlot(Spectral):
         }
         self._dotted.glyph.size = 6 if shown.kind == "rows" else 3
         firsts = np.cumsum([0, *(len(x) for x, *_ in dots)]).tolist() if dotted else range(len(curves))
+        of = self._dotted if dotted else self._glyph
         self._legend.items = [
-            LegendItem(
-                label={"value": plain(c.name)},
-                renderers=[self._dotted if dotted else self._glyph],
-                index=first,
-            )
+            LegendItem(label={"value": plain(c.name)}, renderers=[of], index=first)
             for first, c in zip(firsts, curves)
             if shown.leads and c.name in styles
         ]
@@ -241,11 +235,19 @@ class PanelPlot(Spectral):
         )
 
 
+LINE = ("x", "y", "colour", "dash", "name", "alpha")  # columns of the lines
+
+
+def _columns(names: tuple[str, ...], rows: list[tuple[Any, ...]]) -> dict[str, Any]:
+    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
+
+
 def _line(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Through its points, or along its steps."""
-    if curve.x.size == curve.y.size + 1:
-        return np.repeat(curve.x, 2)[1:-1], np.repeat(curve.y, 2)
-    return curve.x, curve.y
+    y = np.where(np.isfinite(curve.y), curve.y, np.nan)
+    if curve.x.size == y.size + 1:
+        return np.repeat(curve.x, 2)[1:-1], np.repeat(y, 2)
+    return curve.x, y
 
 
 def _ends(curves: tuple[Curve, ...]) -> tuple[float, float]:
