@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import json_option, opt
-from specan_cli.output import Verb, emit_json, plot_option, show_sheets
+from specan_cli.output import Verb, emit_json, show_sheets
 
 if TYPE_CHECKING:
     from specan.study.create import Begun
@@ -52,14 +52,12 @@ FILE = click.Path(path_type=Path)
     "--effects", None, "Initial effects [default: those of the model's base; none: without effects].",
     "NAME,NAME...|none",
 )  # fmt: skip
-@plot_option("measured and model")
 @json_option
 def command(
     directory: Path,
     columns: tuple[str, ...],
     effects: str | None,
     measurements: tuple[Path, ...],
-    plot: Path | None,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -90,11 +88,6 @@ def command(
         emit_json(content)
     else:
         _print(begun, content)
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_study import figure_compare
-
-        save_figure(figure_compare(begun.study), plot)
 
 
 def _named_columns(given: tuple[str, ...]) -> dict[str, str]:

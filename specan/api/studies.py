@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeAlias, Union
 
-from specan.api.drawing import saved
+from specan.api.drawing import plot
 from specan.errors import RequestError
 from specan.io.output_file import check_output
 from specan.study.study import Study as OpenedStudy
@@ -317,9 +317,7 @@ class Study:
         matplotlib.figure.Figure
             Not shown; that is up to the caller.
         """
-        from specan.report.figures_study import figure_comparison
-
-        return saved(figure_comparison(self._opened, channel), path)
+        return plot(self.compare(), path, channel=channel)
 
     def __repr__(self) -> str:
         return repr(self._opened)

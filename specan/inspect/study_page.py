@@ -28,7 +28,7 @@ from specan.inspect.trial import KeptStudy, Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Tell
 from specan.report import study_sheets
-from specan.report.figures_study import figure_comparison
+from specan.report.figures import figure_of
 from specan.report.html_page import shown
 from specan.report.study_html import failing_map, history_bars
 from specan.study.edit import Change, add_effect
@@ -148,7 +148,7 @@ class StudyPage(Page):
         study = self.kept.current()
 
         def draw(tell: Tell) -> bytes:
-            figure_comparison(study).savefig(stream, format=kind, dpi=150)
+            figure_of(study.compare()).savefig(stream, format=kind, dpi=150)
             return stream.getvalue()
 
         self.status.begin("Drawing the figure")

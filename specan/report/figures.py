@@ -31,7 +31,7 @@ FIGURES = {
     "ImpulseResponses": "specan.report.figures_waveforms:figure_impulse_responses",
     "DecayTimes": "specan.report.figures_bands:figure_decay",
     "Calibration": "specan.report.figures_calibration:figure_calibration",
-    "Comparison": "specan.report.figures_study:figure_of_comparison",
+    "Comparison": "specan.report.figures_study:figure_comparison",
     "NextMeasurements": "specan.report.figures_diagnosis:figure_next",
     "Change": "specan.report.figures_change:figure_change",
     "History": "specan.report.figures_change:figure_history",

@@ -44,34 +44,25 @@ class _Panel:
     title: str
 
 
-def figure_comparison(study: Study, channel: str | None = None) -> Figure:
-    """What ``study compare --plot`` draws: of responses the figure that the model brings, or `figure_compare`."""
-    recorded = study.frf_errors()
-    own = figure_named(f"Comparison {study.model.name}")
-    if not recorded or own is None:
-        return figure_compare(study, channel)
-    return own(study, recorded[0], recorded[0].number(channel))
-
-
-def figure_of_comparison(found: Comparison, channel: str | None = None) -> Figure:
-    """The same of a comparison that was made."""
-    return figure_comparison(found.study, channel)
-
-
 @styled
-def figure_compare(study: Study, channel: str | None = None) -> Figure:
+def figure_comparison(found: Comparison, channel: str | None = None) -> Figure:
     """Measured values with two standard uncertainties beside the fitted model, and what is between them.
 
-    Of transfer functions, see `figure_compare_frf`; of recordings, `figure_compare_time`. Of tables, one pair of panels
-    for every observable and, with three operating variables, for every level of the third. The curves run at the
-    levels of the other variables; where readings lie beside their level (a brake that misses its set
-    value), they are brought to it by the model, so that the gap between point and curve is the residual.
+    Of responses the figure that the model brings; else of transfer functions `figure_compare_frf`, of recordings
+    `figure_compare_time`. Of tables, one pair of panels for every observable and, with three operating variables, for
+    every level of the third. The curves run at the levels of the other variables; where readings lie beside their
+    level (a brake that misses its set value), they are brought to it by the model, so that the gap between point and
+    curve is the residual.
 
     Raises
     ------
     RequestError
         A `channel` that there is not, or one of a table.
     """
+    study = found.study
+    recorded = study.frf_errors()
+    if recorded and (of_model := figure_named(f"Comparison {study.model.name}")) is not None:
+        return of_model(study, recorded[0], recorded[0].number(channel))
     observation = study.problem.observations[0]
     drawn = {"frf": figure_compare_frf, "time": figure_compare_time}
     own = drawn.get(observation.kind) or figure_named(f"Comparison {observation.kind}")

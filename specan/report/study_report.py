@@ -15,7 +15,7 @@ from specan import __version__
 from specan.report import study_sheets
 from specan.report.figures_change import figure_history
 from specan.report.figures_diagnosis import figure_diagnosis
-from specan.report.figures_study import figure_compare
+from specan.report.figures_study import figure_comparison
 from specan.report.html_page import bullets, page, picture, shown, table
 from specan.report.residual_map import residual_map
 from specan.report.study_html import failing_map
@@ -116,7 +116,7 @@ def _led_to(content: Mapping[str, Any] | None, before: Step) -> list[str]:
 
 def _comparison(study: Study, found: Comparison) -> list[str]:
     best, where = found.fit, found.localisation
-    parts = ["<h2>Measured and model</h2>", picture(figure_compare(study), "measured values and model")]
+    parts = ["<h2>Measured and model</h2>", picture(figure_comparison(found), "measured values and model")]
     aside = study.held_out.errors if study.held_out else []
     kinds = ["fitted"] * len(found.errors) + ["held out"] * len(aside)
     parts.append(shown(study_sheets.errors([*found.errors, *aside], data=kinds)))

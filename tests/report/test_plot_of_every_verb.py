@@ -59,10 +59,22 @@ def study(tmp_path_factory) -> Path:
     place = tmp_path_factory.mktemp("gear")
     for name in ("rig.toml", "table_7_idle.csv", "table_8_loaded.csv"):
         shutil.copy(GEAR / name, place)
-    draw(
-        "png", place, "study", "new", str(place / "s"), "--model", "worm-gear", "--rig", str(place / "rig.toml"),
-        "--measurement", str(place / "table_7_idle.csv"), "--measurement", str(place / "table_8_loaded.csv"),
-    )  # fmt: skip
+    tables = [
+        w
+        for name in ("table_7_idle", "table_8_loaded")
+        for w in ("--measurement", str(place / f"{name}.csv"))
+    ]
+    begin = [
+        "study",
+        "new",
+        str(place / "s"),
+        "--model",
+        "worm-gear",
+        "--rig",
+        str(place / "rig.toml"),
+        *tables,
+    ]
+    CliRunner().invoke(main, begin, catch_exceptions=False)
     return place / "s"
 
 
@@ -131,3 +143,15 @@ def test_more_channels_than_a_page_holds_are_counted(heading_text):
     figure = figure_waveforms(one)
     assert len(figure.axes) == MOST_CHANNELS
     assert f"{MOST_CHANNELS} of {MOST_CHANNELS + 5}" in heading_text(figure)
+
+
+def test_only_conditions_that_the_tables_record_are_proposed(study):
+    from specan.study.design.operating_points import operating_grid
+    from specan.study.study import Study
+
+    opened = Study(study)
+    recorded = set(opened.problem.observations[0].conditions)
+    assert set(opened.model.rig.limits) - recorded  # the rig states limits of the oil temperature as well
+    grid = operating_grid(opened.problem)
+    assert grid is not None
+    assert set(grid) <= recorded

@@ -234,14 +234,15 @@ def operating_grid(problem: Problem, block: Block | None = None) -> dict[str, Ar
 
 
 def _settable(problem: Problem) -> list[str]:
-    """Conditions that a person chooses: they have limits or are groups, and are no time that goes on by itself."""
+    """Conditions that a person chooses: recorded, with limits or groups, and no time that goes on by itself."""
     model = problem.assembly.model
 
     def goes_on(name: str) -> bool:
         read = [o.conditions[name] for o in problem.observations if name in o.conditions]
         return model.conditions[name].unit == "s" and all(np.all(np.diff(values) >= 0) for values in read)
 
-    limited = [name for name in model.rig.limits if name in model.conditions and not goes_on(name)]
+    recorded = [name for name in model.rig.limits if all(name in o.conditions for o in problem.observations)]
+    limited = [name for name in recorded if name in model.conditions and not goes_on(name)]
     return limited + [name for name in model.groups if len(model.group_elements.get(name, ())) > 1]
 
 
