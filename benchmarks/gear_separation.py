@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from specan.models.model import Model
 from specan.planetary_gear.model.build import build
-from specan.planetary_gear.study.order_lines import OrderLinesObservation, declared_errors, response_errors
+from specan.planetary_gear.study.order_lines import OrderLinesObservation
 
 RIG = Path(__file__).parents[1] / "sample_data" / "planetary_gear" / "rig.toml"
 NOISE = 1e-4  # m/s^2, standard uncertainty of either part of a line
@@ -69,26 +69,33 @@ def observations(model: Model, plan: Plan, noise: float) -> list[OrderLinesObser
         point = {"sun_speed": SPEED_HZ, "carrier_torque": torque}
         conditions = {"order": known.order[mine], **{c: np.full(mine.sum(), v) for c, v in point.items()}}
         lines = model.assemble().evaluate(conditions, wanted=["order_lines"])["order_lines"]
+        sensors = tuple(model.axes["sensor"])
         found.append(
             OrderLinesObservation(
-                name=f"{torque:g} N m", recording=f"{torque:g} N m", quantity="order_lines",
-                channels=tuple(model.axes["sensor"]), order=known.order[mine], harmonic=known.harmonic[mine],
-                family=np.array(known.family)[mine], amplitude=lines, noise=np.full(lines.shape, noise),
-                relative=declared_errors(known.order[mine], known.offset[mine], known.discrepancy, known.path),
-                common=response_errors(np.zeros(lines.shape, dtype=bool), known.harmonic[mine], known.response),
-                kept=np.ones(lines.shape, dtype=bool), point=point,
+                name=f"{torque:g} N m", of_row=(f"{torque:g} N m",) * len(sensors), quantity="order_lines",
+                channels=sensors, order=known.order[mine], harmonic=known.harmonic[mine],
+                passages=known.passages[mine], family=np.array(known.family)[mine], amplitude=lines,
+                noise=np.full(lines.shape, noise), beyond=np.zeros(lines.shape, dtype=bool),
+                path=np.arange(len(sensors)), errors=known.errors, kept=np.ones(lines.shape, dtype=bool),
+                point={name: np.full(len(sensors), value) for name, value in point.items()},
             )
         )  # fmt: skip
     return found
 
 
 def columns(model: Model, seen: Sequence[OrderLinesObservation]) -> tuple[list[Array], list[Array]]:
-    """Derivatives of every observation's lines, gains held, and their gains' columns."""
+    """Whitened derivatives of every observation's lines, gains held, and their gains' columns."""
     assembly = model.assemble([name.rpartition(".")[0] for name in UNKNOWNS])
     values = {**assembly.defaults, **dict.fromkeys(UNKNOWNS, 0.0)}
     slopes, gains = [], []
     for one in seen:
-        conditions = {"order": one.order, **{c: np.full(one.order.size, v) for c, v in one.point.items()}}
+        conditions = {"order": one.order, **{c: np.full(one.order.size, v[0]) for c, v in one.point.items()}}
+        white = one._whitening(one.amplitude[one.kept])
+
+        def rows(lines: Any, white: Any = white, one: OrderLinesObservation = one) -> Array:
+            """Whitened with what the model is declared not to know, real parts and imaginary parts."""
+            found = white(lines[one.kept])
+            return np.concatenate([found.real, found.imag])
 
         def lines(conditions: Any = conditions, **changed: float) -> Any:
             return assembly.evaluate(conditions, {**values, **changed}, wanted=["order_lines"])["order_lines"]
@@ -97,10 +104,10 @@ def columns(model: Model, seen: Sequence[OrderLinesObservation]) -> tuple[list[A
         for name in UNKNOWNS:
             step = STEP[name.partition("@")[0].partition(".")[0]]
             ends = [lines(**{name: sign * step}) for sign in (-1, 1)]
-            parts.append(one.stack((ends[1] - ends[0]) / (2 * step)))
+            parts.append(rows((ends[1] - ends[0]) / (2 * step)))
         slopes.append(np.column_stack(parts))
         here = lines()
-        own = [one.stack(np.where(group, turn * here, 0.0)) for group in one.of_one_gain for turn in (1, 1j)]
+        own = [rows(np.where(group, turn * here, 0.0)) for group in one.of_one_gain for turn in (1, 1j)]
         gains.append(np.column_stack(own))
     return slopes, gains
 
@@ -110,15 +117,14 @@ def study(plan: Plan, kind: str, noise: float = NOISE) -> dict[str, Any]:
     model = build(tomllib.loads(RIG.read_text(encoding="utf-8")))
     seen = observations(model, plan, noise)
     slopes, gains = columns(model, seen)
-    effect = np.concatenate([o.whiten(s) for o, s in zip(seen, slopes, strict=True)])
-    white = [o.whiten(g) for o, g in zip(seen, gains, strict=True)]
+    effect = np.concatenate(slopes)
     if kind == "shared":
-        gain = np.concatenate(white)
+        gain = np.concatenate(gains)
     else:
-        count = sum(w.shape[1] for w in white)
+        count = sum(w.shape[1] for w in gains)
         gain = np.zeros((effect.shape[0], count))
         row = column = 0
-        for w in white:
+        for w in gains:
             gain[row : row + w.shape[0], column : column + w.shape[1]] = w
             row, column = row + w.shape[0], column + w.shape[1]
     whole = np.column_stack([gain, effect])
