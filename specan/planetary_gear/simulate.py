@@ -90,9 +90,8 @@ def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, An
         )
     request = choose_model(model, options["effects"], options["without"])
     conditions = line_conditions(model)
-    values = {**request.assembly.defaults, **request.values}
-    found = request.assembly.evaluate(conditions, values, wanted=["order_lines"])["order_lines"]
-    return conditions["order"], found, request
+    found = request.assembly.evaluate(conditions, request.values, ["order_lines"])
+    return conditions["order"], found["order_lines"], request
 
 
 def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:

@@ -163,8 +163,6 @@ def _field(chosen: ChosenModel, points: Array, frequency_hz: float) -> NDArray[n
     moved = model.with_constants({"receiver_position": points})
     moved = replace(moved, axes={**model.axes, "place": places}, nuisances=())
     assembly = moved.assemble(uses)
-    known = assembly.parameters
-    values = {**assembly.defaults, **{n: v for n, v in chosen.values.items() if n in known}}
+    values = {n: v for n, v in chosen.values.items() if n in assembly.parameters}
     conditions = {"frequency": np.array([frequency_hz]), "velocity_psd": np.ones(1)}
-    found: NDArray[np.complex128] = assembly.evaluate(conditions, values, wanted=["field"])["field"]
-    return found
+    return np.asarray(assembly.evaluate(conditions, values, ["field"])["field"])

@@ -53,7 +53,8 @@ def simulated_recording(
     RequestError
         A length, frequency or noise that cannot be.
     """
-    band = chosen.assembly.model.settings["rig"]["band"]
+    rig = chosen.assembly.model.settings["rig"]
+    band = rig["band"]
     _check(duration_s, frequency_hz, noise, band["f_max_hz"])
     rate = _sampling_rate(band["f_max_hz"])
     n = round(duration_s * rate)
@@ -68,7 +69,6 @@ def simulated_recording(
         transfer = _transfer(chosen, np.array([frequency_hz]), np.array([VELOCITY**2 * duration_s]))
         pressure = np.real(transfer * turning)
     pressure = pressure + noise * rng.standard_normal(pressure.shape)
-    rig = chosen.assembly.model.settings["rig"]
     sensitivity = rig["mics"]["nominal_sensitivity_mV_per_Pa"]
     channels = [
         SimulatedChannel(name, "Pa", samples, sensitivity, "mV/Pa")
@@ -129,8 +129,5 @@ def _filtered(
 
 def _transfer(chosen: ChosenModel, frequency: Array, velocity_psd: Array) -> NDArray[np.complex128]:
     conditions = {"frequency": frequency, "velocity_psd": velocity_psd}
-    values = {**chosen.assembly.defaults, **chosen.values}
-    found: NDArray[np.complex128] = chosen.assembly.evaluate(conditions, values, wanted=["indicated_frf"])[
-        "indicated_frf"
-    ]
-    return found[: len(chosen.assembly.model.axes["microphone"])]
+    found = chosen.assembly.evaluate(conditions, chosen.values, ["indicated_frf"])["indicated_frf"]
+    return np.asarray(found)[: len(chosen.assembly.model.axes["microphone"])]
