@@ -214,20 +214,18 @@ def _listed(names: Sequence[str]) -> str:
 
 def _source_elsewhere(problem: Problem, source: SourcePlaces) -> tuple[_Fitted, str]:
     """The source where it suits the data best, over all faces."""
+    from scipy.optimize import minimize
+
     grid = np.linspace(0.04, 0.96, 7)  # along each edge
     misfit = _Misfit(problem, source)
-    best = min((misfit(face, a, b), face, a, b) for face, a, b in misfit.likely(source.faces, grid))
+    _, face, a, b = min((misfit(face, a, b), face, a, b) for face, a, b in misfit.likely(source.faces, grid))
     step = float(grid[1] - grid[0]) / 2
-    for _ in range(12):  # steps of the place of a source, each half the one before where nothing is better
-        _, face, a, b = best
-        ways = [(a + i * step, b + j * step) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
-        inside = [(x, y) for x, y in ways if 0 <= x <= 1 and 0 <= y <= 1]
-        nearer = min((misfit(face, x, y), face, x, y) for x, y in inside)
-        if nearer < best:
-            best = nearer
-        else:
-            step /= 2
-    _, face, a, b = best
+    corners = [(a, b), (a + step if a < 0.5 else a - step, b), (a, b + step if b < 0.5 else b - step)]
+    met = minimize(
+        lambda place: misfit(face, *map(float, place)), (a, b), method="Nelder-Mead", bounds=[(0.0, 1.0)] * 2,
+        options={"initial_simplex": corners, "maxfev": 48, "xatol": 1e-3, "fatol": 0.0},
+    )  # fmt: skip
+    a, b = map(float, met.x)
     return _Fitted.of(_with_source(problem, source, face, a, b)), source.words(face, a, b)
 
 
