@@ -1,9 +1,11 @@
 """The next measurement: where rivals differ, what each expects there, and what else to do where none differs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from specan.models import RigStatement, Use
+from specan.models import Condition, RigStatement, Use
 from specan.study.design.operating_points import after_reading, explore, propose
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
@@ -85,7 +87,6 @@ def test_one_explanation_alone_has_nothing_to_decide(toy):
 
 
 def test_without_limits_nothing_is_proposed(toy):
-    from dataclasses import replace
 
     problem = toy.problem(lambda x, z: 4 * x**2, ["square", "cross"], seed=7)
     model = replace(problem.assembly.model, rig=RigStatement())
@@ -137,3 +138,15 @@ def test_no_condition_is_proposed_twice_and_between_measured_ones_where_the_grid
     found = explore(start, localise(problem, start.fit).fails_at)
     proposed = sorted(one.conditions["speed"] for one in found)
     assert proposed == pytest.approx([-6, -3])  # the middles around -4
+
+
+def test_a_limit_of_a_condition_that_the_data_lack_is_nothing_to_set(toy):
+    problem = toy.problem(lambda x, z: 4 * x**2, ["square", "cross"], seed=3)
+    model = problem.assembly.model
+    limits = {**model.rig.limits, "draught": (0.0, 1.0)}
+    draught = Condition("draught", "1", "Not in the table.", "draught", "1", default=0.0)
+    conditions = {**model.conditions, "draught": draught}
+    wider = replace(model, conditions=conditions, rig=replace(model.rig, limits=limits))
+    rivals = fitted(replace(problem, assembly=wider.assemble(problem.assembly.uses)), "square", "cross")
+    assert all(set(one.conditions) == {"x", "z"} for one in propose(rivals))
+    assert len(propose(rivals)) == 3

@@ -234,16 +234,16 @@ def operating_grid(problem: Problem, block: Block | None = None) -> dict[str, Ar
 
 
 def _settable(problem: Problem) -> list[str]:
-    """Conditions that a person chooses: recorded, with limits or groups, and no time that goes on by itself."""
+    """Conditions of all data that a person chooses: they have limits or are groups, and are no time that goes on."""
     model = problem.assembly.model
 
     def goes_on(name: str) -> bool:
-        read = [o.conditions[name] for o in problem.observations if name in o.conditions]
+        read = [o.conditions[name] for o in problem.observations]
         return model.conditions[name].unit == "s" and all(np.all(np.diff(values) >= 0) for values in read)
 
-    recorded = [name for name in model.rig.limits if all(name in o.conditions for o in problem.observations)]
-    limited = [name for name in recorded if name in model.conditions and not goes_on(name)]
-    return limited + [name for name in model.groups if len(model.group_elements.get(name, ())) > 1]
+    there = [n for n in model.conditions if all(n in o.conditions for o in problem.observations)]
+    limited = [n for n in there if n in model.rig.limits and not goes_on(n)]
+    return limited + [n for n in there if len(model.group_elements.get(n, ())) > 1]
 
 
 def _beside(problem: Problem, condition: Condition, level: float) -> Array:
