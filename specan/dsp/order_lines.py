@@ -101,7 +101,7 @@ def fit_lines(samples: Real, per_turn: int, orders: Sequence[float], *, first_tu
     nearest = _check_spacing(given, turns)
     smooth = nearest * turns >= APART
     x = x - x.mean(axis=1, keepdims=True)
-    whole = _transform(x * _hann(x.shape[1]) if smooth else x, per_turn, given)
+    whole = _by_turn(x * _hann(x.shape[1]) if smooth else x, per_turn, given).sum(axis=1)
     gram = _gram(given, x.shape[1], per_turn, smooth)
     parts = np.linalg.solve(gram, np.concatenate([whole.real, -whole.imag], axis=1).T)
     found = (parts[: given.size] - 1j * parts[given.size :]).T
@@ -244,13 +244,8 @@ def _hann(n: int) -> Real:
     return 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
 
 
-def _transform(x: Real, per_turn: int, orders: Real) -> Complex:
-    """Sum of x exp(-2j pi o u) over the record, (channels, orders)."""
-    return _by_turn(x, per_turn, orders).sum(axis=1)
-
-
 def _by_turn(x: Real, per_turn: int, orders: Real) -> Complex:
-    """The same for each turn, (channels, turns, orders)."""
+    """Sum of x exp(-2j pi o u) over each turn, (channels, turns, orders)."""
     channels, turns = x.shape[0], x.shape[1] // per_turn
     angle = 2 * np.pi * np.outer(np.arange(per_turn) / per_turn, orders)
     cut = x.reshape(channels * turns, per_turn)

@@ -54,12 +54,12 @@ class DataSet:
     title: str = ""
 
 
-def is_uff(start: bytes) -> bool:
+def recognises(start: bytes) -> bool:
     """Whether a file that begins so is a universal file: a line ``-1``, then the number of a data set.
 
     Examples
     --------
-    >>> is_uff(b"    -1\\n    58b     1     2\\n"), is_uff(b"-1\\n-2\\n")
+    >>> recognises(b"    -1\\n    58b     1     2\\n"), recognises(b"-1\\n-2\\n")
     (True, False)
     """
     lines = [line.split() for line in start.splitlines()[:2]]
@@ -135,11 +135,6 @@ def _label(content: Mapping[str, Any], which: str) -> str:
 def _word(text: Any) -> str:
     plain = str(text or "").strip()
     return "" if plain.upper() in ("NONE", "NULL") else plain
-
-
-def recognises(start: bytes) -> bool:
-    """Whether a file that begins so is a universal file."""
-    return is_uff(start)
 
 
 def open_recording(

@@ -157,7 +157,8 @@ def run_batch(
         raise RequestError("--jobs and --cluster are both given", expected="--jobs or --cluster, not both")
     settings = (settings or BatchSettings()).completed()
     inputs = _inputs(directories, settings, channel_table)
-    with claim(out, _certain(settings)):
+    certain = tuple(name for name in COLUMNS if name not in OPTIONAL or settings.orders is not None)
+    with claim(out, certain):
         store = Store(out / STORE)
         begun = store.holds_results()
         earlier = {entry.label: unchanged(entry, store, verify=verify) if begun else None for entry in inputs}
@@ -249,11 +250,6 @@ def _outcomes(
         return spread_over_cluster(cluster, tasks, warn)
     worth = sum(task.entry.size for task in tasks) // WORTH_A_PROCESS
     return spread(tasks, _one, jobs or max(1, min(os.cpu_count() or 1, worth)), _lost)
-
-
-def _certain(settings: BatchSettings) -> tuple[str, ...]:
-    """Tables that will be written whatever the recordings hold."""
-    return tuple(name for name in COLUMNS if name not in OPTIONAL or settings.orders is not None)
 
 
 def _publish(ready: Path, out: Path, written: Collection[str]) -> None:

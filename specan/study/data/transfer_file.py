@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError
-from specan.io.uff import COHERENCE, TRANSFER_FUNCTION, is_uff, read_uff
+from specan.io.uff import COHERENCE, TRANSFER_FUNCTION, read_uff, recognises
 from specan.schema import regular
 from specan.study.data.table_file import read_table
 from specan.study.data.table_reader import name_and_unit
@@ -86,7 +86,7 @@ def is_transfer_file(path: Path) -> bool:
             start = file.read(4096)
     except OSError:
         return False
-    if is_uff(start):
+    if recognises(start):
         return True
     if b"\0" in start or start.startswith((b"RIFF", b"TDSm", b"PK")):
         return False
@@ -114,7 +114,7 @@ def read_transfer_file(path: Path) -> list[MeasuredFrf]:
     """
     with regular(path).open("rb") as file:
         start = file.read(4096)
-    found = _from_uff(path) if is_uff(start) else _from_table(path)
+    found = _from_uff(path) if recognises(start) else _from_table(path)
     if not found:
         raise InputError(
             f"{path.name} holds no transfer function",
