@@ -25,11 +25,11 @@ from specan.dsp.order_lines import (
     Lines,
     common_period,
     departure,
-    derivative_factor,
     fit_lines,
     samples_per_turn,
 )
 from specan.dsp.overlapped_blocks import OverlappedBlocks
+from specan.dsp.windows import window
 from specan.errors import InputError, RequestError
 from specan.result import counted
 from specan.units import MOTION, Quantity
@@ -284,21 +284,17 @@ class OrderAccumulator:
         column = self._number // self.per_column
         middle = self.first_turn + (self._number * max(1, self.block // 2) + self.block / 2) / self.per_turn
         speed = float(self.shaft.speed(self._time_of(middle)))
-        spectra = np.fft.rfft((block - block.mean(axis=1, keepdims=True)) * self._window)
+        shape = window("hann", self.block)
+        spectra = np.fft.rfft((block - block.mean(axis=1, keepdims=True)) * shape)
         spectra = spectra[:, : self.order.size]
-        amplitude = (spectra.real**2 + spectra.imag**2) * (4.0 / self._window.sum() ** 2)
+        amplitude = (spectra.real**2 + spectra.imag**2) * (4.0 / shape.sum() ** 2)
         if any(c.derivatives for c in self.channels):
-            frequency = self.order * speed
-            factors = [derivative_factor(frequency, c.derivatives) for c in self.channels]
+            factors = [c.correction(self.order * speed) for c in self.channels]
             amplitude *= np.abs(np.stack(factors)) ** 2
         self._power[column] += amplitude
         self._speed[column] += speed
         self._in_column[column] += 1
         self._number += 1
-
-    @cached_property
-    def _window(self) -> Real:
-        return 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(self.block) / self.block)
 
     @cached_property
     def _clock(self) -> tuple[Real, Real]:

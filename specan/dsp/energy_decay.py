@@ -63,16 +63,14 @@ def noise_floor(energy: Real, step: int) -> NoiseFloor:
     noise = float(np.mean(energy[-max(1, int(_TAIL * n)) :]))
     slope, level = _fit(energy, step, noise, None)
     crossing = _crossing(slope, level, noise, n)
-    for _ in range(_ROUNDS):
-        if not slope < 0:
-            return NoiseFloor(0.0, n, 0.0)
+    for _ in range(_ROUNDS if slope < 0 else 0):
         fall = 10.0 / -slope  # samples in which the response falls by 10 dB
         step = max(1, int(fall / _INTERVALS))
         begin = min(int(crossing + 0.5 * fall), int((1 - _TAIL) * n))
         noise = float(np.mean(energy[begin:]))
         slope, level = _fit(energy, step, noise, _LATE_DB)
         previous, crossing = crossing, _crossing(slope, level, noise, n)
-        if abs(crossing - previous) < step:
+        if abs(crossing - previous) < step or not slope < 0:
             break
     if not slope < 0:
         return NoiseFloor(0.0, n, 0.0)

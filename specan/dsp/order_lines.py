@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specan.dsp.windows import window
 from specan.errors import InputError
 
 Real = NDArray[np.float64]
@@ -101,7 +102,7 @@ def fit_lines(samples: Real, per_turn: int, orders: Sequence[float], *, first_tu
     nearest = _check_spacing(given, turns)
     smooth = nearest * turns >= APART
     x = x - x.mean(axis=1, keepdims=True)
-    whole = _by_turn(x * _hann(x.shape[1]) if smooth else x, per_turn, given).sum(axis=1)
+    whole = _by_turn(x * window("hann", x.shape[1]) if smooth else x, per_turn, given).sum(axis=1)
     gram = _gram(given, x.shape[1], per_turn, smooth)
     parts = np.linalg.solve(gram, np.concatenate([whole.real, -whole.imag], axis=1).T)
     found = (parts[: given.size] - 1j * parts[given.size :]).T
@@ -240,10 +241,6 @@ def _check_spacing(orders: Real, turns: int) -> float:
     return nearest
 
 
-def _hann(n: int) -> Real:
-    return 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
-
-
 def _by_turn(x: Real, per_turn: int, orders: Real) -> Complex:
     """Sum of x exp(-2j pi o u) over each turn, (channels, turns, orders)."""
     channels, turns = x.shape[0], x.shape[1] // per_turn
@@ -293,7 +290,7 @@ def _noise(x: Real, amplitude: Complex, orders: Real, per_turn: int) -> Real:
     """Standard deviation of one component of a line's amplitude, (channels, orders)."""
     n = x.shape[1]
     turns = n // per_turn
-    spectra = np.fft.rfft(x * _hann(n))
+    spectra = np.fft.rfft(x * window("hann", n))
     last = spectra.shape[1] - 1
     found = np.full(amplitude.shape, np.nan)
     for k, order in enumerate(orders):
@@ -360,9 +357,9 @@ def _low_pass() -> tuple[int, Real]:
     half = math.ceil(length / 2)
     beta = 0.1102 * (ATTENUATION_DB - 8.7)
     at = np.arange(half * _FINE + 2) / _FINE
-    window = np.i0(beta * np.sqrt(np.clip(1.0 - (at / half) ** 2, 0.0, 1.0))) / np.i0(beta)
-    window[at >= half] = 0.0
-    return half, np.sinc(at) * window
+    shape = np.i0(beta * np.sqrt(np.clip(1.0 - (at / half) ** 2, 0.0, 1.0))) / np.i0(beta)
+    shape[at >= half] = 0.0
+    return half, np.sinc(at) * shape
 
 
 class AngularResampler:
@@ -471,18 +468,3 @@ class AngularResampler:
         keep = max(0, min(keep - 2, self._turns.size - 3))
         if keep > 0 and self._held is not None:
             self._turns, self._held = self._turns[keep:], self._held[keep:]
-
-
-def derivative_factor(frequency_hz: ArrayLike, times: int) -> NDArray[np.complex128]:
-    """Factor (j w)^times on a spectrum of exp(+j w t); zero at frequency zero for integrations.
-
-    Examples
-    --------
-    >>> derivative_factor(np.array([0.0, 1.0]), 1).round(4).tolist()
-    [0j, 6.2832j]
-    """
-    omega = 2 * np.pi * np.asarray(frequency_hz, dtype=float)
-    if times >= 0:
-        return np.asarray((1j * omega) ** times, dtype=np.complex128)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(omega > 0, (1j * np.where(omega > 0, omega, 1.0)) ** times, 0.0)

@@ -96,7 +96,7 @@ def appearance(samples: Real, rate: float) -> Appearance:
     if transient:
         return Appearance("transient", frequency, share)
     band = _around(power, peak, rate / len(x))
-    if power[max(peak - _LOBE, 0) : peak + _LOBE + 1].sum() < NOISE_SHARE * total:
+    if power[_lobe(peak)].sum() < NOISE_SHARE * total:
         return Appearance("broad", frequency, share, 0.0, band)
     return _with_a_line(x, rate, power, share, band)
 
@@ -121,8 +121,13 @@ def _family(power: Real) -> NDArray[np.bool_]:
     """Lines of the strongest one and its harmonics."""
     peak, lines = int(np.argmax(power)), np.zeros(len(power), dtype=bool)
     for m in range(1, _HARMONICS + 1):
-        lines[max(m * peak - _LOBE, 0) : m * peak + _LOBE + 1] = True
+        lines[_lobe(m * peak)] = True
     return lines
+
+
+def _lobe(peak: int) -> slice:
+    """Lines that hold a tone."""
+    return slice(max(peak - _LOBE, 0), peak + _LOBE + 1)
 
 
 def _with_a_line(x: Real, rate: float, power: Real, share: float, band: tuple[float, float]) -> Appearance:
@@ -133,16 +138,14 @@ def _with_a_line(x: Real, rate: float, power: Real, share: float, band: tuple[fl
     frequency, amplitude = fit.frequency_hz, float(abs(fit.phasors[0]))
     if not _is_steady(x, rate, frequency, power, peak):
         return Appearance("narrow", frequency, share, 0.0, band)
-    if share < TONE_SHARE:
-        return Appearance("mixed", frequency, share, amplitude, band)
-    order = harmonics_below_nyquist(rate, frequency, _HARMONICS, n)
-    whole = fit_sine(x, rate, frequency, order)
-    squares = np.abs(whole.phasors) ** 2
-    if squares[0] < _FUNDAMENTAL * squares.sum() or _has_other_lines(x, rate, whole.phasors, frequency):
-        return Appearance("several tones", frequency, share, amplitude, band)
-    if np.mean(x**4) < _SQUARE * np.mean(x**2) ** 2:
-        return Appearance("square wave", frequency, share, amplitude, band)
-    return Appearance("tone", frequency, share, amplitude, band)
+    look: Look = "mixed"
+    if share >= TONE_SHARE:
+        order = harmonics_below_nyquist(rate, frequency, _HARMONICS, n)
+        phasors = fit_sine(x, rate, frequency, order).phasors
+        squares, square_wave = np.abs(phasors) ** 2, np.mean(x**4) < _SQUARE * np.mean(x**2) ** 2
+        others = squares[0] < _FUNDAMENTAL * squares.sum() or _has_other_lines(x, rate, phasors, frequency)
+        look = "several tones" if others else "square wave" if square_wave else "tone"
+    return Appearance(look, frequency, share, amplitude, band)
 
 
 def _lines(x: Real) -> Real:
@@ -162,12 +165,9 @@ def _around(power: Real, peak: int, line_hz: float) -> tuple[float, float]:
 
 def _background(power: Real, peak: int) -> float:
     """Mean power of a line of the noise around a line, from the median, which other lines do not move."""
-    sides = np.concatenate(
-        [
-            power[max(peak - _NEIGHBOURS, _LOBE) : max(peak - _LOBE, 0)],
-            power[peak + _LOBE + 1 : peak + _NEIGHBOURS + 1],
-        ]
-    )
+    own = _lobe(peak)
+    before = power[max(peak - _NEIGHBOURS, _LOBE) : own.start]
+    sides = np.concatenate([before, power[own.stop : peak + _NEIGHBOURS + 1]])
     return float(median(sides) / np.log(2)) if sides.size else 0.0
 
 
@@ -177,7 +177,7 @@ def _is_steady(x: Real, rate: float, frequency: float, power: Real, peak: int) -
     fit = fit_sine(x, rate, frequency)
     phasor = fit.phasors[0]
     rest = _lines(x - fit.mean - phasor.real * basis[0] + phasor.imag * basis[1])
-    lobe = slice(max(peak - _LOBE, 0), peak + _LOBE + 1)
+    lobe = _lobe(peak)
     noise = (2 * _LOBE + 1) * _background(rest, peak)
     significant = power[peak] > _SIGNIFICANT * _background(power, peak)
     return bool(significant and rest[lobe].sum() < _MODULATED * power[lobe].sum() + 3 * noise)
@@ -191,13 +191,11 @@ def _has_other_lines(x: Real, rate: float, phasors: NDArray[np.complex128], freq
     rest, whole = _lines(x - tone), _lines(tone)
     rest[:_LOBE] = 0.0
     peak = int(np.argmax(whole[: len(rest)]))
-    power = whole[max(peak - _LOBE, 0) : peak + _LOBE + 1].sum()
-    strongest = int(np.argmax(rest))
-    found = rest[max(strongest - _LOBE, 0) : strongest + _LOBE + 1].sum()
+    power, strongest = whole[_lobe(peak)].sum(), int(np.argmax(rest))
     background = _background(rest, strongest)
     if rest[strongest] < _SIGNIFICANT * background:
         return False
-    found -= (2 * _LOBE + 1) * background
+    found = rest[_lobe(strongest)].sum() - (2 * _LOBE + 1) * background
     if found > _SECOND * power:
         return True
     mirrored = 2 * peak - strongest

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from specan.data.channel import Channel
 from specan.dsp.envelope import band_kurtosis, envelope
 from specan.dsp.order_lines import (
     PASS,
     AngularResampler,
     common_period,
-    derivative_factor,
     fit_lines,
     samples_per_turn,
 )
@@ -171,10 +171,12 @@ def test_motion_is_converted_exactly(times, factor):
     t = np.arange(8000) / 8000
     omega = 2 * np.pi * 64
     spectrum = np.fft.rfft(np.cos(omega * t))
-    found = np.fft.irfft(spectrum * derivative_factor(np.fft.rfftfreq(8000, 1 / 8000), times), 8000)
+    found = np.fft.irfft(
+        spectrum * Channel("a", derivatives=times).correction(np.fft.rfftfreq(8000, 1 / 8000)), 8000
+    )
     truth = (factor * omega**times * np.exp(1j * omega * t)).real
     assert np.allclose(found, truth, atol=1e-9 * omega**times)
 
 
 def test_an_integration_leaves_out_the_mean():
-    assert derivative_factor(0.0, -1) == 0
+    assert Channel("a", derivatives=-1).correction(np.array([0.0])) == 0
