@@ -29,7 +29,6 @@ from specan.room.model.static_correction import corrections_at, static_correctio
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
-_ASKED = 24  # matrices of couplings that are kept: an evaluation asks for three a source
 NEAR = 1.25  # times the largest wave number, up to which modes may resonate in the band
 
 
@@ -67,7 +66,6 @@ class BoxField:
     counts: tuple[int, ...]
     resonances: Resonances | None = None
     _done: dict[object, Complex] = field(default_factory=dict, repr=False)
-    _asked: dict[object, Complex] = field(default_factory=dict, repr=False)
 
     def prepare(self, ports: Sequence[Port]) -> None:
         """Get ready for sources; here each is as cheap alone."""
@@ -88,14 +86,6 @@ class BoxField:
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Mean of G over both ports, array (lines, receivers), 1/m."""
-        asked = (source, tuple(receivers))
-        if asked not in self._asked:
-            while len(self._asked) >= _ASKED:
-                self._asked.pop(next(iter(self._asked)))
-            self._asked[asked] = self._columns(source, receivers)
-        return self._asked[asked]
-
-    def _columns(self, source: Port, receivers: Sequence[Port]) -> Complex:
         for port in receivers:  # what no static_correction is added to is reciprocal to the last digit
             if (source.ball or port.ball) and (port, source) in self._done:
                 self._done[source, port] = self._done[port, source]

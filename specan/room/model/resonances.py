@@ -110,10 +110,6 @@ class Resonances:
         Of ``1 / (K^2 - k^2)``, over the shapes' norms.
     curves : array (lines, modes)
         ``1 / (f - p)``.
-    unshifted : array (few, modes), optional
-        The same at the few lines where the poles in `curves` are not those of the exact sum.
-    orders : array (3, modes), optional
-        Numbers along the edges of what rings nearest, where the poles are not those of single modes.
     others : Shapes
         At the few lines, arrays (few, modes).
     factors : array (lines, modes)
