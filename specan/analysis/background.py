@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.band_levels import BandLevels, OtherSettling
+from specan.data.band_levels import BandLevels
 from specan.errors import RequestError
-
-Real = NDArray[np.float64]
 
 STANDS_OUT_DB = 6.0
 """By how much a level has to exceed the background's to be corrected with confidence; ISO 3744:2010, 8.2.3."""
@@ -58,27 +56,27 @@ def without_background(levels: BandLevels, background: BandLevels) -> BandLevels
     _check_alike(levels, background)
     rows = [_row(levels, row, background) for row in range(len(levels.channels))]
 
-    def corrected(
-        mine: Mapping[str, Real], other: Mapping[str, Real]
-    ) -> dict[str, tuple[Real, NDArray[np.bool_]]]:
-        return {name: background_correction(values, other[name][rows]) for name, values in mine.items()}
-
-    level_dB, low_snr = background_correction(levels.level_dB, background.level_dB[rows])
-    overall = corrected(levels.overall_dB, background.overall_dB)
-    low = np.any([is_low for _, is_low in overall.values()], axis=0)
-    other_settling = None
-    if levels.other is not None and background.other is not None:
-        totals = corrected(levels.other.overall_dB, background.other.overall_dB)
-        other_settling = OtherSettling(
-            levels.other.name,
-            background_correction(levels.other.level_dB, background.other.level_dB[rows])[0],
-            {name: values for name, (values, _) in totals.items()},
+    def corrected(mine: Any, other: Any) -> tuple[dict[str, Any], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Levels, which bands stand out too little, and which channels do in their overall levels."""
+        level_dB, low = background_correction(mine.level_dB, other.level_dB[rows])
+        found = [
+            background_correction(values, other.overall_dB[n][rows]) for n, values in mine.overall_dB.items()
+        ]
+        overall = dict(zip(mine.overall_dB, (values for values, _ in found), strict=True))
+        return (
+            {"level_dB": level_dB, "overall_dB": overall},
+            low,
+            np.any([is_low for _, is_low in found], axis=0),
         )
+
+    own, low_snr, low = corrected(levels, background)
+    other = None
+    if levels.other is not None and background.other is not None:
+        other = replace(levels.other, **corrected(levels.other, background.other)[0])
     return replace(
         levels,
-        other=other_settling,
-        level_dB=level_dB,
-        overall_dB={name: values for name, (values, _) in overall.items()},
+        **own,
+        other=other,
         low_snr=low_snr,
         flags=tuple(
             (*words, "low-snr") if is_low and "low-snr" not in words else words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import scipy.fft
@@ -84,7 +84,9 @@ class Decay(SectionSettings):
         found = self._bands(rate, min(upper_hz, rate / 2))
         width = found.upper - found.lower
         rows = [self._channel(recording, c, found.mid, width) for c in chosen]
-        reasons = [reason for _, reason in rows]
+        reasons = [row if isinstance(row, str) else "" for row in rows]
+        nothing = dict.fromkeys(("start_s", *_RESULTS), np.nan)
+        values = [nothing if isinstance(row, str) else row for row in rows]
         if all(reasons):
             raise InputError(
                 f"{recording.label}: {chosen[0].label} {_REASONS[reasons[0]]}",
@@ -100,8 +102,8 @@ class Decay(SectionSettings):
             exact_hz=found.mid,
             nominal_hz=found.nominal,
             bandwidth_hz=width,
-            **{name: np.stack([row[name] for row, _ in rows]) for name in _RESULTS},
-            start_s=np.array([row["start_s"][0] for row, _ in rows]),
+            **{name: np.stack([np.broadcast_to(v[name], width.shape) for v in values]) for name in _RESULTS},
+            start_s=np.array([v["start_s"] for v in values]),
             words=tuple((why,) if why else () for why in reasons),
             notes=(*notes, *without),
             settings=self.model_dump(mode="json"),
@@ -120,19 +122,18 @@ class Decay(SectionSettings):
 
     def _channel(
         self, recording: Recording, channel: Channel, mid: Real, width: Real
-    ) -> tuple[dict[str, Real], str]:
-        """The results of a channel over its own length, and why it has none."""
+    ) -> dict[str, Any] | str:
+        """The results of a channel over its own length, or why it has none."""
         no_band = dict.fromkeys(_RESULTS, math.nan)
-        nothing = {"start_s": np.array([np.nan]), **{name: np.full(mid.size, np.nan) for name in _RESULTS}}
         try:
             start, stop = section(recording, (channel,), self.start_s, self.stop_s)
         except RequestError:
-            return nothing, "short"
+            return "short"
         samples = recording.read((channel,), start, stop)[0]
         if not np.isfinite(samples).all():
-            return nothing, "not-finite"
+            return "not-finite"
         if np.ptp(samples) == 0.0:
-            return nothing, "dead"
+            return "dead"
         # Near 1, so that no square is lost; a power of two changes no digit.
         samples = np.ldexp(samples, -np.frexp(np.abs(samples).max())[1])
         samples = samples - np.mean(samples)
@@ -141,7 +142,7 @@ class Decay(SectionSettings):
         # A band of width B is known no sooner than 1 / B after the arrival.
         known = samples.size - arrival > rate / width
         if not known.any():
-            return nothing, "short"
+            return "short"
         lead = int(_LEAD_S * rate)
         length = scipy.fft.next_fast_len(lead + samples.size, real=True)
         spectrum = scipy.fft.rfft(np.concatenate([np.zeros(lead), samples]), length)
@@ -154,10 +155,8 @@ class Decay(SectionSettings):
             found.append(
                 _evaluate(energy, int((lead + arrival) / step), int(lead / step), step / rate, bandwidth)
             )
-        return {
-            "start_s": np.array([start / rate + arrival / rate]),
-            **{name: np.array([one[name] for one in found]) for name in _RESULTS},
-        }, ""
+        values = {name: np.array([one[name] for one in found]) for name in _RESULTS}
+        return {"start_s": start / rate + arrival / rate, **values}
 
 
 # Words of channels without a result, and what they say.
