@@ -100,15 +100,16 @@ class Look:
         ratio = self.block // block
         power = self.power[ratio - 1 :: ratio]
         response = self.response[1:, ratio - 1 :: ratio]
-        return _rms_ratio(np.abs(self.bias(block, 1)) ** 2, np.abs(response) ** 2, power)
+        return rms_ratio(np.abs(self.bias(block, 1)) ** 2, np.abs(response) ** 2, power)
 
     def random(self, averages: float) -> Real:
         """Relative random error that as many averages leave, likewise weighted, of each other channel."""
-        found = _rms_ratio(self.variance[1:], np.abs(self.response[1:]) ** 2, self.power)
+        found = rms_ratio(self.variance[1:], np.abs(self.response[1:]) ** 2, self.power)
         return found * np.sqrt(self.n_effective / max(averages, 1.0))
 
 
-def _rms_ratio(square: Real, over: Real, weight: Real) -> Real:
+def rms_ratio(square: Real, over: Real, weight: Real | float = 1.0) -> Real:
+    """Root of the weighted sum of one square over that of another."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.nansum(square * weight, axis=-1) / np.nansum(over * weight, axis=-1)
     return np.sqrt(np.nan_to_num(ratio, posinf=0.0))

@@ -17,6 +17,7 @@ from specan.analysis.response_length import (
     leakage,
     look,
     passes_once,
+    rms_ratio,
     shifts_of,
     sufficient_block,
 )
@@ -298,15 +299,8 @@ class TransferFunctionAccumulator:
         ]
         if not worst:
             return remarks
-        with np.errstate(invalid="ignore"):
-            size = [
-                np.sqrt(
-                    2
-                    * np.nansum((lost[row] * np.abs(found.response[row])) ** 2)
-                    / np.nansum(np.abs(found.response[row]) ** 2)
-                )
-                for row in worst
-            ]
+        square = np.abs(found.response[worst]) ** 2
+        size = rms_ratio(2 * lost[worst] ** 2 * square, square)
         row = worst[int(np.argmax(size))]
         remarks.append(
             f"leakage: the response outlasts the blocks of {settings.block / rate:.3g} s, which take "
