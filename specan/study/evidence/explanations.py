@@ -225,6 +225,7 @@ class Explanations:
                 f"fitting with {' and '.join(map(str, sorted(uses)))}", SETS * (1 - 0.9 ** len(fitted))
             )
             self._add(form, uses, promise)
+        self._fit_parts()
         self._list({key: found for key, found in left.items() if key not in fitted})
 
     def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
@@ -310,6 +311,14 @@ class Explanations:
         self.found.append(one)
         if self.cheap and len(uses) < len(OF_SIZE):
             self._expect(one)
+
+    def _fit_parts(self) -> None:
+        """Fit the effects of the likeliest pairs alone too, from there: a linear promise may have ruled one out."""
+        for pair in [e for e in self.found if len(e.uses) > 1 and e.ln_joint > self.best - WITHIN - SLACK]:
+            values = pair.tangent.problem.values_at(pair.tangent.theta)
+            for use in pair.uses:
+                if frozenset({use}) not in pair.form.refits.done:
+                    self._add(pair.form, frozenset({use}), Promise(use, 0.0, (values,)))
 
     @property
     def best(self) -> float:
