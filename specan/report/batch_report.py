@@ -142,18 +142,19 @@ class _Measured:
 
     def _loudest(self) -> list[str]:
         found = self.levels
-        if found is None or not np.isfinite(found.equivalent_dB.get("A", np.array([np.nan]))).any():
+        if (
+            found is None
+            or not np.isfinite(equivalent := found.equivalent_dB.get("A", np.array(np.nan))).any()
+        ):
             return ["", "", ""]
-        equivalent, largest = found.equivalent_dB["A"], found.max_dB
+
+        def highest(values: Any) -> str:
+            place = int(np.nanargmax(values)) if np.isfinite(values).any() else None
+            return "" if place is None else f"{values[place]:.1f} ({found.channels[place]})"
+
         mean = 10 * np.log10(np.nanmean(10 ** (equivalent / 10)))
-        shown = [f"{mean:.1f}"]
-        for values in (equivalent, np.where(np.isfinite(equivalent), largest, np.nan)):
-            if not np.isfinite(values).any():
-                shown.append("")
-                continue
-            place = int(np.nanargmax(values))
-            shown.append(f"{values[place]:.1f} ({found.channels[place]})")
-        return shown
+        largest = np.where(np.isfinite(equivalent), found.max_dB, np.nan)
+        return [f"{mean:.1f}", highest(equivalent), highest(largest)]
 
     def page(self, number: int) -> list[str]:
         """Its page: what it is, levels, bands, pictures."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import functools
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
-from itertools import cycle
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -175,10 +174,10 @@ _NOMINAL = (
 )  # fmt: skip
 
 
-def line_styles() -> Iterator[dict[str, Any]]:
-    """Colour and dash of one line after the other; 28 before they repeat."""
-    styles = [{"color": colour, "linestyle": dash} for dash in _DASHES for colour in COLOURS]
-    return cycle(styles)
+def style_of(number: int, full: bool = False) -> dict[str, Any]:
+    """Colour and dash of a line by its number; 28 before they repeat. Beside a range each line is full."""
+    dash = "-" if full else _DASHES[number // len(COLOURS) % len(_DASHES)]
+    return {"color": COLOURS[number % len(COLOURS)], "linestyle": dash}
 
 
 def octave_ticks() -> tuple[list[float], tuple[str, ...]]:

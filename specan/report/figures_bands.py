@@ -21,6 +21,7 @@ from specan.report.figure_style import (
     micro,
     name_rows,
     new_figure,
+    style_of,
     styled,
 )
 from specan.report.panels import (
@@ -33,7 +34,6 @@ from specan.report.panels import (
     grouped,
     level_panels,
     numbered,
-    style_of,
 )
 
 if TYPE_CHECKING:

@@ -17,10 +17,10 @@ from specan.report.figure_style import (
     legend_above,
     legend_below,
     level_limits,
-    line_styles,
     new_figure,
     octave_axis,
     phase_axis,
+    style_of,
     styled,
 )
 
@@ -299,12 +299,6 @@ def _draw(axes: Axes, panel: Panel, curve: Curve, style: dict[str, Any]) -> None
         axes.plot(curve.x, curve.y, label=label, linewidth=1.0, marker=marker, **style)
     if curve.dots is not None:
         axes.plot(*curve.dots, linestyle="", marker="o", markersize=3, color=style["color"])
-
-
-def style_of(number: int, many: bool = False) -> dict[str, Any]:
-    """Colour and dash of a line by its number; beside a range each line is full."""
-    style = next(style for k, style in enumerate(line_styles()) if k == number)
-    return {**style, "linestyle": "-"} if many else style
 
 
 def draw_range(axes: Axes, x: Real, values: Real) -> None:

@@ -10,7 +10,7 @@ from specan.analysis.spectrum import FourierSpectrum
 from specan.analysis.transfer_function import TransferFunction
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
-from specan.report.figure_style import COLOURS, figure_format, line_styles, save_figure
+from specan.report.figure_style import COLOURS, figure_format, save_figure, style_of
 from specan.report.figures import figure_of
 
 RATE, N = 8000.0, 16000
@@ -91,8 +91,7 @@ def test_spectrogram_has_a_panel_a_channel():
 
 
 def test_styles_do_not_repeat_within_24_channels():
-    styles = line_styles()
-    seen = [tuple(next(styles).items()) for _ in range(24)]
+    seen = [tuple(style_of(number).items()) for number in range(24)]
     assert len(set(seen)) == 24
     assert len(COLOURS) >= 6
 
