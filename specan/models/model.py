@@ -187,7 +187,18 @@ class Model:
         return replace(self, effects={**self.effects, **{e.name: e for e in own}})
 
     def with_constants(self, values: Mapping[str, Any]) -> Model:
-        """The model with other values of quantities that are constant."""
+        """The model with other values of quantities that are constant.
+
+        Parameters
+        ----------
+        values : mapping
+            Names of quantities and their values, in their units.
+
+        Returns
+        -------
+        Model
+            All else is as it was.
+        """
         changed = {name: replace(self.quantities[name], function=lambda v=v: v) for name, v in values.items()}
         return replace(self, quantities={**self.quantities, **changed})
 
