@@ -177,10 +177,9 @@ def hold_undetermined(study: Study) -> tuple[Study, tuple[str, ...]]:
     names = tuple(
         n for n in undetermined(study.problem, study.problem.start()) if n.whole not in study.problem.priors
     )
-    owners: Mapping[str, str] = {n: n.whole for n in names}
     if not names:
         return study, ()
     text = study.text()
-    for name in dict.fromkeys(owners.values()):
+    for name in dict.fromkeys(name.whole for name in names):
         text.fix_parameter(name)
     return Study(study.directory, draft=text), names

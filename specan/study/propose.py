@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -23,7 +22,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.selection.law_search import LEVEL, Law, search_laws
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
-from specan.study.user_effects import LAWS, trust_file
+from specan.study.user_effects import LAWS, trust_file, write_beside_older
 from specan.study.verdict import parameters_of
 
 
@@ -170,8 +169,8 @@ def propose_laws(study: Study) -> ProposedLaws:
         following = propose_measurements(refits) if len(refits) > 1 else ()
     folder = study.directory / LAWS
     for law, _, source in fitted:
-        folder.mkdir(exist_ok=True)
-        _write(folder / law.file.name, source)
+        write_beside_older(folder / law.file.name, source.encode())
+        trust_file(folder / law.file.name)
     return ProposedLaws(
         laws=tuple(law for law, _, _ in fitted),
         p_value=found.p_value,
@@ -182,15 +181,6 @@ def propose_laws(study: Study) -> ProposedLaws:
         unit=before.unit,
         next_measurement=tuple(asdict(p) for p in following),
     )
-
-
-def _write(path: Path, source: str) -> None:
-    """Write a law; a file of that name with other content, which its owner may have changed, is kept beside it."""
-    if path.exists() and path.read_bytes() != source.encode():
-        old = hashlib.sha256(path.read_bytes()).hexdigest()[:8]
-        path.replace(path.with_name(f"{path.name}.{old}"))
-    path.write_text(source, encoding="utf-8", newline="\n")
-    trust_file(path)
 
 
 def _error(refit: Refit) -> Any:

@@ -96,6 +96,8 @@ class Study:
         self.draft = draft
         self.history = History(directory)
         self.accepted = self._check_data(accept_changes)
+        if self.accepted:
+            self.content = self.text().content
         named = [read_effect_file(path) for path in effects]
         self.model = self._load_model(named)
         files = self._measured_files().items()
@@ -153,22 +155,15 @@ class Study:
 
     def _check_data(self, accept: bool) -> tuple[str, ...]:
         """Measured files must be those of the last step; returns the changed ones that were accepted."""
-        changed = []
-        for entry in (*self.content.measurement, *self.content.validation):
-            found = file_hash(self.directory / entry.file)
-            if found != entry.sha256:
-                changed.append((entry.file, found))
+        entries = (*self.content.measurement, *self.content.validation)
+        changed = [e.file for e in entries if file_hash(self.directory / e.file) != e.sha256]
         if changed and not accept:
-            names = ", ".join(name for name, _ in changed)
             raise RequestError(
-                f"{names} changed since the study's last step",
+                f"{', '.join(changed)} changed since the study's last step",
                 expected="the measured data as they were",
                 remedy=f"restore the file, or go on with specan study compare {self.directory} --accept-changes",
             )
-        if changed:
-            now = dict(changed)
-            self.content = self.content.with_hashes(now)
-        return tuple(name for name, _ in changed)
+        return tuple(changed)
 
     def _path(self, file: str) -> Path:
         """A measured file as messages should show it: from where the user is, where that is shorter."""
@@ -182,15 +177,9 @@ class Study:
         names = {e.file: s if short.count(s) == 1 else e.file for e, s in zip(everything, short, strict=True)}
 
         def files(entries: Sequence[DataEntry], kind: str) -> list[DataFile]:
+            columns = self.content.columns
             return [
-                DataFile(
-                    names[e.file],
-                    self._path(e.file),
-                    e.estimator,
-                    e.conditions,
-                    self.content.columns,
-                    e.sheet,
-                )
+                DataFile(names[e.file], self._path(e.file), e.estimator, e.conditions, columns, e.sheet)
                 for e in entries
                 if e.kind == kind
             ]

@@ -91,16 +91,6 @@ class StudyFile(Settings):
     effect_file: tuple[EffectFileEntry, ...] = ()
     parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
 
-    def with_hashes(self, hashes: Mapping[str, str]) -> StudyFile:
-        """The same with new hashes of measured files."""
-
-        def renewed(entries: tuple[DataEntry, ...]) -> tuple[DataEntry, ...]:
-            return tuple(e.model_copy(update={"sha256": hashes.get(e.file, e.sha256)}) for e in entries)
-
-        return self.model_copy(
-            update={"measurement": renewed(self.measurement), "validation": renewed(self.validation)}
-        )
-
 
 def read_study_file(directory: Path) -> StudyFile:
     """Read the study file of a directory.

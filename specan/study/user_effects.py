@@ -61,6 +61,15 @@ def trust_file(path: Path) -> None:
     trust(hashlib.sha256(content_of(path)).hexdigest())
 
 
+def write_beside_older(path: Path, content: bytes) -> None:
+    """Write a file; one of that name with other content, which its owner may have changed, is kept beside it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists() and path.read_bytes() != content:
+        old = hashlib.sha256(path.read_bytes()).hexdigest()[:8]
+        path.replace(path.with_name(f"{path.name}.{old}"))
+    path.write_bytes(content)
+
+
 def rival_laws(path: Path) -> list[Path]:
     """Laws that were proposed together with an effect file and have not been changed: its rivals in every verdict."""
     beside = sorted(path.parent.glob("law-*.py")) if path.parent.name == LAWS else []
@@ -93,11 +102,7 @@ class EffectFile:
         """Copy it into a study and trust it; another version of the same name is kept beside it."""
         inside = directory / self.entry.file
         if inside.resolve() != self.path.resolve():
-            inside.parent.mkdir(parents=True, exist_ok=True)
-            if inside.exists() and inside.read_bytes() != self.content:
-                old = hashlib.sha256(inside.read_bytes()).hexdigest()[:8]
-                inside.replace(inside.with_name(f"{inside.name}.{old}"))
-            inside.write_bytes(self.content)
+            write_beside_older(inside, self.content)
         trust(self.entry.sha256)
 
 

@@ -10,11 +10,12 @@ from specan.errors import ComputationError
 from specan.models import Model
 from specan.study.estimation.fit import fit
 from specan.study.observation.table import TableObservation
-from specan.study.propose import _write, source_of
+from specan.study.propose import source_of
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.law_grammar import Spread, formulas
 from specan.study.selection.law_search import search_laws
 from specan.study.selection.refits import Refit
+from specan.study.user_effects import write_beside_older
 from specan_cli.main import main
 
 
@@ -133,7 +134,7 @@ def test_files_are_written_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_a_file_that_was_changed_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "law-power-x.py"
     for text in ("first\n", "first\n", "second\n"):
-        _write(path, text)
+        write_beside_older(path, text.encode())
     assert path.read_text() == "second\n"
     kept = [p for p in tmp_path.iterdir() if p != path]
     assert [p.read_text() for p in kept] == ["first\n"]

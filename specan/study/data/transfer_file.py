@@ -156,17 +156,9 @@ def _from_uff(path: Path) -> list[MeasuredFrf]:
             continue
         ends = (one.response, one.reference)
         beside = next((c for c in coherences if (c.response, c.reference) == ends), None)
-        found.append(
-            MeasuredFrf(
-                one.response,
-                one.reference,
-                one.names,
-                one.unit,
-                one.x,
-                one.values.astype(complex),
-                coherence=None if beside is None else np.interp(one.x, beside.x, np.real(beside.values)),
-            )
-        )
+        coherence = None if beside is None else np.interp(one.x, beside.x, np.real(beside.values))
+        values = one.values.astype(complex)
+        found.append(MeasuredFrf(*ends, one.names, one.unit, one.x, values, coherence=coherence))
     return found
 
 

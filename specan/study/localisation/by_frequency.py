@@ -44,19 +44,10 @@ def localise(problem: Problem, best: Fit) -> Localisation:
                     f"{100 * share:.0f} % of what is left of {name} at {low:.3g} to {high:.3g} Hz follows {source}"
                 )
                 size = float(np.sqrt(np.mean(gap**2)))
+                where = {"frequency_hz": f"{low:.3g} to {high:.3g} Hz"}
+                words = {"frequency_hz": Variable("frequency")}
                 blocks.append(
-                    Block(
-                        {"frequency_hz": f"{low:.3g} to {high:.3g} Hz"},
-                        name,
-                        rows.size,
-                        0.0,
-                        p_value,
-                        0.0,
-                        0.0,
-                        size,
-                        unit,
-                        variables={"frequency_hz": Variable("frequency")},
-                    )
+                    Block(where, name, rows.size, 0.0, p_value, 0.0, 0.0, size, unit, variables=words)
                 )
             lag = float(gap[1:] @ gap[:-1]) / max(float(gap @ gap), 1e-300)
             if abs(lag) > 4 / np.sqrt(gap.size):
