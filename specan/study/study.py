@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
-from specan.errors import RequestError
+from specan.errors import ComputationError, RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
@@ -290,18 +290,18 @@ class Study:
     @cached_property
     def held_out(self) -> HeldOut | None:
         """Errors on the data that were put aside; None without such."""
-        if not self.data.held_out:
-            return None
-        values = self.problem.values_at(self.shown.theta)
+        return self._held_out_by(self.problem, self.shown) if self.data.held_out else None
+
+    def _held_out_by(self, problem: Problem, best: Fit) -> HeldOut:
+        values = problem.values_at(best.theta)
         unseen = [
-            o.about(self.problem.assembly, self.problem.seen_by(o, values), seen=False)
-            for o in self.data.held_out
+            o.about(problem.assembly, problem.seen_by(o, values), seen=False) for o in self.data.held_out
         ]
-        if shifts_of(self.problem.assembly) is not None:
+        if shifts_of(problem.assembly) is not None:
             from specan.study.estimation.mode_shifts import knowing_shifts
 
-            unseen = knowing_shifts(self.problem, unseen)
-        return held_out_error(self.problem, self.shown, unseen)
+            unseen = knowing_shifts(problem, unseen)
+        return held_out_error(problem, best, unseen)
 
     @cached_property
     def mistaken_set_up(self) -> MistakenSetUp:
@@ -348,6 +348,7 @@ class Study:
             found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
             if self.problem.strategy.linearised_covariance:
                 found = self._as_shown(found)
+            found = self._with_held_out(found)
             self.kept.keep("diagnosis", found)
         return found
 
@@ -368,6 +369,27 @@ class Study:
         return replace(
             found, lack_of_fit=lack, error=error, remarks=(*found.remarks, *self._well_predicted(found))
         )
+
+    def _with_held_out(self, found: Diagnosis) -> Diagnosis:
+        """A diagnosis with a doubt where what it names predicts held-out data worse than the model as it is."""
+        if found.verdict not in ("effect", "group") or self.held_out is None or not found.ranking:
+            return found
+        names = found.ranking[0].names
+        problem = self.problem.with_uses(names)
+        try:
+            own = kept_values(problem, found.ranking[0].parameters)
+            after = self._held_out_by(problem, fit(problem, {**self.best.values, **own})).errors[0]
+        except ComputationError:  # a remark costs no verdict
+            return found
+        before = self.held_out.errors[0]
+        if after.rms <= before.rms:
+            return found
+        unit = "" if before.unit == "1" else f" {before.unit}"
+        remark = (
+            f"with {' and '.join(names)} the error on the data held out rises from {before.rms:.3g} to "
+            f"{after.rms:.3g}{unit}: it is perhaps not what is missing"
+        )
+        return replace(found, unknown_possible=True, remarks=(*found.remarks, remark))
 
     def _well_predicted(self, found: Diagnosis) -> tuple[str, ...]:
         """A remark where what was put aside speaks against something unknown in a small misfit."""
