@@ -23,12 +23,12 @@ class OrdersTab(Tab):
     def add_controls(self, view: View) -> None:
         """Tacho or speed, orders, the map."""
         self.channel_choice(view, "tacho", "Tacho", "the only one")
-        self.number(view, "pulses", "Pulses per revolution")
+        self.number(view, "pulses", "Pulses per revolution", 140)
         self.number(view, "ratio", "Ratio", 70)
         self.number(view, "speed", "or speed / Hz")
         self.number(view, "max_order", "Highest order")
         self.number(view, "turns", "Turns", 70, mode="int")
-        self.choice(view, "order_map", "Show", [("False", "spectrum"), ("True", "with the map")], 120)
+        self.choice(view, "order_map", "Show", [("False", "spectrum"), ("True", "with the map")], 140)
 
     def keys(self, view: View) -> Sequence[str]:
         """Of the channels on screen that are no tachos."""
