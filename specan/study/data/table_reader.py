@@ -70,7 +70,8 @@ def read_measurement(
     _add_constants(table, constants or {}, known)
     if model.table_rules is not None:
         try:
-            found = model.table_rules.complete(_numbers(table, model), table.steps)
+            numbers = {n: table.frame[n].to_numpy() for n in table.frame if n not in model.groups}
+            found = model.table_rules.complete(numbers, table.steps)
         except TableFault as fault:
             where = f"{path}" if fault.rows is None else f"{path}, {table.rows(fault.rows)}"
             raise InputError(
@@ -98,10 +99,6 @@ def _check_filled(table: Table, model: Model, known: list[str], measurable: list
     )
 
 
-def _numbers(table: Table, model: Model) -> dict[str, Any]:
-    return {n: table.frame[n].to_numpy() for n in table.frame if n not in model.groups}
-
-
 def _check_columns(
     table: Table,
     model: Model,
@@ -116,16 +113,13 @@ def _check_columns(
         derivable = sources is not None and sources <= there
         if column not in there and condition.default is None and not derivable:
             missing.append(column)
-    for axis in set(missing) & set(model.groups):
-        raise InputError(
-            f"{table.path}: the column {axis!r} is missing, which says to which {axis} each row belongs",
-            remedy=f'add it, or say which header it has: --column "{axis}=HEADER"',
-        )
     if missing:
-        names = ", ".join(map(repr, missing))
+        names, several = ", ".join(map(repr, missing)), len(missing) > 1
+        groups = [axis for axis in missing if axis in model.groups]
+        why = "".join(f", and {axis!r} says to which {axis} each row belongs" for axis in groups)
         raise InputError(
-            f"{table.path}: the column{'s' if len(missing) > 1 else ''} {names} "
-            f"{'are' if len(missing) > 1 else 'is'} missing (found: {', '.join(table.frame)})",
+            f"{table.path}: the column{'s' if several else ''} {names} {'are' if several else 'is'} missing{why} "
+            f"(found: {', '.join(table.frame)})",
             remedy=f'add it, or say which header it has: --column "{missing[0]}=HEADER"',
         )
     if there.isdisjoint(measurable):
