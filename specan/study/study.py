@@ -9,6 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from specan import __version__
 from specan.errors import ComputationError, RequestError
 from specan.models import Model, Use
@@ -371,25 +373,29 @@ class Study:
         )
 
     def _with_held_out(self, found: Diagnosis) -> Diagnosis:
-        """A diagnosis with a doubt where what it names predicts held-out data worse than the model as it is."""
-        if found.verdict not in ("effect", "group") or self.held_out is None or not found.ranking:
+        """A diagnosis that names nothing with which held-out data are predicted worse than by the model as it is."""
+        before = self.held_out
+        if found.verdict not in ("effect", "group") or before is None or not found.ranking:
             return found
         names = found.ranking[0].names
         problem = self.problem.with_uses(names)
         try:
             own = kept_values(problem, found.ranking[0].parameters)
-            after = self._held_out_by(problem, fit(problem, {**self.best.values, **own})).errors[0]
-        except ComputationError:  # a remark costs no verdict
+            after = self._held_out_by(problem, fit(problem, {**self.best.values, **own}))
+        except ComputationError:  # what cannot be predicted speaks against nothing
             return found
-        before = self.held_out.errors[0]
-        if after.rms <= before.rms:
+        # A likelihood ratio of 30: of two explanations one is named then.
+        if after.errors[0].rms <= before.errors[0].rms or after.chi2 - before.chi2 < 2 * np.log(30):
             return found
-        unit = "" if before.unit == "1" else f" {before.unit}"
-        remark = (
-            f"with {' and '.join(names)} the error on the data held out rises from {before.rms:.3g} to "
-            f"{after.rms:.3g}{unit}: it is perhaps not what is missing"
+        error = before.errors[0]
+        unit = "" if error.unit == "1" else f" {error.unit}"
+        reason = (
+            f"{' with '.join(names)} would fit, but with it the error on the data held out rises from {error.rms:.3g} "
+            f"to {after.errors[0].rms:.3g}{unit}: it is not what is missing there, or its equation is not right"
         )
-        return replace(found, unknown_possible=True, remarks=(*found.remarks, remark))
+        return replace(
+            found, verdict="cannot-tell", reason=reason, alternatives=(), at={}, unknown_possible=True
+        )
 
     def _well_predicted(self, found: Diagnosis) -> tuple[str, ...]:
         """A remark where what was put aside speaks against something unknown in a small misfit."""
