@@ -43,6 +43,7 @@ class Levels(SectionSettings):
 
     Examples
     --------
+    >>> from specan.data.channel import Channel
     >>> from specan.data.recording import ArraySource
     >>> pascals = 1.0 * np.sqrt(2) * np.sin(2 * np.pi * 1000 * np.arange(48000) / 48000)
     >>> mic = Channel("Mic 1", role="microphone", unit="Pa", sampling_rate=48000.0, n_samples=48000)

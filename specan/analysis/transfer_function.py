@@ -66,6 +66,7 @@ class TransferFunction(SectionSettings):
 
     Examples
     --------
+    >>> from specan.data.channel import Channel
     >>> from specan.data.recording import ArraySource
     >>> v = np.random.default_rng(0).standard_normal(40000)
     >>> channels = (
