@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -21,6 +21,10 @@ from specan_cli.output import (
     to_standard_output,
 )
 from specan_cli.recording_verb import expand, given, left_out
+
+if TYPE_CHECKING:
+    from specan.analysis.calibrator_tone import CalibrationSettings
+    from specan.analysis.insertion import Insertion
 
 
 @click.command("calibrate", cls=Verb)
@@ -70,26 +74,14 @@ def command(
     """
     from specan.analysis.calibration import join_insertions
     from specan.analysis.calibrator_tone import CalibrationSettings
-    from specan.analysis.insertion import Insertion, evaluate_insertion
-    from specan.errors import InputError
     from specan.io.calibration_file import write_calibration
-    from specan.io.open import open_recording
     from specan.io.output_file import check_directory
     from specan.schema import parse
 
     insertion = dict(zip(("u_insertion_dB", "u_insertion_deg"), u_insertion))
     settings = parse(CalibrationSettings, given(**options, **insertion), "calibrate")
     check_directory(output)
-    files = tuple(found.path for found in expand(files))
-    common = os.path.commonpath([path.resolve().parent for path in files])
-    insertions, failures = list[Insertion](), list[dict[str, str]]()
-    for path in files:
-        with left_out(str(path), failures, len(files) > 1):
-            label = path.resolve().relative_to(common).as_posix()
-            recording = open_recording(path, label=label, channel_table=channel_table)
-            insertions.append(evaluate_insertion(recording, settings))
-    if not insertions:
-        raise InputError("no file could be used for a calibration", remedy="see the reasons above")
+    insertions, failures = _insertions([found.path for found in expand(files)], settings, channel_table)
     calibration = join_insertions(insertions, settings)
     write_calibration(calibration, output)
     draw(calibration, plot)
@@ -102,3 +94,24 @@ def command(
         say_written(output)
     failed = any(c.verdict == "failed" for c in calibration.channels)
     return 1 if failures or failed else 0
+
+
+def _insertions(
+    paths: list[Path], settings: CalibrationSettings, channel_table: Path | None
+) -> tuple[list[Insertion], list[dict[str, str]]]:
+    """What each file says, and why some say nothing."""
+    from specan.analysis.insertion import evaluate_insertion
+    from specan.errors import InputError
+    from specan.io.open import open_recording
+
+    common = os.path.commonpath([path.resolve().parent for path in paths])
+    insertions: list[Insertion] = []
+    failures: list[dict[str, str]] = []
+    for path in paths:
+        with left_out(str(path), failures, len(paths) > 1):
+            label = path.resolve().relative_to(common).as_posix()
+            recording = open_recording(path, label=label, channel_table=channel_table)
+            insertions.append(evaluate_insertion(recording, settings))
+    if not insertions:
+        raise InputError("no file could be used for a calibration", remedy="see the reasons above")
+    return insertions, failures

@@ -249,9 +249,8 @@ def _channel(
     doubt: str,
 ) -> ChannelCalibration:
     used = sound(heard)
-    n = len(used)
     values = np.array([h.sensitivity for h in used])
-    mean = float(values.mean())
+    mean, n = float(values.mean()), len(used)
     within = float(np.sqrt(np.sum([h.scatter_percent**2 / h.windows for h in used]))) / n
     between, dof = common.u_insertion_percent, common.dof
     if REPEAT.judge(20 * np.log10(values.max() / values.min()))[0]:

@@ -186,15 +186,14 @@ class ToneAccumulator:
         f = np.array([fitted.frequency_hz])
         nothing = np.full(len(channels), np.nan)
         own = fitted.deviations[self._shown]
-        usable = False
-        base, relative, base_phase, base_gain = np.nan + 0j, own, 0.0, 0.0
+        usable, base, relative, base_phase, base_gain = False, np.nan + 0j, own, 0.0, 0.0
         if self.reference is not None:
             row = channels.index(self.reference)
             base, relative = phasors[row], own - own[row]
             base_phase = float(self.reference.u_phase_deg(f)[0])
             base_gain = self.reference.u_gain_percent
-            usable = bool(abs(base) > 0 and np.sqrt(variance_of_mean(own[row].real)) < 0.1)
-            usable = usable or bool(abs(base) > 0 and own.shape[1] < 4)
+            steady = own.shape[1] < 4 or np.sqrt(variance_of_mean(own[row].real)) < 0.1
+            usable = bool(abs(base) > 0 and steady)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = phasors / base if usable else np.full(len(channels), np.nan + 0j)
         freedom = freedom_of_mean(own.shape[1])

@@ -116,10 +116,22 @@ def fit(
     if not first.size:
         return describe(problem, first)
     places = [first, *_other_starts(problem, 0 if problem.strategy.frugal else starts - 1)]
-    frugal = _from_nearer if problem.strategy.continuation else descend
+    found, converged = _minima(problem, places, near=isinstance(start, np.ndarray))
+    best = found[0]
+    for other in found[1:]:
+        if other.chi2 < best.chi2 - 1e-9 * abs(best.chi2):
+            best = other
+    if problem.strategy.exact_minimum:
+        best, _ = refine(problem, best.theta)
+    return replace(describe(problem, best.theta, best.residual, best.jacobian), converged=converged)
+
+
+def _minima(problem: Problem, places: Sequence[Array], near: bool) -> tuple[list[Minimum], bool]:
+    """Where descents from several places settle; else, and False, the lowest that they came to."""
     found: list[Minimum] = []
     unsettled: list[Minimum] = []
     reason = "no start gave finite values"
+    frugal = _from_nearer if problem.strategy.continuation else descend
     for method in (frugal, _trust_region) if problem.strategy.exact_minimum else (frugal,):
         for theta0 in places:
             try:
@@ -130,21 +142,14 @@ def fit(
                 reason = fault.found
             except np.linalg.LinAlgError as fault:
                 reason = f"linear algebra failed ({fault})"
-        if _agree(problem, found) or (found and isinstance(start, np.ndarray)):
+        if _agree(problem, found) or (found and near):
             break
-    converged, found = bool(found), found or unsettled
-    if not found:
+    if not (found or unsettled):
         raise ComputationError(
             f"the fit of {', '.join(problem.names) or 'no parameter'} failed: {reason}",
             remedy="give other start values or narrower bounds, or take an effect out",
         )
-    best = found[0]
-    for other in found[1:]:
-        if other.chi2 < best.chi2 - 1e-9 * abs(best.chi2):
-            best = other
-    if problem.strategy.exact_minimum:
-        best, _ = refine(problem, best.theta)
-    return replace(describe(problem, best.theta, best.residual, best.jacobian), converged=converged)
+    return found or unsettled, bool(found)
 
 
 def _agree(problem: Problem, found: Sequence[Minimum]) -> bool:
