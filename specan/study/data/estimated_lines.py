@@ -72,7 +72,7 @@ def estimate_lines(
     recording: Recording, reference: Channel, settings: TransferFunction, band_hz: tuple[float, float]
 ) -> EstimatedLines:
     """Estimate the lines of a band by averages, a few channels at once: each has many lines beyond the band."""
-    from specan.dsp.welch import effective_averages, power_density
+    from specan.dsp.welch import effective_averages
 
     rate, block = reference.sampling_rate, settings.block
     start = round((settings.start_s or 0.0) * rate)
@@ -90,12 +90,7 @@ def estimate_lines(
     signals = tuple(recording.read([reference, *helper]))
     channels = [recording.channel(name) for name in settings.channels]
     responses = (recording.read([channel])[0] for channel in channels)
-    f, density = power_density(signals[0][start:], rate, block)
-    drive = np.interp(frequency, f, density)
-    if helper:
-        from scipy.signal import coherence
-
-        drive = drive * np.interp(frequency, *coherence(signals[1], signals[0], rate, "hann", block))
+    drive = _drive(signals, rate, block, start, frequency)
     averages = effective_averages((reference.n_samples - start - block) // (block // 2) + 1, "hann", 0.5)
     return EstimatedLines(
         frequency_hz=frequency,
@@ -112,6 +107,19 @@ def estimate_lines(
         start=start,
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
     )
+
+
+def _drive(signals: tuple[Real, ...], rate: float, block: int, start: int, frequency_hz: Real) -> Real:
+    """Power density of the reference at given frequencies; of what the generator drives, where that is recorded."""
+    from specan.dsp.welch import power_density
+
+    f, density = power_density(signals[0][start:], rate, block)
+    drive = np.interp(frequency_hz, f, density)
+    if len(signals) == 1:
+        return drive
+    from scipy.signal import coherence
+
+    return drive * np.interp(frequency_hz, *coherence(signals[1], signals[0], rate, "hann", block))
 
 
 def noise_density(reference: Real, responses: Iterable[Real], rate: float, frequency_hz: Real) -> Real:
