@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.analysis.batch.one_file import _noise
+from specan.analysis.batch.one_file import _levels
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
 from specan.data.recording import Channel, Recording
@@ -111,7 +111,7 @@ def main() -> None:
         return
     hour = recording(asked.seconds)
     before, start = peak(), time.process_time()
-    found = _noise(hour, BatchSettings(), FileResult("hour.tdms", "done", ""))
+    found = _levels(hour, BatchSettings(), FileResult("hour.tdms", "done", ""), "noise")
     lines = {name: text.count("\n") for name, text in found.blocks.items()}
     print(f"{CHANNELS} channels x {asked.seconds:g} s at {RATE:g} Hz: {lines}")
     print("| CPU s | MB over start-up | MB |")

@@ -52,7 +52,7 @@ def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str,
     """
     problem = _noise_free(_problem(directory), truth)
     forms = [_Form(form) for form in forms_of(problem, fit(problem, starts=STARTS))]
-    least = min(form.base.chi2 for form in forms)
+    least = min(form.base.fit.chi2 for form in forms)
     found = {"lambda": least, "left": None, "d": None, "rival": None, "conditional_lambda": None}
     found["planted"] = {}
     names = frozenset(Use(name) for name in case.truth)
@@ -63,14 +63,14 @@ def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str,
     right = _lowest(form.pair(names) if pairs else form.of(names) for form in forms)
     if names and right is None:  # the base is collinear with it whole
         return found
-    found["left"] = right.chi2 if right is not None else 0.0  # the truth itself leaves nothing
+    found["left"] = right.fit.chi2 if right is not None else 0.0  # the truth itself leaves nothing
     if pairs and right is not None:
         alone = _lowest(form.single(use) for form in forms for use in names)
-        found["conditional_lambda"] = min(least, alone.chi2 if alone else least) - right.chi2
+        found["conditional_lambda"] = min(least, alone.fit.chi2 if alone else least) - right.fit.chi2
     elif not pairs and least >= SHOWS:
         rival = _lowest(form.single(use) for form in forms for use in form.promising(names))
         found["rival"] = None if rival is None else str(next(iter(rival.uses)))
-        found["d"] = min(least, rival.chi2 if rival else least) - found["left"]
+        found["d"] = min(least, rival.fit.chi2 if rival else least) - found["left"]
     return found
 
 
@@ -90,16 +90,13 @@ class _Form:
 
     def pair(self, names: EffectSet) -> Refit | None:
         """Both effects, from the fit of either."""
-        found = None
+        starts = []
         for first in sorted(names):
             one = self.single(first)
             if one is not None and {*names} <= {*self.promises}:
-                start = {
-                    **one.fit.values,
-                    **self._own(self.promises[next(iter(names - {first}))], names - {first}),
-                }
-                found = self.refits.fit(one, names, [start], again=found is not None)
-        return found
+                other = self.promises[next(iter(names - {first}))]
+                starts.append({**one.fit.values, **self._own(other, names - {first})})
+        return self.refits.fit(self.base, names, starts) if starts else None
 
     def _own(self, promise: Promise, uses: EffectSet) -> dict[str, Any]:
         return {n: v for n, v in promise.starts[0].items() if ParameterName(n).owned_by(uses)}
@@ -114,7 +111,9 @@ class _Form:
 
 
 def _lowest(refits: Iterable[Refit | None]) -> Refit | None:
-    return min((refit for refit in refits if refit is not None), key=lambda refit: refit.chi2, default=None)
+    return min(
+        (refit for refit in refits if refit is not None), key=lambda refit: refit.fit.chi2, default=None
+    )
 
 
 def _problem(directory: Path, without: Iterable[str] = ()) -> Problem:

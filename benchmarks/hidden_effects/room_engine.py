@@ -114,9 +114,9 @@ def _noise_free(problem: Problem, path: Path) -> Problem:
 def _knowable(case: Case, problem: Problem, healthy: Problem | None = None) -> dict[str, Any]:
     refits = Refits(Refit(frozenset(), problem, fit(problem)))
     if healthy is None:
-        return {"lambda": refits.base.chi2, "misfit": refits.base.chi2, "d": None, "planted": {}}
+        return {"lambda": refits.base.fit.chi2, "misfit": refits.base.fit.chi2, "d": None, "planted": {}}
     misfit = fit(healthy).chi2
-    found = {"lambda": max(refits.base.chi2 - misfit, 0.0), "misfit": misfit, "left": None}
+    found = {"lambda": max(refits.base.fit.chi2 - misfit, 0.0), "misfit": misfit, "left": None}
     found |= {"d": None, "rival": None, "conditional_lambda": None}
     form = Form({}, problem, refits.base.fit, 0.0)
     promises = {one.use: one for one in form.catalogue.promises(form.marginal)}
@@ -126,17 +126,17 @@ def _knowable(case: Case, problem: Problem, healthy: Problem | None = None) -> d
         return found | _of_a_pair(refits, promises, names) | {"planted": {}}
     right = _refits(refits, promises, [u for u in order if u.name in names][:RIVALS])
     wrong = _refits(refits, promises, [u for u in order if u.name not in names][:RIVALS])
-    best = min(right, key=lambda r: r.chi2, default=None)
+    best = min(right, key=lambda r: r.fit.chi2, default=None)
     found["planted"] = dict.fromkeys(names, 0.0 if best is None else _amplitude(best))
     if names and best is None:  # the base is collinear with it whole
         return found
     left = (
-        best.chi2 if best is not None else misfit
+        best.fit.chi2 if best is not None else misfit
     )  # of an effect outside the catalogue the truth leaves nothing
     found["left"] = left - misfit
     if wrong:
-        rival = min(wrong, key=lambda r: r.chi2)
-        found |= {"rival": str(next(iter(rival.uses))), "d": rival.chi2 - left}
+        rival = min(wrong, key=lambda r: r.fit.chi2)
+        found |= {"rival": str(next(iter(rival.uses))), "d": rival.fit.chi2 - left}
     return found
 
 
@@ -157,8 +157,8 @@ def _of_a_pair(refits: Refits, promises: Mapping[Use, Promise], names: frozenset
     whole = refits.fit(refits.base, both, [start])
     if whole is None:
         return {}
-    least = min((r.chi2 for r in alone), default=refits.base.chi2)
-    return {"conditional_lambda": least - whole.chi2}
+    least = min((r.fit.chi2 for r in alone), default=refits.base.fit.chi2)
+    return {"conditional_lambda": least - whole.fit.chi2}
 
 
 def _amplitude(refit: Refit) -> float | None:
