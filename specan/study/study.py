@@ -61,7 +61,7 @@ from specan.study.user_effects import (
     try_effects,
     with_own_effects,
 )
-from specan.study.verdict import Diagnosis
+from specan.study.verdict import Diagnosis, Ranked
 
 if TYPE_CHECKING:
     from specan.study.localisation.frf_errors import FrfErrors
@@ -375,27 +375,37 @@ class Study:
     def _with_held_out(self, found: Diagnosis) -> Diagnosis:
         """A diagnosis that names nothing with which held-out data are predicted worse than by the model as it is."""
         before = self.held_out
-        if found.verdict not in ("effect", "group") or before is None or not found.ranking:
+        named = [row for row in found.ranking if tuple(dict.fromkeys(row.effects)) in found.alternatives]
+        if found.verdict not in ("effect", "group") or before is None or not named:
             return found
-        names = found.ranking[0].names
-        problem = self.problem.with_uses(names)
-        try:
-            own = kept_values(problem, found.ranking[0].parameters)
-            after = self._held_out_by(problem, fit(problem, {**self.best.values, **own}))
-        except ComputationError:  # what cannot be predicted speaks against nothing
-            return found
-        # A likelihood ratio of 30: of two explanations one is named then.
-        if after.errors[0].rms <= before.errors[0].rms or after.chi2 - before.chi2 < 2 * np.log(30):
-            return found
-        error = before.errors[0]
+        worse: list[ObservableError] = []
+        for row in named:
+            after = self._held_out_with(row, before)
+            if after is None:  # one of them is enough
+                return found
+            worse.append(after)
+        error, rises = before.errors[0], min(one.rms for one in worse)
         unit = "" if error.unit == "1" else f" {error.unit}"
+        names = " or ".join(" with ".join(row.names) for row in named)
         reason = (
-            f"{' with '.join(names)} would fit, but with it the error on the data held out rises from {error.rms:.3g} "
-            f"to {after.errors[0].rms:.3g}{unit}: it is not what is missing there, or its equation is not right"
+            f"{names} would fit, but with it the error on the data held out rises from {error.rms:.3g} to "
+            f"{rises:.3g}{unit}: it is not what is missing there, or its equation is not right"
         )
         return replace(
             found, verdict="cannot-tell", reason=reason, alternatives=(), at={}, unknown_possible=True
         )
+
+    def _held_out_with(self, row: Ranked, before: HeldOut) -> ObservableError | None:
+        """The error on held-out data with a set of effects, where that is worse; else None."""
+        problem = self.problem.with_uses(row.names)
+        own = kept_values(problem, row.parameters)
+        try:
+            after = self._held_out_by(problem, fit(problem, {**self.best.values, **own}))
+        except ComputationError:  # what cannot be predicted speaks against nothing
+            return None
+        # A likelihood ratio of 30: of two explanations one is named then.
+        worse = after.errors[0].rms > before.errors[0].rms and after.chi2 - before.chi2 > 2 * np.log(30)
+        return after.errors[0] if worse else None
 
     def _well_predicted(self, found: Diagnosis) -> tuple[str, ...]:
         """A remark where what was put aside speaks against something unknown in a small misfit."""

@@ -106,6 +106,18 @@ def test_nothing_is_named_that_makes_held_out_data_worse():
     assert right.alternatives == (("stiffening",),)
 
 
+def test_a_group_stays_where_one_of_it_predicts_held_out_data():
+    @effect("until-it-yields", adds_to="force", neutral={"size": 0})
+    def until_it_yields(stretch, *, size=Parameter(0.01, "N/mm^3", min=0, max=0.1)):
+        """The same below 10 mm, and nothing from there on."""
+        return size * stretch**3 * (stretch < 10)
+
+    rows = measured()
+    rows.loc[rows.stretch == 10, "force"] = 21.0  # the straight line alone
+    found = specan.Study(springs().with_effect(until_it_yields), rows, hold_out="stretch=10").diagnose()
+    assert set(found.alternatives) == {("stiffening",), ("until-it-yields",)}
+
+
 def test_a_study_of_a_model_and_a_data_frame_needs_no_directory():
     study = specan.Study(springs(), measured(), hold_out="stretch=5")
     assert study.diagnose().verdict == "effect"

@@ -42,9 +42,7 @@ EffectSet = frozenset[Use]
 
 # Beforehand: half that nothing is missing, the rest by how often each is met; sets of one and of two effects.
 NOTHING, OF_SIZE, UNKNOWN, FAULT = 0.5, (0.3, 0.1), 0.05, 0.05
-SURE = (
-    0.95  # probability from which something is missing, the data have a fault, or nothing is left to decide
-)
+SURE = 0.95  # probability from which something is missing, the data are faulty, or nothing is left to decide
 FOLLOWS_ITSELF = 0.05  # of each autoregressive form of the noise
 BEYOND = 0.01  # that a value lies beyond what is known of it: what a range is declared for
 PULLED = 1.0  # standard deviations outside of what is known, from which a value is also fitted without that
