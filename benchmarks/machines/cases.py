@@ -108,7 +108,7 @@ class Case:
         said = {"model_discrepancy_percent": DISCREPANCY}
         if not self.repeated:
             said |= {f"{name}_percent": self.noise for name in self.clean}
-            said |= {name: 0.01 * self.noise * _floor(y) for name, y in self.clean.items()}
+            said |= {name: 0.01 * self.noise * floor_of(y) for name, y in self.clean.items()}
         return self.machine.model(said)
 
     @cached_property
@@ -235,10 +235,10 @@ def refitted(model: Model, observation: TableObservation, effects: Sequence[str]
 
 
 def _scale(reading: Array) -> Array:
-    return np.hypot(reading, _floor(reading))
+    return np.hypot(reading, floor_of(reading))
 
 
-def _floor(reading: Array) -> float:
+def floor_of(reading: Array) -> float:
     return FLOOR * float(np.median(np.abs(reading)))
 
 
