@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from specan.models import Condition, RigStatement, Use
-from specan.study.design.operating_points import after_reading, explore, propose
+from specan.study.design.operating_points import after_reading, expected_information, explore, propose
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.localisation.localise import localise
@@ -62,6 +62,54 @@ def test_a_planned_reading_tells_the_parameters_more():
     slope = np.array([0.5, -1.5])
     want = np.linalg.inv(np.linalg.inv(covariance) + np.outer(slope, slope))
     np.testing.assert_allclose(after_reading(covariance, slope), want)
+
+
+@pytest.mark.parametrize("gap", [0.5, 2.0, 4.0])
+def test_what_a_reading_is_expected_to_tell_is_the_mutual_information(gap):
+    """Against a Monte Carlo of ln p(reading | explanation) - ln p(reading); the closed form is a lower bound of it."""
+    weights, means, variances = (
+        np.array([0.7, 0.2, 0.1]),
+        np.array([0.0, gap, -gap]),
+        np.array([1.0, 1.5, 1.0]),
+    )
+    rng = np.random.default_rng(1)
+    which = rng.choice(3, size=200_000, p=weights)
+    reading = means[which] + np.sqrt(variances[which]) * rng.standard_normal(which.size)
+    density = np.exp(-((reading[:, None] - means) ** 2) / (2 * variances)) / np.sqrt(2 * np.pi * variances)
+    true = np.mean(np.log(density[np.arange(which.size), which] / (density @ weights)))
+    found = expected_information(means[:, None], variances[:, None], weights)[0]
+    assert 0.45 * true < found < true + 0.003
+
+
+def test_two_friction_laws_are_told_apart_at_slow_speeds(tmp_path):
+    """Coulomb friction, and one that rises with the slip as tanh(v / 8 mm/s): alike above, apart below 10 mm/s."""
+    from specan.models import Model, Parameter, effect
+    from specan.study.data.open_tables import read_tables
+    from specan.study.selection.candidates import base_problem
+
+    @effect("dry", adds_to="drag", neutral={"size": 0.0})
+    def dry(speed, *, size=Parameter(1.0, "N", min=0, max=5)):
+        return size * np.sign(speed)
+
+    @effect("regularised", adds_to="drag", neutral={"size": 0.0})
+    def regularised(speed, *, size=Parameter(1.0, "N", min=0, max=5)):
+        return size * np.tanh(speed / 8)
+
+    def drag(speed, viscous=0.01):
+        return viscous * speed
+
+    model = Model.from_function(
+        drag,
+        conditions={"speed": ("mm/s", 0, 1000)},
+        observables={"drag": ("N", 0.02)},
+        effects=[dry, regularised],
+    )
+    speeds = np.linspace(100, 1000, 10)
+    rows = [f"{v:g},{0.01 * v + 1:.4f}" for v in speeds]
+    (tmp_path / "t.csv").write_text("speed,drag\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    problem = base_problem(model, read_tables(model, [tmp_path / "t.csv"]).fitted)
+    first = propose(fitted(problem, "dry", "regularised"), count=1)[0]
+    assert 0 < first.conditions["speed"] <= 20
 
 
 def test_a_measured_point_decides_what_the_grid_could_not(toy):

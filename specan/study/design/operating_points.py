@@ -1,13 +1,16 @@
 """Which measurement would decide between the explanations that are left.
 
-Over conditions that the rig can run, of many a quasi-random choice, the point is taken where the rivals differ most in
-units of what a reading there could know (Box & Hill 1967; Buzzi-Ferraris & Forzatti 1984):
+Over conditions that the rig can run, of many a quasi-random choice, the point is taken whose reading is expected to
+tell most about the explanation: the mutual information of the two (Lindley 1956), by the bound of Kolchinsky and Tracey
+(2017, Entropy 19:361) for readings that each explanation expects with a normal law,
 
-    sum over pairs  w_a w_b (y_a - y_b)^2 / (sigma^2 + v_a + v_b),
+    I = -sum_a w_a ln sum_b w_b exp(-D_ab)
+    D_ab = (y_a - y_b)^2 / (4 (s_a + s_b)) + 1/2 ln((s_a + s_b) / (2 sqrt(s_a s_b)))
 
-with w their probabilities and v the variance that a prediction inherits from the fitted parameters. After each point
-the parameters' covariances are updated as if it had been measured, and neighbours of points that are taken are left
-out. Of a field the points are places of receivers (`specan.study.design.receiver_places`).
+with w their probabilities and s = 1 + v the variance of a reading in units of sigma^2, of which v is what a prediction
+inherits from the fitted parameters. After each point the parameters' covariances are updated as if it had been
+measured, and neighbours of points that are taken are left out.
+Of a field the points are places of receivers (`specan.study.design.receiver_places`).
 """
 
 from __future__ import annotations
@@ -104,22 +107,43 @@ def _greedy(rivals: Sequence[Refit], weights: Array, planned: TableObservation, 
     found: list[Proposal] = []
     while len(found) < count and np.any(usable):
         variance = np.stack([np.einsum("ij,jk,ik->i", j, c, j) for j, c in zip(slopes, covariances)])
-        gain = np.zeros(planned.n)
-        apart, least = np.zeros(planned.n), np.full(planned.n, np.inf)
-        for a, b in combinations(range(len(rivals)), 2):
-            square = (predicted[a] - predicted[b]) ** 2 / planned.sigma**2 / (1 + variance[a] + variance[b])
-            gain += weights[a] * weights[b] * square
-            apart, least = np.maximum(apart, np.sqrt(square)), np.minimum(least, np.sqrt(square))
-        best = int(np.argmax(np.where(usable, gain, -1.0)))
-        if apart[best] < SEPARATES:
+        told = expected_information(predicted / planned.sigma, 1 + variance, weights)
+        best = int(np.argmax(np.where(usable, told, -1.0)))
+        squares = [
+            (predicted[a, best] - predicted[b, best]) ** 2 / (1 + variance[a, best] + variance[b, best])
+            for a, b in combinations(range(len(rivals)), 2)
+        ]
+        apart, least = (float(np.sqrt(end(squares))) / planned.sigma[best] for end in (max, min))
+        if apart < SEPARATES:
             break
-        found.append(
-            _proposal(rivals, planned, predicted[:, best], best, float(apart[best]), float(least[best]))
-        )
+        found.append(_proposal(rivals, planned, predicted[:, best], best, apart, least))
         # what is nearer than 0.15 of the limits is a near duplicate
         usable &= np.max(np.abs(place - place[best]), axis=1) > 0.15
         covariances = [after_reading(c, j[best]) for c, j in zip(covariances, slopes)]
     return found
+
+
+def expected_information(means: Array, variances: Array, weights: Array) -> Array:
+    """What a reading is expected to tell about which of some normal laws it comes from, in nats.
+
+    Parameters
+    ----------
+    means, variances : array, shape (k, n)
+        Of k laws at n points.
+    weights : array, shape (k,)
+        Probabilities.
+
+    Examples
+    --------
+    >>> far, near = [0.0, 9.0], [0.0, 0.0]
+    >>> np.exp(expected_information(np.array([far, near]).T, np.ones((2, 2)), np.ones(2))).round(3)
+    array([2., 1.])
+    """
+    share = np.asarray(weights) / np.sum(weights)
+    both = variances[:, None] + variances
+    distance = (means[:, None] - means) ** 2 / (4 * both)
+    distance += 0.5 * np.log(both / (2 * np.sqrt(variances[:, None] * variances)))
+    return np.asarray(-share @ np.log(np.einsum("b,abn->an", share, np.exp(-distance))))
 
 
 def after_reading(covariance: Array, slope: Array) -> Array:
@@ -260,13 +284,16 @@ def _beside(problem: Problem, condition: Condition, level: float) -> Array:
 
 
 def _round_steps(condition: Condition, low: float, high: float) -> Array:
-    """Levels that a person would set: even steps, round in the column's unit."""
+    """Levels that a person would set, round in the column's unit: even steps, and finer ones towards zero."""
     ends = [float(convert(v, condition.unit, condition.column_unit)) for v in (low, high)]
     raw = (ends[1] - ends[0]) / 8  # nine levels or more
     size = 10.0 ** np.floor(np.log10(raw))
     step = size * next(m for m in (1, 2, 2.5, 5, 10) if m * size >= raw * 0.999)
-    inner = np.arange(np.ceil(ends[0] / step), np.floor(ends[1] / step) + 1) * step
-    levels = np.unique(np.concatenate([ends[:1], inner, ends[1:]]))
+    even = np.arange(np.ceil(ends[0] / step), np.floor(ends[1] / step) + 1) * step
+    # What acts at small values alone lies below the first of even steps.
+    small = [m * size / 10**k for k in range(2) for m in (1, 2, 5) if m * size / 10**k < step]
+    fine = np.array([v for v in (*small, *np.negative(small)) if ends[0] < v < ends[1]])
+    levels = np.unique(np.concatenate([ends, even, fine]))
     return np.asarray(convert(levels, condition.column_unit, condition.unit))
 
 
