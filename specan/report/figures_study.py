@@ -208,7 +208,8 @@ def _curve(
     first = int(np.flatnonzero(mine)[0])
     at = {n: np.full(POINTS, v[first]) for n, v in _at_levels(study, observation, panel.x).items()}
     at[name] = np.asarray(convert(along, condition.column_unit, condition.unit))
-    line = replace(observation.take(np.full(POINTS, first)), conditions=at, series=None, position=None)
+    one_row = observation.take(np.full(POINTS, first))
+    line = replace(one_row, conditions=at, series=None, position=None, lines=None)
     return along, line.predict(study.problem.assembly, study.problem.values_at(study.shown.theta))
 
 

@@ -120,3 +120,27 @@ def test_one_variable_is_one_row_and_none_is_no_map(found):
     assert one.end == 90.0  # the scale follows what is far off
     assert found({"oil_C": [40.0, 40.0]}, []) is None
     assert map_axes({"measurement": np.array(["a", "b"])}) == []
+
+
+def test_the_curve_of_a_table_is_the_model_along_the_abscissa():
+    import pandas as pd
+
+    import specan
+    from specan.models import Model
+
+    def force(stretch, width, slope):
+        return slope * stretch * width
+
+    model = Model.from_function(
+        force,
+        conditions={"stretch": ("mm", 0, 10), "width": ("mm", 1, 3)},
+        observables={"force": ("N", 0.1)},
+        parameters={"slope": (2.0, 0.5, 5, "N/mm^2")},
+    )
+    stretch, width = (grid.ravel() for grid in np.meshgrid(np.arange(1.0, 9.0), [1.0, 3.0]))
+    study = specan.Study(model, pd.DataFrame({"stretch": stretch, "width": width, "force": 2 * stretch * width}))
+    lines = {line.get_label(): line.get_data() for line in study.plot().axes[0].lines}
+    for text, factor in (("1", 2.0), ("3", 6.0)):
+        x, y = lines[text]
+        assert x.size > 20
+        assert y == pytest.approx(factor * x, rel=1e-6)
