@@ -411,7 +411,8 @@ def headline_of(content: Mapping[str, Any]) -> str:
         names += f" or something else{sure.of('unknown')}"
     of = {"nothing-missing": "nothing", "unknown-effect": "unknown", "faulty-data": "fault"}
     told = sure.of(of[kind]) if kind in of else ""
-    return VERDICTS[kind].format(names=names, sure=told, fault=sure.fault)
+    beside = f" Missing beside it: {names}." if kind == "faulty-data" and any(content["alternatives"]) else ""
+    return VERDICTS[kind].format(names=names, sure=told, fault=sure.fault) + beside
 
 
 class _Sure:
@@ -423,7 +424,8 @@ class _Sure:
     @property
     def fault(self) -> str:
         """The likeliest fault of the data."""
-        return next((str(one["explanation"]) for one in self.stated if one["kind"] == "fault"), "")
+        told = next((str(one["explanation"]) for one in self.stated if one["kind"] == "fault"), "")
+        return told.split(" beside ")[0]
 
     def of(self, kind: str) -> str:
         """Of all explanations of a kind: `` (97 %)``."""

@@ -126,6 +126,19 @@ def test_readings_that_drift_with_their_order_are_a_fault_of_the_data(toy):
     assert "drift" in headline(found)
 
 
+def test_an_effect_is_told_beside_a_fault_of_the_data(toy):
+    order = np.random.default_rng(8).permutation(48)
+    problem = toy.problem(lambda x, z: 8.0 * (order / 47 - 0.5) + 6.0 * x * z, ["tilt", "cross"])
+    (rows,) = problem.observations
+    problem = problem.over([replace(rows, lines=order + 2, recording=np.zeros(48, int))])
+    found = told(problem)
+    assert found.verdict == "faulty-data"
+    assert found.alternatives == (("cross",),)
+    said = headline(found)
+    assert said.startswith("The data have a fault: drift")
+    assert "Missing beside it: cross (" in said
+
+
 def test_noise_that_follows_itself_names_nothing(toy):
     rng, wrong = np.random.default_rng(9), 0
     for _ in range(10):
