@@ -29,7 +29,7 @@ from specan.room.study.open_recordings import open_data
 from specan.study.diagnose import mistake_beside
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
+from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles
 from specan.study.progress import unheard
 from specan.study.selection.candidates import base_problem

@@ -71,81 +71,6 @@ class TableRules:
     derivable: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class ReceiverErrors:
-    """Declared standard uncertainties of the receivers and of the model.
-
-    Attributes
-    ----------
-    position_m : float or array (receivers, 1)
-        Of each coordinate of a receiver.
-    calibration_dB, calibration_phase_deg : float or array (receivers, 1)
-        Of a receiver's calibration.
-    discrepancy : float
-        Of the model: part of the response, and half of that part of the third octave's RMS response over all
-        receivers (where modes cancel, their errors do not).
-    detuning : float
-        Part of the model's natural frequencies and bandwidths, smooth over neighbouring modes.
-    frame_m, frame_tilt_deg : float
-        Of each coordinate of all receivers together, and of their rotation about each axis through their middle.
-    common_dB : float
-        Of the level of the calibrator, common to all receivers.
-    """
-
-    position_m: float | Array
-    calibration_dB: float | Array
-    calibration_phase_deg: float | Array
-    discrepancy: float
-    detuning: float
-    frame_m: float = 0.0
-    frame_tilt_deg: float = 0.0
-    common_dB: float = 0.0
-
-
-@dataclass(frozen=True)
-class WaveNumberStep:
-    """How the derivative of a response by the logarithm of the wave number follows from an effect's parameter.
-
-    dH/d ln k = `slope` dH/dp + `own` H, with p the parameter.
-
-    Attributes
-    ----------
-    effect, parameter : str
-        Effect and its parameter p, neutral at its neutral value.
-    step : float
-        By which p is moved for a difference quotient, SI.
-    slope, own : float
-    """
-
-    effect: str
-    parameter: str
-    step: float
-    slope: float
-    own: float
-
-
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Where further receivers can stand.
-
-    Attributes
-    ----------
-    free : callable
-        ``free() -> array (n, 3)``: places in m that can be taken, where none stands yet.
-    with_receivers : callable
-        ``with_receivers(model, places) -> (model, names)``: the model with further receivers behind its own.
-    depth : callable
-        ``depth(group, places) -> array (n,)``: distance of places from what a group lies near, m.
-    extent_m : tuple of float
-        Edges of the box that holds all of them, for a plan.
-    """
-
-    free: Callable[[], Array]
-    with_receivers: Callable[[Any, Array], tuple[Any, tuple[str, ...]]]
-    depth: Callable[[str, Array], Array]
-    extent_m: tuple[float, float, float]
-
-
 @dataclass(frozen=True, eq=False)
 class PlacedEffects:
     """Effects that act at one place, and how the receivers hear what is emitted there.
@@ -168,26 +93,6 @@ class PlacedEffects:
     shapes: Mapping[str, tuple[str, str]]
     reads: tuple[str, ...]
     patterns: Callable[[Mapping[str, Any], str, Array], NDArray[np.complex128]]
-
-
-@dataclass(frozen=True, eq=False)
-class SourcePlaces:
-    """Where the source of a field may be if it is not where it is declared.
-
-    Attributes
-    ----------
-    faces : tuple of str
-        Elements on which it may lie.
-    with_source : callable
-        ``with_source(model, face, across, along) -> model``: the model with its source there, in parts of the face's
-        edges.
-    words : callable
-        ``words(face, across, along) -> str``: a sentence that says so.
-    """
-
-    faces: tuple[str, ...]
-    with_source: Callable[[Any, str, float, float], Any]
-    words: Callable[[str, float, float], str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,111 +147,29 @@ class ModeShifts:
 
 
 @dataclass(frozen=True, eq=False)
-class UsualShifts:
-    """Shifts of single modes that nobody has declared, though they are usual.
-
-    Attributes
-    ----------
-    with_shifts : callable
-        ``with_shifts(model) -> model`` with `ModeShifts` of a usual size.
-    words : str
-        What is to be declared then.
-    """
-
-    with_shifts: Callable[[Any], Any]
-    words: str
-
-
-@dataclass(frozen=True, eq=False)
-class InRecording:
-    """What of the receivers and the conditions holds in one recording.
-
-    Attributes
-    ----------
-    rows : array of int
-        Receivers of the axis that it has, in the order of its channels.
-    conditions : mapping
-        Conditions that hold for the whole of it.
-    drift : tuple of str and array (n,), optional
-        A condition that changed while it was recorded, and by how much it was off its mean, at even steps.
-    text : str
-        What was found, for a person.
-    """
-
-    rows: NDArray[np.intp]
-    conditions: Mapping[str, float] = field(default_factory=dict)
-    drift: tuple[str, Array] | None = None
-    text: str = ""
-
-
-@dataclass(frozen=True, eq=False)
 class Receivers:
-    """Channels at places in a field, compared with a reference channel.
+    """Channels at places, as far as where a model of their responses fails is told by them.
 
     Attributes
     ----------
-    axis : str
-        The model's axis that names them.
-    noun, plural : str
+    plural : str
         What they are called in sentences.
-    role, reference_role : str
-        Roles of their channels and of the reference channel in a recording.
-    band_hz : tuple of float
-        Lowest and highest frequency that is looked at.
-    positions_m : array (receivers, 3)
-    moved_by : str
-        Effect that acts at one receiver and moves it by the parameters `along`, m.
-    errors : ReceiverErrors
-    wave_number : WaveNumberStep
     groups : callable
         ``groups(channels) -> {name: numbers of some channels}`` at which a failure is looked for together.
     group_label, group_words : str
         Key of a group in results, and the words that stand before its name.
-    places : Places, optional
-        Where further receivers can stand, if the model can tell.
     placed : PlacedEffects, optional
         Effects at one place, if the model can tell how a place is heard.
-    source : SourcePlaces, optional
-        Where the source may be, if the model can move it.
     modes : NamedModes, optional
         Names of the field's modes, if the model knows any.
-    block_s : float, optional
-        Length of the blocks of the analysis; its inverse is the distance of lines. Of each recording its own, by how
-        long the field rings, where none is given.
-    left_out_hz : tuple of pairs of float
-        Bands whose lines are not looked at.
-    background : str, optional
-        Path of a recording of the receivers while the source is silent.
     shifts : ModeShifts, optional
         Shifts of single modes, if any are declared.
-    usual_shifts : UsualShifts, optional
-        What they may be where none are.
-    in_recording : callable, optional
-        ``in_recording(file name, start, duration_s) -> InRecording``, `start` a datetime64 (UTC) or None where nothing
-        tells; all receivers where it is not given.
     """
 
-    axis: str
-    noun: str
     plural: str
-    role: str
-    reference_role: str
-    band_hz: tuple[float, float]
-    positions_m: Array
-    moved_by: str
-    along: tuple[str, str, str]
-    errors: ReceiverErrors
-    wave_number: WaveNumberStep
     groups: Callable[[Sequence[str]], Mapping[str, list[int]]]
     group_label: str = "group"
     group_words: str = "receivers near"
-    places: Places | None = None
     placed: PlacedEffects | None = None
-    source: SourcePlaces | None = None
     modes: NamedModes | None = None
-    block_s: float | None = None
-    left_out_hz: tuple[tuple[float, float], ...] = ()
-    background: str | None = None
     shifts: ModeShifts | None = None
-    usual_shifts: UsualShifts | None = None
-    in_recording: Callable[[str, Any, float], InRecording] | None = None

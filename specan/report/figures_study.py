@@ -64,7 +64,7 @@ def figure_comparison(found: Comparison, channel: str | None = None) -> Figure:
     if recorded and (of_model := figure_named(f"Comparison {study.model.name}")) is not None:
         return of_model(study, recorded[0], recorded[0].number(channel))
     observation = study.problem.observations[0]
-    drawn = {"frf": figure_compare_frf, "time": figure_compare_time}
+    drawn = {"transfer": figure_compare_frf, "time": figure_compare_time}
     own = drawn.get(observation.kind) or figure_named(f"Comparison {observation.kind}")
     if own is not None:
         return own(study, channel)

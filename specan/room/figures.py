@@ -20,6 +20,7 @@ from specan.report.panels import draw_panels
 from specan.report.residual_map import axis_text
 from specan.report.study_words import state_of
 from specan.room.model.field_map import FieldMap
+from specan.room.model.receivers import receivers_of
 from specan.room.wall_impedance.surface_impedance import ALL, Impedance, WallBand
 from specan.study.localisation.frf_errors import FrfErrors
 
@@ -107,8 +108,7 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     image = _error_map(panels["map"], errors, clear, reach)
     figure.colorbar(image, ax=panels["map"], label="Model - measured / dB")
     band = errors.worst_band
-    receivers = study.model.receivers
-    assert receivers is not None
+    receivers = receivers_of(study.model)
     places = receivers.positions_m
     dims = np.array(receivers.places.extent_m) if receivers.places else places.max(axis=0)
     colours: dict[str, Any] = {"cmap": "PuOr_r", "vmin": -reach, "vmax": reach, "edgecolors": "0.3"}

@@ -14,7 +14,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.evidence.diagnosis import told
 from specan.study.evidence.explanations import Explanations
 from specan.study.evidence.of_responses import OfResponses
-from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
+from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
 from specan.study.observation.table import TableObservation
 from specan.study.progress import Progress, unheard
 from specan.study.recorded_noise import with_noise_of_largest

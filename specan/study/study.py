@@ -19,7 +19,7 @@ from specan.models.groups import with_groups
 from specan.result import counted
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.comparison import Comparison
-from specan.study.estimation.continuation import continuation_fit, linearised, shifts_of
+from specan.study.estimation.continuation import continuation_fit, linearised
 from specan.study.estimation.fit import Fit, describe, fit, misfit_p_value
 from specan.study.estimation.prediction_error import (
     HeldOut,
@@ -37,9 +37,8 @@ from specan.study.history import (
     line_of,
     recover,
 )
-from specan.study.localisation.localise import curve_errors, localise
-from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
-from specan.study.observation import DataFile, MeasuredFiles, kind_named, together
+from specan.study.localisation.localise import MistakenSetUp, curve_errors, localise, mistaken_set_up
+from specan.study.observation import DataFile, MeasuredFiles, brought, kind_named, together
 from specan.study.processes import working
 from specan.study.selection.candidates import grouped_by
 from specan.study.selection.refits import POOR_FIT
@@ -299,9 +298,7 @@ class Study:
         unseen = [
             o.about(problem.assembly, problem.seen_by(o, values), seen=False) for o in self.data.held_out
         ]
-        if shifts_of(problem.assembly) is not None:
-            from specan.study.estimation.mode_shifts import knowing_shifts
-
+        if knowing_shifts := brought(problem.observations, "knowing_shifts"):
             unseen = knowing_shifts(problem, unseen)
         return held_out_error(problem, best, unseen)
 

@@ -9,9 +9,9 @@ from specan.errors import InputError
 from specan.io.open import open_recording
 from specan.models.catalogue import load_model, rig_files
 from specan.room.study.estimate_frf import observe_recording
+from specan.room.study.field_observation import _of_all
 from specan.room.study.open_recordings import open_data
 from specan.study.observation.__init__ import DataFile, MeasuredFiles
-from specan.study.observation.correlated_errors import _of_all
 from truth.rig_files import write_tdms
 from truth.room import background, simulate, write
 
@@ -85,7 +85,7 @@ def test_the_calibrators_level_is_common_and_the_rest_of_each(room, tmp_path):
     )
     file.write_text(f"schema = 1\nu_calibrator_percent = 1.2\n{rows}")
     seen = open_data(model, replace(files, calibration=file)).fitted[0]
-    errors = seen.declared.receivers.errors
+    errors = seen.declared.errors
     own = 8.686 / 100 * np.sqrt(1.3**2 - 1.2**2)  # 20 / ln 10 dB a unit of relative amplitude
     np.testing.assert_allclose(errors.calibration_dB[:, 0], [own, own, 0.0], atol=1e-4)
     assert errors.common_dB == pytest.approx(8.686 / 100 * 1.2, abs=1e-4)

@@ -7,13 +7,12 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.models.measurement_kinds import ReceiverErrors
+from specan.room.model.receivers import ReceiverErrors
+from specan.room.study.field_observation import FieldObservation
 from specan.study.diagnose import diagnose
 from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.prediction_error import observable_errors
-from specan.study.observation.correlated_errors import CommonErrors
-from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem, candidates, confounded_with
 from specan.study.selection.refits import Refit
@@ -49,7 +48,7 @@ def recorded(model, uses, values):
     true = model.assemble(uses).evaluate(conditions, values, wanted=["indicated_frf"])["indicated_frf"]
     rng = np.random.default_rng(8)
     noise = np.full(true.shape, 0.002 * np.sqrt(np.mean(np.abs(true) ** 2)))
-    return FrfObservation(
+    return FieldObservation(
         name="a",
         recording="a",
         quantity="indicated_frf",
@@ -63,7 +62,7 @@ def recorded(model, uses, values):
         conditions_at_nodes=conditions,
         shared=np.empty((*true.shape, 0), dtype=complex),
         kept=np.ones(true.shape, dtype=bool),
-        declared=CommonErrors(replace(model.receivers, errors=ReceiverErrors(0.0, 0.1, 0.3, 0.005, 5e-5))),
+        declared=replace(model.receivers, errors=ReceiverErrors(0.0, 0.1, 0.3, 0.005, 5e-5)),
     )
 
 

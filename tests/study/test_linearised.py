@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from specan.models.catalogue import load_model
-from specan.models.measurement_kinds import ReceiverErrors
+from specan.room.model.receivers import ReceiverErrors
+from specan.room.study.field_observation import FieldObservation
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
-from specan.study.observation.correlated_errors import CommonErrors
-from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.initial_fit import about_itself
@@ -38,7 +37,7 @@ def simulated(model, values, uses):
     true = model.assemble(uses).evaluate(conditions, values, wanted=["indicated_frf"])["indicated_frf"]
     noise = np.full(true.shape, 0.01)
     rng = np.random.default_rng(5)
-    return FrfObservation(
+    return FieldObservation(
         name="a",
         recording="a",
         quantity="indicated_frf",
@@ -52,7 +51,7 @@ def simulated(model, values, uses):
         conditions_at_nodes=conditions,
         shared=np.empty((*true.shape, 0), dtype=complex),
         kept=np.ones(true.shape, dtype=bool),
-        declared=CommonErrors(replace(model.receivers, errors=ReceiverErrors(0.003, 0.0, 0.0, 0.0, 0.0))),
+        declared=replace(model.receivers, errors=ReceiverErrors(0.003, 0.0, 0.0, 0.0, 0.0)),
     )
 
 

@@ -10,7 +10,7 @@ from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.room.study.open_recordings import open_data
 from specan.study.diagnose import diagnose, mistake_beside
-from specan.study.localisation.mistaken_set_up import mistaken_set_up
+from specan.study.localisation.localise import mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.initial_fit import InitialFit

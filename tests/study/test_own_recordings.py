@@ -15,8 +15,8 @@ from specan.room.model.places import in_recording
 from specan.room.model.rig import read_rig
 from specan.room.model.temperature_log import TemperatureLog
 from specan.room.study.open_recordings import open_data
+from specan.room.study.receiver_places import _views
 from specan.study.create import begin
-from specan.study.design.receiver_places import _views
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
 from specan.study.observation import DataFile, MeasuredFiles

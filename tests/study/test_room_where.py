@@ -7,16 +7,15 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.models.measurement_kinds import ReceiverErrors
 from specan.room.model import EXAMPLE_RIG
+from specan.room.model.receivers import ReceiverErrors
 from specan.room.model.rigid_modes import mode_names
+from specan.room.study.field_observation import FieldObservation
+from specan.room.study.receiver_places import _separations, _views, propose_places
 from specan.study.design.operating_points import explore, propose
-from specan.study.design.receiver_places import _separations, _views, propose_places
 from specan.study.estimation.fit import fit
 from specan.study.localisation.frf_errors import assurance, curve_errors
 from specan.study.localisation.localise import localise
-from specan.study.observation.correlated_errors import CommonErrors
-from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refit
@@ -44,10 +43,10 @@ def recorded(model, change=lambda h: h, uses=(), values=None, seed=0):
     drawn = COMMON * (rng.standard_normal(8) + 1j * rng.standard_normal(8))
     noise = level * (rng.standard_normal(h.shape) + 1j * rng.standard_normal(h.shape))
     shared = COMMON * h[..., None] * np.array([1, 1j])
-    return FrfObservation(
+    return FieldObservation(
         "take 1", "take 1", "indicated_frf", FREQUENCY, 1.0, NAMES, change(h * (1 + drawn[:, None])) + noise, level,
         level, Folding.none(FREQUENCY), {"frequency": FREQUENCY}, shared, np.ones(h.shape, dtype=bool),
-        CommonErrors(replace(model.receivers, errors=ReceiverErrors(0.0, 0.17, 1.1, 0.0, 0.0))),
+        declared=replace(model.receivers, errors=ReceiverErrors(0.0, 0.17, 1.1, 0.0, 0.0)),
     )  # fmt: skip
 
 

@@ -152,6 +152,10 @@ class TransferAgreement:
 
 def agreement_of(study: Study) -> list[TableAgreement | TransferAgreement]:
     """Figures that hold a fitted model beside its measurement: one for every kind of measurement of a study."""
-    kinds = {o.kind for o in study.data.fitted}  # not of the problem, whose covariances may rest on a fit
-    found: list[TableAgreement | TransferAgreement] = [TableAgreement(study)] if "table" in kinds else []
-    return [*found, *([TransferAgreement(study)] if "frf" in kinds else [])]
+    data = study.data.fitted  # not of the problem, whose covariances may rest on a fit
+    found: list[TableAgreement | TransferAgreement] = []
+    if any(o.kind == "table" for o in data):
+        found.append(TableAgreement(study))
+    if any(isinstance(o, FrfObservation) for o in data):
+        found.append(TransferAgreement(study))
+    return found

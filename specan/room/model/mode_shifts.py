@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.effect import Parameter
-from specan.models.measurement_kinds import ModeShifts, UsualShifts
+from specan.models.measurement_kinds import ModeShifts
 from specan.models.model import Model
 from specan.models.quantity import Quantity, constant, quantity
 from specan.room.model.port import Port, point
+from specan.room.model.receivers import UsualShifts, receivers_of
 from specan.room.model.rig import Rig
 from specan.room.model.rigid_modes import numbers, rigid_modes
 
@@ -78,12 +79,11 @@ def usual_shifts(rig: Rig, modes: NDArray[np.intp]) -> UsualShifts | None:
 
     def with_shifts(model: Model) -> Model:
         apart = modes_of(declared)
-        assert model.receivers is not None
         return replace(
             model,
             quantities={**model.quantities, **{q.name: q for q in quantities(declared, apart)}},
             axes={**model.axes, **axes(apart)},
-            receivers=replace(model.receivers, shifts=mode_shifts(apart), usual_shifts=None),
+            receivers=replace(receivers_of(model), shifts=mode_shifts(apart), usual_shifts=None),
         )
 
     return UsualShifts(with_shifts, f"[uncertainty] mode_frequency_percent = {USUAL_PERCENT:g}")

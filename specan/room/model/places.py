@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.measurement_kinds import (
+from specan.models.measurement_kinds import PlacedEffects
+from specan.models.model import Model
+from specan.room.model.port import Port, point
+from specan.room.model.receivers import (
+    FieldReceivers,
     InRecording,
-    PlacedEffects,
     Places,
     ReceiverErrors,
-    Receivers,
     SourcePlaces,
     WaveNumberStep,
 )
-from specan.models.model import Model
-from specan.room.model.port import Port, point
 from specan.room.model.rig import WALLS, OwnRecording, Rig, left_out
 from specan.room.model.rigid_modes import NAMED
 from specan.room.model.temperature_log import TemperatureLog
@@ -86,11 +86,11 @@ def _errors(rig: Rig) -> ReceiverErrors:
 
 def room_receivers(
     rig: Rig, names: tuple[str, ...], of_recording: Callable[[str, Any, float], InRecording]
-) -> Receivers:
+) -> FieldReceivers:
     """The microphones of a room, compared with the vibrometer."""
     nominal_K = rig.air.nominal_temperature_C + 273.15
     positions = np.concatenate(rig.places)
-    found = Receivers(
+    found = FieldReceivers(
         axis="place",
         noun="microphone",
         plural="microphones",

@@ -13,13 +13,12 @@ from specan.analysis.transfer_function import TransferFunction
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
-from specan.models import Model, Receivers
-from specan.models.measurement_kinds import InRecording
+from specan.models import Model
+from specan.room.model.receivers import FieldReceivers, InRecording, receivers_of
 from specan.room.study.background_noise import background_noise
 from specan.room.study.block_length import block_length
+from specan.room.study.field_observation import Drift, FieldObservation
 from specan.study.data.estimated_lines import LEAST_BLOCKS, estimate_lines
-from specan.study.observation.correlated_errors import CommonErrors
-from specan.study.observation.frf import Drift, FrfObservation
 
 SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
@@ -37,7 +36,7 @@ def observe_recording(
     f_max_hz: float,
     background: Recording | None = None,
     u_calibrator_percent: float = 0.0,
-) -> FrfObservation:
+) -> FieldObservation:
     """Transfer functions of the receivers against the reference channel, ready for a study.
 
     Parameters
@@ -56,15 +55,14 @@ def observe_recording(
 
     Returns
     -------
-    FrfObservation
+    FieldObservation
 
     Raises
     ------
     InputError
         No reference channel, fewer receivers than positions or more, a record too short, no coherence.
     """
-    receivers = model.receivers
-    assert receivers is not None
+    receivers = receivers_of(model)
     reference, channels = _channels_of(recording, receivers)
     rate, band = reference.sampling_rate, (f_min_hz, f_max_hz)
     block_s = receivers.block_s or _block_length(recording, reference, channels, band)
@@ -111,7 +109,7 @@ def observe_recording(
     noise = _in_rows(own, len(names), found.noise, 1)
     kept = np.zeros(noise.shape, dtype=bool)
     kept[own.rows] = _looked_at(receivers, frequency_hz)
-    plain = FrfObservation(
+    plain = FieldObservation(
         name=recording.label,
         recording=recording.label,
         quantity=model.observables["frf"].quantity,
@@ -159,7 +157,7 @@ def _in_rows(own: InRecording, count: int, part: Any, fill: float) -> Any:
     return whole
 
 
-def _own_places(receivers: Receivers, own: InRecording) -> Real:
+def _own_places(receivers: FieldReceivers, own: InRecording) -> Real:
     """Places of the receivers; those of other recordings in the middle, which a tilt of the frame turns about."""
     places = np.tile(receivers.positions_m[own.rows].mean(axis=0), (len(receivers.positions_m), 1))
     places[own.rows] = receivers.positions_m[own.rows]
@@ -179,7 +177,7 @@ def settling_s(duration_s: float, block_s: float = 1.0) -> float:
     return max(least, min(SETTLE_SHARE * duration_s, left, most))
 
 
-def _looked_at(receivers: Receivers, frequency_hz: Any) -> Any:
+def _looked_at(receivers: FieldReceivers, frequency_hz: Any) -> Any:
     """Lines outside of the bands that are left out."""
     found = np.ones(len(frequency_hz), dtype=bool)
     for low, high in receivers.left_out_hz:
@@ -190,8 +188,8 @@ def _looked_at(receivers: Receivers, frequency_hz: Any) -> Any:
 
 
 def _as_calibrated(
-    receivers: Receivers, own: InRecording, channels: Sequence[Channel], common_percent: float
-) -> Receivers:
+    receivers: FieldReceivers, own: InRecording, channels: Sequence[Channel], common_percent: float
+) -> FieldReceivers:
     """Receivers with the uncertainties that their calibration states, where it states any.
 
     The level of the calibrator is common to them and is taken off what each has for itself. A phase that is known at
@@ -218,16 +216,16 @@ def _in_dB(percent: Any) -> Any:
     return percent / 100 * 20 / np.log(10)
 
 
-def _before_a_fit(receivers: Receivers, plain: FrfObservation) -> dict[str, Any]:
+def _before_a_fit(receivers: FieldReceivers, plain: FieldObservation) -> dict[str, Any]:
     """The declared errors, and a stand-in for them until a fit tells where they act: one error a line."""
     given = receivers.errors
     level = float(np.max(given.calibration_dB))
     percent = max(100 * given.discrepancy, 100 * (10 ** (level / 20) - 1), 1.0)
     typical = np.median(np.abs(plain.response), axis=1, keepdims=True)
-    return {"noise": np.hypot(plain.noise, percent / 100 * typical), "declared": CommonErrors(receivers)}
+    return {"noise": np.hypot(plain.noise, percent / 100 * typical), "declared": receivers}
 
 
-def _channels_of(recording: Recording, receivers: Receivers) -> tuple[Channel, tuple[Channel, ...]]:
+def _channels_of(recording: Recording, receivers: FieldReceivers) -> tuple[Channel, tuple[Channel, ...]]:
     references = recording.by_role(receivers.reference_role)
     if not references:
         raise InputError(
@@ -238,7 +236,7 @@ def _channels_of(recording: Recording, receivers: Receivers) -> tuple[Channel, t
 
 
 def _own(
-    recording: Recording, reference: Channel, model: Model, receivers: Receivers, settle: float
+    recording: Recording, reference: Channel, model: Model, receivers: FieldReceivers, settle: float
 ) -> InRecording:
     """What holds in a recording, from where it is analysed."""
     if receivers.in_recording is None:

@@ -11,12 +11,16 @@ from specan.data.recording import Recording
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
-from specan.models import Model, Receivers
-from specan.models.measurement_kinds import ReceiverErrors
+from specan.models import Model
+from specan.room.model.receivers import FieldReceivers, ReceiverErrors, receivers_of
 from specan.room.study.estimate_frf import observe_recording, settling_s
+from specan.room.study.field_observation import FieldObservation
+from specan.room.study.mistaken_set_up import mistaken_set_up, undeclared_shifts  # noqa: F401  see `brought`
+from specan.room.study.mode_shifts import knowing_shifts, with_mode_shifts  # noqa: F401
+from specan.room.study.receiver_places import explore_places, propose_places  # noqa: F401
 from specan.study.data.recordings import doubts, put_aside, reads  # noqa: F401  a recording is one by its content
+from specan.study.localisation.by_band_and_channel import curve_errors, localise  # noqa: F401
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
-from specan.study.observation.frf import FrfObservation
 
 TITLE = "a recording"
 
@@ -29,13 +33,9 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     InputError
         See `observe_recording`.
     RequestError
-        The model predicts no transfer function, or a held-out channel that no recording has.
+        A held-out channel that no recording has.
     """
-    receivers = model.receivers
-    if receivers is None:
-        raise RequestError(
-            f"the model {model.name} predicts nothing that a recording holds", remedy="give a table instead"
-        )
+    receivers = receivers_of(model)
     fitted, held_out, statements = [], [], []
     for file in wanted.measurements:
         whole, said = _observe(model, receivers, wanted, file)
@@ -50,8 +50,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         whole, said = _observe(model, receivers, wanted, file)
         held_out.append(whole)
         statements += said
-    declared = fitted[0].declared
-    given = (declared.receivers if declared else receivers).errors
+    given = (fitted[0].declared or receivers).errors
     return OpenedData(
         fitted=tuple(fitted),
         held_out=tuple(held_out),
@@ -81,8 +80,8 @@ def _of_receivers(noun: str, given: ReceiverErrors, calibration: Path | None) ->
 
 
 def _observe(
-    model: Model, receivers: Receivers, wanted: MeasuredFiles, file: DataFile
-) -> tuple[FrfObservation, list[str]]:
+    model: Model, receivers: FieldReceivers, wanted: MeasuredFiles, file: DataFile
+) -> tuple[FieldObservation, list[str]]:
     background = Path(receivers.background) if receivers.background else None
     from specan.analysis.section import aligned
 
@@ -112,7 +111,7 @@ def _observe(
     ]
 
 
-def _sensitivities(recording: Recording, receivers: Receivers) -> list[str]:
+def _sensitivities(recording: Recording, receivers: FieldReceivers) -> list[str]:
     """Where sensitivities come from; a receiver of another origin is named."""
     by_source: dict[str, list[str]] = {}
     for channel in recording.by_role(receivers.role):

@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from specan.models.measurement_kinds import Places
 from specan.room.model.places import with_microphones
-from specan.room.wall_impedance.surface_impedance import Impedance
-from specan.room.wall_impedance.wall_admittance import WallFit, WallProblem
-from specan.study.design.receiver_places import (
+from specan.room.model.receivers import Places, receivers_of
+from specan.room.study.receiver_places import (
     by_receiver,
     few_lines,
     planned,
     spoken_place,
 )
+from specan.room.wall_impedance.surface_impedance import Impedance
+from specan.room.wall_impedance.wall_admittance import WallFit, WallProblem
 from specan.study.observation import Array
 
 MICROPHONES = 4  # that are proposed together
@@ -88,8 +88,7 @@ def advise(found: Impedance) -> tuple[Advice, ...]:
     problem, theta = found.fit.problem, found.fit.at(found.fit.beta)
     jacobian = problem.jacobian(theta)
     known = jacobian.T @ jacobian
-    receivers = problem.assembly.model.receivers
-    places = receivers.places if receivers else None
+    places = receivers_of(problem.assembly.model).places
     further = () if places is None else (_further_microphones(problem, theta, known, goal, places),)
     return (*further, _covered_wall(found.fit, known, goal))
 

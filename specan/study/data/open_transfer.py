@@ -25,8 +25,7 @@ from specan.study.data.recordings import put_aside
 from specan.study.data.recordings import reads as is_recording
 from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file, sigma_of
 from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
-from specan.study.observation.correlated_errors import piecewise_linear_basis
-from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
+from specan.study.observation.frf import LINE_CORRELATION, FrfObservation, piecewise_linear_basis
 from specan.study.observation.window_leakage import Folding
 from specan.units import convert, is_compatible, scale_to
 

@@ -10,7 +10,7 @@ tell most about the explanation: the mutual information of the two (Lindley 1956
 with w their probabilities and s = 1 + v the variance of a reading in units of sigma^2, of which v is what a prediction
 inherits from the fitted parameters. After each point the parameters' covariances are updated as if it had been
 measured, and neighbours of points that are taken are left out.
-Of a field the points are places of receivers (`specan.study.design.receiver_places`).
+Of a field the points are places of receivers that the kind of measurement finds.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from scipy.spatial import KDTree
 
 from specan.models import Condition, Model
 from specan.study.design.proposal import EXPLORED, SEPARATES, Proposal, name_of
-from specan.study.design.receiver_places import can_place, explore_places, propose_places
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block
+from specan.study.observation import brought
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
 from specan.units import convert, printed_unit
@@ -63,8 +63,9 @@ def propose(
     # at least 0.02: a wrong leader must not freeze the design
     weights = np.maximum(probabilities or np.ones(len(rivals)), 0.02)
     problem = rivals[0].problem
-    if can_place(problem):
-        found = propose_places(rivals, weights, count)
+    stand = brought(problem.observations, "propose_places")
+    if stand is not None:
+        found = stand(rivals, weights, count)
     else:
         grid = operating_grid(problem)
         found = [] if grid is None else _greedy(rivals, weights, planned_readings(problem, grid), count)
@@ -74,8 +75,9 @@ def propose(
 def explore(start: Refit, blocks: Sequence[Block]) -> tuple[Proposal, ...]:
     """Measurements for something unknown: where the model fails, far from what was measured."""
     problem = start.problem
-    if blocks and can_place(problem):
-        return tuple(explore_places(problem, blocks[0]))
+    stand = brought(problem.observations, "explore_places")
+    if blocks and stand is not None:
+        return tuple(stand(problem, blocks[0]))
     grid = operating_grid(problem, blocks[0]) if blocks else None
     if grid is None:
         return ()

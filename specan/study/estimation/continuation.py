@@ -20,7 +20,7 @@ from specan.models import Assembly
 from specan.models.measurement_kinds import ModeShifts
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, best_screened, descend_steps
 from specan.study.estimation.problem import Problem
-from specan.study.observation import Array
+from specan.study.observation import Array, brought
 from specan.study.processes import each
 
 STAGES = (20.0, 5.0)  # per cent of the RMS over channels
@@ -148,12 +148,9 @@ def about(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Pr
 
 
 def with_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The values with the most probable shifts of modes, where any are declared; see `mode_shifts`."""
-    if shifts_of(assembly) is None:
-        return values
-    from specan.study.estimation.mode_shifts import with_mode_shifts
-
-    return with_mode_shifts(problem, assembly, values)
+    """The values with the most probable shifts of modes, where any are declared."""
+    find = None if shifts_of(assembly) is None else brought(problem.observations, "with_mode_shifts")
+    return values if find is None else find(problem, assembly, values)
 
 
 def _linear_about(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Problem:

@@ -22,7 +22,7 @@ from specan.study.evidence.judgement import (
     without_larger,
 )
 from specan.study.localisation.localise import localise
-from specan.study.localisation.mistaken_set_up import undeclared_shifts
+from specan.study.observation import brought
 from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.law_search import likeliest_law
 from specan.study.selection.pulls import TOO_FAR, Pull, pulls, shown, what_would_tell
@@ -274,7 +274,9 @@ class _Telling:
 
     def _undeclared_shifts(self) -> str:
         """Shifts of single modes that explain what no effect does, though the rig file does not say so."""
-        return undeclared_shifts(self.problem, LACK_OF_FIT) if self.judged.kind == "unknown-effect" else ""
+        look = brought(self.problem.observations, "undeclared_shifts")
+        unknown = self.judged.kind == "unknown-effect"
+        return look(self.problem, LACK_OF_FIT) if look and unknown else ""
 
     def _fault(self) -> str:
         """The likeliest fault where it is not the verdict."""

@@ -10,8 +10,7 @@ curves, ``curve_errors(observation, predicted)``. So may an installed kind (an e
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
@@ -19,12 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import RequestError
 from specan.study.estimation.distributions import discoveries
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
-from specan.study.observation import KINDS, Variable, kind_named, variable_named
+from specan.study.observation import Variable, brought, variable_named
 
 LEVEL = 0.05  # false discovery rate
 CLEAR = 3.0  # |z| from which a mean error is named
@@ -179,11 +177,35 @@ def level_and_phase(level_dB: float | None, z: float, phase_deg: float | None, z
     return "model " + (" and ".join(parts) or "off by as much up as down")
 
 
-# kind of measurement -> module with its own way; the others are looked at by blocks
-WAYS = {
-    "frf": "specan.study.localisation.by_band_and_channel",
-    "time": "specan.study.localisation.by_frequency",
-}
+@dataclass(frozen=True)
+class MistakenSetUp:
+    """What is declared wrongly about a recording.
+
+    Attributes
+    ----------
+    text : str
+        The mistake as a sentence; empty where none is seen.
+    before_percent, after_percent : float
+        RMS error of the response, part of its RMS, as declared and with the mistake undone.
+    """
+
+    text: str = ""
+    before_percent: float = 0.0
+    after_percent: float = 0.0
+
+    @property
+    def sentence(self) -> str:
+        """The mistake, and by how much the error falls without it."""
+        return (
+            f"{self.text}: the response is off by {self.before_percent:.2g} % as declared and by "
+            f"{self.after_percent:.2g} % otherwise"
+        )
+
+
+def mistaken_set_up(problem: Problem) -> MistakenSetUp:
+    """A mistake of the set-up that explains why a model is far from the data, where its kind can tell."""
+    look = brought(problem.observations, "mistaken_set_up")
+    return look(problem) if look else MistakenSetUp()
 
 
 def localise(problem: Problem, best: Fit) -> Localisation:
@@ -201,9 +223,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     Localisation
         Blocks and trends, the most improbable first.
     """
-    kinds = {o.kind for o in problem.observations}
-    way = _of_kind(kinds.pop(), "localise") if len(kinds) == 1 else None
-    found: Localisation = (way or by_blocks)(problem, best)
+    found: Localisation = (brought(problem.observations, "localise") or by_blocks)(problem, best)
     return found
 
 
@@ -213,20 +233,8 @@ def curve_errors(problem: Problem, best: Fit) -> list[Any]:
     See `specan.study.localisation.frf_errors.FrfErrors`.
     """
     predictions = problem.plain(best.theta)
-    ways = [_of_kind(o.kind, "curve_errors") for o in problem.observations]
+    ways = [brought([o], "curve_errors") for o in problem.observations]
     return [way(o, p) for way, o, p in zip(ways, problem.observations, predictions, strict=True) if way]
-
-
-def _of_kind(kind: str, name: str) -> Callable[..., Any] | None:
-    """Function of this name that a kind of measurement brings; None where it has none."""
-    try:
-        built_in = kind in KINDS
-        module = (
-            importlib.import_module(WAYS[kind]) if kind in WAYS else None if built_in else kind_named(kind)
-        )
-    except RequestError:  # observations that somebody made without any file
-        return None
-    return getattr(module, name, None)
 
 
 def by_blocks(problem: Problem, best: Fit) -> Localisation:

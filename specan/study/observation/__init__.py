@@ -9,7 +9,7 @@ Decisions: docs/decisions/covariance.md, docs/decisions/leakage.md.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -301,6 +301,11 @@ KINDS = {
     "transfer": "specan.study.data.open_transfer",
     "time": "specan.study.data.open_time",
 }
+# kind that is built in -> module with what else is done in a way of its own; an installed kind's module holds both
+WAYS = {
+    "transfer": "specan.study.localisation.by_band_and_channel",
+    "time": "specan.study.localisation.by_frequency",
+}
 ENTRY_POINTS = "specan.measurement_kinds"  # of installed packages: name = such a module
 
 
@@ -372,6 +377,21 @@ def kind_named(kind: str) -> Any:
     if kind in installed:
         return installed[kind].load()
     raise RequestError(f"a study reads no {kind!r}", remedy=nearest(kind, [*KINDS, *installed]))
+
+
+def brought(observations: Sequence[Observation], name: str) -> Callable[..., Any] | None:
+    """Function of this name that the kind of measurement of all observations brings; None where there is none.
+
+    ``localise(problem, best)``, ``curve_errors(observation, predicted)``, ``mistaken_set_up(problem)``,
+    ``undeclared_shifts(problem, least)``, ``propose_places(rivals, weights, count)``, ``explore_places(problem,
+    block)``, ``with_mode_shifts(problem, assembly, values)``, ``knowing_shifts(problem, unseen)``.
+    """
+    kinds = {o.kind for o in observations}
+    kind = kinds.pop() if len(kinds) == 1 else ""
+    if kind in WAYS:
+        return getattr(importlib.import_module(WAYS[kind]), name, None)
+    installed = entry_points(group=ENTRY_POINTS, name=kind)  # none for what somebody made without any file
+    return next((getattr(point.load(), name, None) for point in installed), None)
 
 
 def kind_of(path: Path, model: Model) -> str:

@@ -6,22 +6,16 @@ imaginary parts.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly, Evaluation
 from specan.study.observation import Strategy, Variable
-from specan.study.observation.correlated_errors import (
-    PLACE,
-    CommonErrors,
-    moved_to,
-    movers,
-)
 from specan.study.observation.kept_lines import ABOVE_NOISE, KeptLines
 from specan.study.observation.window_leakage import Folding
 
@@ -33,40 +27,6 @@ LINE_CORRELATION = (1.0, 4 / 9, 1 / 36)
 
 DOWN_WEIGHTED_HZ = 3.0  # between the lines of a down-weighted view
 DOWN_WEIGHTED_NEIGHBOURS = 5  # lines on either side that its uncertainty is averaged over
-FARTHEST = 3.5  # standard uncertainties that a receiver may be found away
-
-
-@dataclass(frozen=True, eq=False)
-class Drift:
-    """A condition that changed while a recording was made.
-
-    Attributes
-    ----------
-    condition : str
-    sd : float
-        Standard deviation over the recording.
-    by_line : array (lines,)
-        Its mean in the blocks, as the estimate of each line weighs them, off the plain mean; over `sd`.
-    """
-
-    condition: str
-    sd: float
-    by_line: Array
-
-    @classmethod
-    def of(cls, condition: str, course: Array, power: Array) -> Drift:
-        """From its course over a record, and the reference's power (blocks, lines) in half-overlapping blocks.
-
-        An estimate H1 is the mean of what the blocks show, weighed by the power that drives each: sum_b |V_b|^2 H(T_b).
-        """
-        step = 1 / (len(power) + 1)
-        middle = np.interp(step * np.arange(1, len(power) + 1), np.linspace(0, 1, course.size), course)
-        sd = float(course.std())
-        return cls(condition, sd, middle @ power / power.sum(axis=0) / sd)
-
-    def at(self, lines: Any) -> Drift:
-        """Of some of the lines."""
-        return replace(self, by_line=self.by_line[lines])
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,15 +59,6 @@ class FrfObservation(KeptLines):
         What is uncertain of the modes, and so common to all receivers, one standard deviation a column.
     kept : bool array (receivers, lines)
         Rows in use; the real and the imaginary part of a line go together.
-    declared : CommonErrors, optional
-        What `about` makes `shared` of.
-    moved : array (receivers, 3), optional
-        Where the receivers probably stand, m from the drawing: `shared` holds the slopes there.
-    offset : complex array (receivers, lines)
-        Added to a prediction for the moved places: back along the slopes to the drawn ones.
-    shifts : int
-        How many of the last columns of `modal` are shifts of single modes. `offset` takes what the model holds of
-        them back along these columns: they are uncertain about no shift.
     quantities : tuple of str
         Instead of `quantity`, one for each channel.
     observables : tuple of str
@@ -118,8 +69,6 @@ class FrfObservation(KeptLines):
         Down-weighted: nothing is concluded from its exact minimum.
     notes : tuple of str
         What was found about the recording, for a person.
-    drift : Drift, optional
-        Of a condition that changed while it was recorded.
     """
 
     name: str
@@ -135,18 +84,13 @@ class FrfObservation(KeptLines):
     conditions_at_nodes: Mapping[str, Array]
     shared: Complex
     kept: NDArray[np.bool_] = field(repr=False)
-    declared: CommonErrors | None = None
-    moved: Array | None = None
-    offset: Complex | float = 0.0
     modal: Complex | None = None
-    shifts: int = 0
     quantities: tuple[str, ...] = ()
     observables: tuple[str, ...] = ("frf",)
     line_correlation: tuple[float, ...] = LINE_CORRELATION
     rough: bool = False
     notes: tuple[str, ...] = ()
-    drift: Drift | None = None
-    kind: ClassVar[str] = "frf"
+    kind: ClassVar[str] = "transfer"
     level_of: ClassVar[str] = "third-octave levels"
     cells: ClassVar[tuple[str, ...]] = ("third_octave_hz", "channel")
 
@@ -243,26 +187,16 @@ class FrfObservation(KeptLines):
 
     def responses(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> list[Complex]:
         """Transfer functions (receivers, lines) as the analysis would see them, for several sets of values."""
-        if self.moved is not None:
-            assembly, many = moved_to(assembly, many, self.moved)
-        if self.drift is None:
-            return self._at_each(assembly, many, self.conditions_at_nodes)
-        here = self.conditions_at_nodes
-        sides = [
-            {**here, self.drift.condition: here[self.drift.condition] + s * self.drift.sd} for s in (-1, 1)
-        ]
-        low, high = (self._at_each(assembly, many, at) for at in sides)
-        # two places with the mean and the spread of the condition; and the slope between them
-        return [(a + b) / 2 + (b - a) / 2 * self.drift.by_line for a, b in zip(low, high, strict=True)]
+        return self.at_each(assembly, many, self.conditions_at_nodes)
 
-    def _at_each(
+    def at_each(
         self, assembly: Assembly, many: Sequence[Mapping[str, Any]], conditions: Mapping[str, Any]
     ) -> list[Complex]:
-        """Transfer functions at given conditions of the nodes."""
+        """The same at given conditions of the nodes."""
         wanted = list(dict.fromkeys(self.quantities or (self.quantity,)))
         with np.errstate(all="ignore"):  # what is not finite is told by the fit
             evaluations = assembly.evaluate_many(conditions, many, wanted)
-            return [self.folding(self._at_nodes(found)) + self.offset for found in evaluations]
+            return [self.folding(self._at_nodes(found)) for found in evaluations]
 
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0."""
@@ -290,109 +224,10 @@ class FrfObservation(KeptLines):
 
     @property
     def strategy(self) -> Strategy:
-        """Narrow peaks, and a covariance about a fit where errors are declared that act through the field."""
-        return Strategy(self.rough, not self.rough, True, linearised_covariance=self.declared is not None)
+        """Narrow peaks."""
+        return Strategy(self.rough, not self.rough, True)
 
-    def about(
-        self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True, placed: Collection[str] = ()
-    ) -> FrfObservation:
-        """The same with the declared errors where the model at these values says that they act.
-
-        Where the data may be `seen`, the slopes are taken where the receivers probably stand: at a nodal plane
-        the field bends within some millimetres. A receiver with a free place of its own (`placed`) has no error of
-        place beside it, which would take a part of what that effect should say.
-        """
-        if self.declared is None:
-            return self
-        return self.about_unshifted(assembly, values, seen, placed)._with_shifts(assembly, values)
-
-    def about_unshifted(
-        self, assembly: Assembly, values: Mapping[str, Any], seen: bool, placed: Collection[str] = ()
-    ) -> FrfObservation:
-        """The same without the uncertainty of single modes."""
-        assert self.declared is not None
-        drawn = replace(self, noise=self.random, moved=None, offset=0.0, shifts=0)
-        stand = np.isin(movers(assembly), [str(use) for use in placed])
-        shared, modal, _ = self.declared.columns(drawn.responses, assembly, values, self.frequency_hz)
-        shared[stand, :, PLACE] = 0
-        found = replace(drawn, shared=shared, modal=modal)
-        if not seen:
-            return found
-        # 2: times that the places of receivers are improved
-        for _ in range(2):
-            moved = self.declared.position_m * found._places(assembly, values)
-            there = replace(drawn, moved=moved)
-            del found, shared, modal  # by far the largest arrays
-            shared, modal, slopes = self.declared.columns(
-                there.responses, assembly, values, self.frequency_hz
-            )
-            shared[stand, :, PLACE] = 0
-            found = replace(there, shared=shared, modal=modal, offset=-np.einsum("ma,aml->ml", moved, slopes))
-        return found
-
-    def _with_shifts(self, assembly: Assembly, values: Mapping[str, Any]) -> FrfObservation:
-        assert self.declared is not None
-        shifts = self.declared.receivers.shifts
-        if shifts is None:
-            return self
-        columns = self.shift_columns(assembly, values)
-        modal = columns if self.modal is None else np.concatenate([self.modal, columns], axis=-1)
-        back = columns @ shifts.of(values)
-        return replace(self, modal=modal, offset=self.offset - back, shifts=columns.shape[-1])
-
-    def shift_columns(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
-        """One standard uncertainty of each mode's natural frequency, then of each mode's damping, where they are."""
-        assert self.declared is not None
-        shifts = self.declared.receivers.shifts
-        assert shifts is not None
-        many: Sequence[Mapping[str, Any]] = [values]
-        if self.moved is not None:
-            assembly, many = moved_to(assembly, many, self.moved)
-        known = assembly.evaluate(self.conditions_at_nodes, many[0], wanted=shifts.reads)
-        out = np.empty((*self.response.shape, 2 * shifts.size), dtype=complex)
-        for k, (column, units) in enumerate(shifts.columns(known.values)):
-            folded = self.folding(column)
-            out[..., k], out[..., shifts.size + k] = folded * units[0], folded * units[1]
-        return out
-
-    def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """Prediction as it is shown: shifts of modes that were found are not taken back."""
-        predicted = super().plain(assembly, values)
-        if not self.shifts or self.declared is None or self.modal is None:
-            return predicted
-        shifts = self.declared.receivers.shifts
-        assert shifts is not None
-        return predicted + self.stack(self.modal[..., -self.shifts :] @ shifts.of(values))
-
-    def knowing_shifts(self, root: Array) -> FrfObservation:
-        """The same where other data tell the shifts that the model holds: `root` is that of their covariance."""
-        if not self.shifts or self.modal is None:
-            return self
-        columns = self.modal[..., -self.shifts :]
-        modal = np.concatenate([self.modal[..., : -self.shifts], columns @ root], axis=-1)
-        return replace(self, modal=modal, offset=0.0, shifts=0)
-
-    def _places(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """Most probable displacement of each receiver, in standard uncertainties, array (receivers, 3).
-
-        Where the model fails, its residual counts as noise: it must not be explained by moving receivers.
-        """
-        rest = self.response - self.responses(assembly, [values])[0]
-        out = np.zeros((len(self.channels), 3))
-        for m, whitener in enumerate(self._whiteners):
-            if not self.kept[m].any():
-                continue
-            plain = replace(whitener, basis=np.empty((0, 0)), shrink=np.empty(0))
-            parts = np.concatenate([rest[m, self.kept[m], None], self.shared[m, self.kept[m]]], axis=1)
-            white = plain(np.stack([parts.real, parts.imag])).reshape(-1, parts.shape[1])
-            gap, columns = white[:, 0], white[:, 1:]
-            excess = max(float(np.mean(whitener(np.stack([parts.real, parts.imag])[..., :1]) ** 2)), 1.0)
-            inner = columns.T @ columns / excess + np.eye(columns.shape[1])
-            likely = np.linalg.solve(inner, columns.T @ gap / excess)
-            out[m] = np.clip(likely[PLACE], -FARTHEST, FARTHEST)
-        return out
-
-    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> FrfObservation:
+    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Self:
         """About `rows` of the rows, predicted without windows; the residual at `values` stays what it is.
 
         What windows do to the small change that a candidate makes hardly matters for its rank, and the
@@ -406,7 +241,7 @@ class FrfObservation(KeptLines):
         plain = part.responses(assembly, [values])[0]
         return replace(part, response=part.response + plain - folded)
 
-    def down_weighted(self, percent: float) -> FrfObservation:
+    def down_weighted(self, percent: float) -> Self:
         """A few lines, predicted without windows, each known to `percent` of the RMS around it."""
         used = np.flatnonzero(self.kept.any(axis=0))
         apart = float(np.min(np.diff(self.frequency_hz[used]), initial=DOWN_WEIGHTED_HZ))
@@ -419,36 +254,29 @@ class FrfObservation(KeptLines):
             noise=np.hypot(part.random, percent / 100 * np.sqrt(around)),
             shared=np.empty((*part.response.shape, 0), dtype=complex),
             modal=None,
-            shifts=0,
-            declared=None,
-            moved=None,
-            offset=0.0,
             rough=True,
         )
 
-    def of_lines(self, lines: NDArray[np.intp]) -> FrfObservation:
+    def of_lines(self, lines: NDArray[np.intp]) -> Self:
         """Some of the lines, predicted without windows."""
         frequency = self.frequency_hz[lines]
-        names = ["response", "noise", "random", "shared", "kept"]
-        names += ["modal"] * (self.modal is not None) + ["offset"] * (np.ndim(self.offset) > 0)
+        names = ["response", "noise", "random", "shared", "kept"] + ["modal"] * (self.modal is not None)
         return replace(
             self,
             **{name: getattr(self, name)[:, lines] for name in names},
             frequency_hz=frequency,
             folding=Folding.none(frequency),
             conditions_at_nodes=self.conditions_at(frequency),
-            drift=self.drift and self.drift.at(lines),
         )
 
-    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> FrfObservation:
+    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> Self:
         """The same without windows, as far as the model at these values knows what they do."""
-        drawn = replace(self, moved=None, offset=0.0)
         plain = replace(
-            drawn,
+            self,
             folding=Folding.none(self.frequency_hz),
             conditions_at_nodes=self.conditions_at(self.frequency_hz),
         )
-        windows = drawn.responses(assembly, [values])[0] - plain.responses(assembly, [values])[0]
+        windows = self.responses(assembly, [values])[0] - plain.responses(assembly, [values])[0]
         return replace(plain, response=self.response - windows)
 
     # --- how it is done -----------------------------------------------------------------------
@@ -543,3 +371,12 @@ def nominal_third(number: int) -> float:
     """
     series = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
     return float(f"{series[number % 10] * 10.0 ** (3 + number // 10):.4g}")
+
+
+def piecewise_linear_basis(frequency_hz: Array) -> Array:
+    """Hat functions a third of an octave apart: a smooth error is a mixture of them."""
+    place = 3 * np.log2(frequency_hz)  # three an octave: how quickly the model's own error may turn
+    centres = np.arange(np.floor(place[0]), np.ceil(place[-1]) + 1)
+    basis = np.clip(1 - np.abs(place - centres[:, None]), 0, None)
+    found: Array = basis[basis.any(axis=1)]
+    return found

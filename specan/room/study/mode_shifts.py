@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from specan.models import Assembly
+from specan.room.model.receivers import receivers_of
+from specan.room.study.field_observation import FieldObservation
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
-from specan.study.observation.frf import FrfObservation
 
 PARTS = (1.0, 0.5, 0.2)  # of a step, until one leads lower
 FARTHEST = 4.0  # standard uncertainties that a mode may be shifted
@@ -37,10 +38,9 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
     values : mapping
         SI values where the search begins, shifts included.
     """
-    receivers = assembly.model.receivers
-    if receivers is None or receivers.shifts is None or not problem.strategy.linearised_covariance:
+    shifts, own = receivers_of(assembly.model).shifts, set(problem.assembly.uses)
+    if shifts is None or not problem.strategy.linearised_covariance:
         return values
-    shifts, own = receivers.shifts, set(problem.assembly.uses)
     whole = problem.with_uses(use for use in assembly.uses if use not in own)
     theta, z = whole.start(values), shifts.of(values)
     low, high = whole.bounds()
@@ -57,7 +57,7 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
             seen = [
                 o.about_unshifted(assembly, now.seen_by(o, now.values_at(theta)), seen=False)
                 for o in whole.observations
-                if isinstance(o, FrfObservation)
+                if isinstance(o, FieldObservation)
             ]
             here = whole.over(seen)
         now = at(theta, z)
@@ -93,7 +93,7 @@ def _white(problem: Problem, assembly: Assembly, theta: Array) -> Array:
     """One standard uncertainty of every shift, whitened, array (n, 2 modes)."""
     found = []
     for o in problem.observations:
-        assert isinstance(o, FrfObservation)
+        assert isinstance(o, FieldObservation)
         columns = o.shift_columns(assembly, problem.seen_by(o, problem.values_at(theta)))
         found.append(o.whiten(o.stack(columns)))
     return np.concatenate(found)
@@ -101,7 +101,7 @@ def _white(problem: Problem, assembly: Assembly, theta: Array) -> Array:
 
 def knowing_shifts(problem: Problem, unseen: Sequence[Observation]) -> list[Observation]:
     """Observations that were put aside, with what the fitted ones tell of the shifts that they have in common."""
-    told = [o for o in problem.observations if isinstance(o, FrfObservation) and o.shifts]
+    told = [o for o in problem.observations if isinstance(o, FieldObservation) and o.shifts]
     if not told:
         return list(unseen)
     inner = np.eye(told[0].shifts)
@@ -110,4 +110,4 @@ def knowing_shifts(problem: Problem, unseen: Sequence[Observation]) -> list[Obse
         white = o.whiten_each(o.stack(o.modal[..., -o.shifts :]))
         inner += white.T @ white
     root = np.linalg.inv(np.linalg.cholesky(inner)).T
-    return [o.knowing_shifts(root) if isinstance(o, FrfObservation) else o for o in unseen]
+    return [o.knowing_shifts(root) if isinstance(o, FieldObservation) else o for o in unseen]

@@ -18,18 +18,19 @@ from typing import Any
 
 import numpy as np
 
-from specan.models.measurement_kinds import Places, Receivers
+from specan.room.model.receivers import Places, receivers_of
+from specan.room.study.field_observation import FieldObservation
 from specan.study.design.proposal import EXPLORED, SEPARATES, Proposal, name_of
 from specan.study.estimation.linear import chi2_beside, covariance_root
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.frf_errors import DB
 from specan.study.localisation.localise import Block
 from specan.study.observation import Array
-from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
+from specan.study.observation.frf import LINE_CORRELATION
 from specan.study.selection.refits import Refit
 
 
-def few_lines(observation: FrfObservation) -> FrfObservation:
+def few_lines(observation: FieldObservation) -> FieldObservation:
     """About every third line, seen without windows, each worth what the lines around it are worth together."""
     every = max(1, round(3.0 / observation.line_hz))  # lines that a planned receiver is looked at
     lines = np.flatnonzero(observation.kept.any(axis=0))[::every]
@@ -39,7 +40,7 @@ def few_lines(observation: FrfObservation) -> FrfObservation:
     return replace(few, noise=random, random=random)
 
 
-def planned(observation: FrfObservation, names: Sequence[str]) -> FrfObservation:
+def planned(observation: FieldObservation, names: Sequence[str]) -> FieldObservation:
     """Readings of further receivers, as noisy as those that were made; nothing is measured yet."""
     few = few_lines(observation)
     lines, old, new = len(few.frequency_hz), len(few.channels), len(names)
@@ -58,7 +59,7 @@ def planned(observation: FrfObservation, names: Sequence[str]) -> FrfObservation
     )
 
 
-def by_receiver(observation: FrfObservation, rows: Array) -> Array:
+def by_receiver(observation: FieldObservation, rows: Array) -> Array:
     """Rows of an observation (rows, columns) as (receivers in use, values of each, columns)."""
     count = int(observation.kept.any(axis=1).sum())
     both = rows.reshape(2, count, -1, rows.shape[-1])
@@ -76,27 +77,20 @@ def spoken_place(place: Array | Sequence[float]) -> str:
     return "(" + ", ".join(f"{x:.2f}" for x in place) + ") m"
 
 
-def can_place(problem: Problem) -> bool:
-    """Whether further receivers can be placed: the model knows places, and no parameter is a receiver's own."""
-    receivers = problem.assembly.model.receivers
-    if receivers is None or receivers.places is None:
-        return False
-    axes = problem.assembly.model.axes
+def _known_places(problem: Problem) -> Places | None:
+    """Where further receivers can stand; None where the model knows no places, or a parameter is a receiver's own."""
+    receivers, axes = receivers_of(problem.assembly.model), problem.assembly.model.axes
     alike = [axis for axis, names in axes.items() if not set(names).isdisjoint(axes[receivers.axis])]
     own = any(problem.assembly.parameters[name].per in alike for name in problem.free)
-    return not own and all(isinstance(o, FrfObservation) for o in problem.observations)
-
-
-def _of(problem: Problem) -> tuple[Receivers, Places]:
-    receivers = problem.assembly.model.receivers
-    assert receivers is not None
-    assert receivers.places is not None, "see can_place"
-    return receivers, receivers.places
+    return None if own else receivers.places
 
 
 def propose_places(rivals: Sequence[Refit], weights: Array, count: int) -> list[Proposal]:
     """Free places at which a further receiver would best separate rivals, best first."""
-    places = _of(rivals[0].problem)[1].free()
+    known = _known_places(rivals[0].problem)
+    if known is None:
+        return []
+    places = known.free()
     views = _views(rivals, places)
     covariances = [r.fit.covariance * r.dispersion for r in rivals]
     left, found = set(range(len(places))), []
@@ -116,7 +110,7 @@ def propose_places(rivals: Sequence[Refit], weights: Array, count: int) -> list[
 class _View:
     """One rival at all places: response, and whitened prediction and slopes by place."""
 
-    observation: FrfObservation
+    observation: FieldObservation
     response: Any
     white: Array
     slopes: Array
@@ -127,10 +121,12 @@ def _views(rivals: Sequence[Refit], places: Array) -> list[_View]:
     views, seen = [], None
     for rival in rivals:
         problem = rival.problem
-        model, names = _of(problem)[1].with_receivers(problem.assembly.model, places)
+        known = receivers_of(problem.assembly.model).places
+        assert known is not None
+        model, names = known.with_receivers(problem.assembly.model, places)
         wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
         first = problem.observations[0]
-        assert isinstance(first, FrfObservation)
+        assert isinstance(first, FieldObservation)
         if seen is None:
             there = planned(first, names)
             seen = there.about(wider.assembly, problem.seen_by(there, problem.values_at(rival.fit.theta)))
@@ -198,7 +194,7 @@ def _proposal(
     said = ", ".join(f"{name} expects {level:.1f} dB" for name, level in predictions.items())
     unit = model.observables[str(observation.observable[0])].unit
     text = (
-        f"a {_of(rivals[0].problem)[0].noun} at {spoken_place(place)}: around {band:g} Hz {said} (re 1 {unit}); sigma "
+        f"a {receivers_of(model).noun} at {spoken_place(place)}: around {band:g} Hz {said} (re 1 {unit}); sigma "
         f"there is {sigma:.2g} dB, one recording over all frequencies separates them by {separation:.1f} sigma"
     )
     return Proposal(text, _coordinates(place), predictions, "dB", sigma, separation)
@@ -208,7 +204,7 @@ def _coordinates(place: Array) -> dict[str, float | str]:
     return dict(zip(("x_m", "y_m", "z_m"), map(float, place), strict=True))
 
 
-def _level_sigma(observation: FrfObservation, mic: int, lines: Any, response: Any) -> float:
+def _level_sigma(observation: FieldObservation, mic: int, lines: Any, response: Any) -> float:
     weight = np.conj(response) / np.sum(np.abs(response) ** 2)
     random = np.sum(np.abs(weight * observation.noise[mic, lines]) ** 2)
     common = weight @ observation.common_at((mic, lines))
@@ -217,8 +213,10 @@ def _level_sigma(observation: FrfObservation, mic: int, lines: Any, response: An
 
 def explore_places(problem: Problem, block: Block) -> list[Proposal]:
     """Free places in the corner of a block - near its group or its receiver - far from all receivers."""
-    model = problem.assembly.model
-    receivers, known = _of(problem)
+    model, known = problem.assembly.model, _known_places(problem)
+    if known is None:
+        return []
+    receivers = receivers_of(model)
     places, taken = known.free(), receivers.positions_m
     group, name = block.where.get(receivers.group_label), block.where.get("channel")
     if group is not None:

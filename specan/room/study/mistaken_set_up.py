@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import ComputationError
-from specan.models.measurement_kinds import Receivers, SourcePlaces
+from specan.room.model.receivers import FieldReceivers, SourcePlaces, receivers_of
+from specan.room.study.field_observation import FieldObservation
 from specan.study.estimation.continuation import STAGES, continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
-from specan.study.observation.correlated_errors import CommonErrors
-from specan.study.observation.frf import FrfObservation
+from specan.study.localisation.localise import MistakenSetUp
 from specan.study.selection.starting_values import explained
 
 Array = NDArray[np.float64]
@@ -29,31 +29,6 @@ Complex = NDArray[np.complex128]
 # An effect bends the field; a mistake's undoing chooses among whole sets of places, and the best of wrong ones never
 # came below 0.92 of the chi-square in 31 cases with strong effects and no mistake (benchmarks/mistaken_set_ups.py).
 SHARE = 0.5  # of the chi-square on the coarse view that may be left with a mistake undone
-
-
-@dataclass(frozen=True)
-class MistakenSetUp:
-    """What is declared wrongly about a recording.
-
-    Attributes
-    ----------
-    text : str
-        The mistake as a sentence; empty where none is seen.
-    before_percent, after_percent : float
-        RMS error of the response, part of its RMS, as declared and with the mistake undone.
-    """
-
-    text: str = ""
-    before_percent: float = 0.0
-    after_percent: float = 0.0
-
-    @property
-    def sentence(self) -> str:
-        """The mistake, and by how much the error falls without it."""
-        return (
-            f"{self.text}: the response is off by {self.before_percent:.2g} % as declared and by "
-            f"{self.after_percent:.2g} % otherwise"
-        )
 
 
 def mistaken_set_up(problem: Problem) -> MistakenSetUp:
@@ -74,9 +49,7 @@ def mistaken_set_up(problem: Problem) -> MistakenSetUp:
     MistakenSetUp
         Without a text where nothing is seen.
     """
-    receivers = problem.assembly.model.receivers
-    if receivers is None or not all(isinstance(o, FrfObservation) for o in problem.observations):
-        return MistakenSetUp()
+    receivers = receivers_of(problem.assembly.model)
     try:
         declared = _Fitted.of(problem)
         if declared.reduced < 1:  # within the few per cent of the view
@@ -111,7 +84,7 @@ class _Fitted:
         return cls(chi2, chi2 / view.n_data, 100 * float(np.sqrt(sum(np.sum(d**2) for d in off) / size)))
 
 
-def _hypotheses(problem: Problem, receivers: Receivers) -> Iterator[tuple[_Fitted, str]]:
+def _hypotheses(problem: Problem, receivers: FieldReceivers) -> Iterator[tuple[_Fitted, str]]:
     """Fits with one mistake undone each, and what the mistake was."""
     place, sign = _assignment(problem)
     if np.any(place != np.arange(len(place))) or np.any(sign < 0):
@@ -134,12 +107,12 @@ def _declared_values(problem: Problem) -> dict[str, Any]:
     return {**problem.values, **{name: mean for name, (mean, _) in problem.priors.items()}}
 
 
-def _coarse(problem: Problem) -> list[tuple[FrfObservation, Complex]]:
+def _coarse(problem: Problem) -> list[tuple[FieldObservation, Complex]]:
     """Every recording on few lines, uncertain by a part of the level around, and what is predicted of all receivers."""
     view, values = down_weighted(problem, STAGES[0]), _declared_values(problem)
     found = []
     for observation in view.observations:
-        assert isinstance(observation, FrfObservation)
+        assert isinstance(observation, FieldObservation)
         own = problem.seen_by(observation, values)
         found.append((observation, observation.responses(problem.assembly, [own])[0]))
     return found
@@ -175,7 +148,7 @@ def _reassigned(problem: Problem, place: NDArray[np.intp], sign: Array) -> Probl
     order = np.argsort(place)
     changed = []
     for o in problem.observations:
-        assert isinstance(o, FrfObservation)
+        assert isinstance(o, FieldObservation)
         changed.append(
             replace(
                 o, response=(sign[:, None] * o.response)[order], noise=o.noise[order], random=o.random[order],
@@ -186,7 +159,11 @@ def _reassigned(problem: Problem, place: NDArray[np.intp], sign: Array) -> Probl
 
 
 def _words(
-    receivers: Receivers, names: Sequence[str], used: NDArray[np.bool_], place: NDArray[np.intp], sign: Array
+    receivers: FieldReceivers,
+    names: Sequence[str],
+    used: NDArray[np.bool_],
+    place: NDArray[np.intp],
+    sign: Array,
 ) -> str:
     parts = []
     turned = [name for name, s in zip(names, sign, strict=True) if s < 0]
@@ -246,8 +223,7 @@ class _Misfit:
         """Of all places on the faces those that explain most with a strength that is free at every line."""
         places = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
         everywhere = [(face, float(a), float(b)) for face in faces for a, b in places]
-        receivers = self._problem.assembly.model.receivers
-        placed = None if receivers is None else receivers.placed
+        placed = receivers_of(self._problem.assembly.model).placed
         if placed is None:
             return everywhere
         share = np.zeros(len(everywhere))
@@ -279,14 +255,14 @@ def undeclared_shifts(problem: Problem, least: float) -> str:
     least : float
         Probability of its misfit from which a model meets the data.
     """
-    receivers = problem.assembly.model.receivers
-    if receivers is None or receivers.usual_shifts is None or not problem.strategy.linearised_covariance:
+    usual = receivers_of(problem.assembly.model).usual_shifts
+    if usual is None or not problem.strategy.linearised_covariance:
         return ""
-    model = receivers.usual_shifts.with_shifts(problem.assembly.model)
+    model = usual.with_shifts(problem.assembly.model)
     seen = [
-        replace(o, declared=CommonErrors(replace(o.declared.receivers, shifts=model.receivers.shifts)))
+        replace(o, declared=replace(o.declared, shifts=model.receivers.shifts))
         for o in problem.observations
-        if isinstance(o, FrfObservation) and o.declared is not None
+        if isinstance(o, FieldObservation) and o.declared is not None
     ]
     try:
         free = linearised(
@@ -300,5 +276,5 @@ def undeclared_shifts(problem: Problem, least: float) -> str:
     return (
         f"small frequency shifts of single modes would explain it (reduced chi-square "
         f"{met.reduced_chi2:.2f}), as seams, suspensions and cables cause them: declare them by "
-        f"{receivers.usual_shifts.words}, and diagnose again"
+        f"{usual.words}, and diagnose again"
     )
