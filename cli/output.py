@@ -133,7 +133,9 @@ def column_widths(rows: Sequence[Sequence[str]], width: int) -> list[int]:
 def _folded(cell: str, width: int) -> list[str]:
     lines = cell.split("\n")
     return [
-        part for line in lines for part in (textwrap.wrap(line, width) if _length(line) > width else [line])
+        part
+        for line in lines
+        for part in (textwrap.wrap(line, width, break_on_hyphens=False) if _length(line) > width else [line])
     ]
 
 

@@ -120,13 +120,14 @@ def _print(study: Study, found: Comparison) -> None:
 
 
 def _print_fit(study: Study, best: Fit) -> None:
+    from specan.report.study_words import allowed_for
+
     spent = " excluding those of the repeats" if study.problem.pure_error_dof else ""
-    click.echo(
-        f"\nReduced chi-square {best.reduced_chi2:.2f} ({best.n_effective:.0f} independent values, "
-        f"{best.dof - study.problem.pure_error_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}; "
-        f"model discrepancy of {study.data.discrepancy_percent:g} % of the {study.model.words.discrepancy_of} "
-        "allowed for"
+    chi2 = (
+        f"Reduced chi-square {best.reduced_chi2:.2f} ({best.n_effective:.0f} independent values, "
+        f"{best.dof - study.problem.pure_error_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}"
     )
+    click.echo("\n" + "; ".join(filter(None, (chi2, allowed_for(study)))))
 
 
 def _verdict(study: Study, found: Comparison, where: Localisation) -> str:

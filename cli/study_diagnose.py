@@ -125,11 +125,12 @@ def _print_statistics(found: Diagnosis) -> None:
             for name, p in ranked.parameters.items():
                 click.echo(f"  {name} = {study_sheets.value_text(p)}")
     if found.lack_of_fit is not None:
-        fit = found.lack_of_fit
+        fit, percent = found.lack_of_fit, found.model_discrepancy_percent
+        allowed = f"; model discrepancy {percent:g} % allowed for" if percent else ""
         click.echo(
             f"The model as it is: reduced chi-square {fit.reduced_chi2:.2f} (one for a true model), "
-            f"{probability(fit.p_value)} (of a worse fit of a true model), {fit.n_effective:.0f} independent values; "
-            f"model discrepancy {found.model_discrepancy_percent:g} % allowed for."
+            f"{probability(fit.p_value)} (of a worse fit of a true model), {fit.n_effective:.0f} independent values"
+            f"{allowed}."
         )
 
 

@@ -229,7 +229,9 @@ class BandLevels(RecordingResult):
         found[0] = found[0]._replace(title=f"{self._title()}\n{found[0].title}".rstrip())
         found += [self._percentiles(row) for row in range(len(self.channels)) if self.percentile_dB]
         exceeded = "LN: level exceeded during N % of the time that follows settling.\n"
-        below = f"u: standard deviation of noise. Settling: {self.settling}."
+        below = "u: standard deviation of noise."
+        if self.settings.get("settling") == "left-out":
+            below += f" Settling: {self.settling}."
         found[-1] = found[-1]._replace(below=(exceeded if self.percentile_dB else "") + below)
         return found
 

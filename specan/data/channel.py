@@ -152,6 +152,9 @@ class Channel:
         """
         return self.path if self.shares_name and self.group else self.name
 
+    def __repr__(self) -> str:
+        return f"<Channel: {self.label}, {self.role}, {self.unit}, {self.duration_s:g} s at {self.sampling_rate:g} Hz>"
+
     @property
     def duration_s(self) -> float:
         """Length in seconds."""

@@ -154,6 +154,9 @@ class Recording(Result):
     def __getitem__(self, name: str) -> Channel:
         return self.channel(name)
 
+    def __contains__(self, name: object) -> bool:
+        return name in self.channels or name in (c.name for c in self.channels)
+
     def summary(self) -> str:
         """What it is, on one line.
 

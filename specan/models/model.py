@@ -158,6 +158,10 @@ class Model:
                     remedy="declare that unit, and the unit of a table's column as column_unit",
                 )
 
+    def __repr__(self) -> str:
+        effects = ", ".join(self.effects) or "none"
+        return f"<Model: {self.name}, observables {', '.join(self.observables)}, effects {effects}>"
+
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds of measurement that the model can be compared with: ``("table",)``."""

@@ -35,7 +35,7 @@ def sheets(
         reasons: dict[str, list[str]] = {}
         for name, reason in recording.set_aside.items():
             reasons.setdefault(reason, []).append(name)
-        rows = [[", ".join(n) if show_all else _names(n), reason] for reason, n in reasons.items()]
+        rows = [[", ".join(n) if show_all else _names(n, recording), reason] for reason, n in reasons.items()]
         yield Sheet("Ignored", ["channels", "reason"], rows)
     properties = _properties(recording, show_all)
     if properties:
@@ -110,7 +110,9 @@ def _decisions(recording: Recording) -> list[list[str]]:
             if reason := c.decisions.get(key):
                 value = {"role": f"{c.role}: ", "sampling_rate": f"{c.sampling_rate:g} Hz: "}.get(key, "")
                 reasons.setdefault(value + reason.replace(repr(c.name), "of the channel"), []).append(c.label)
-        rows += [[key.replace("_", " "), _names(names), reason] for reason, names in reasons.items()]
+        rows += [
+            [key.replace("_", " "), _names(names, recording), reason] for reason, names in reasons.items()
+        ]
     return rows
 
 
@@ -124,14 +126,17 @@ def _properties(recording: Recording, show_all: bool) -> list[list[Any]]:
         for key, value in c.properties.items():
             if key not in _SHOWN and not key.startswith("wf_"):
                 own.setdefault((key, str(value)), []).append(c.label)
-    rows += [[_names(names), key, value] for (key, value), names in own.items()]
+    rows += [[_names(names, recording), key, value] for (key, value), names in own.items()]
     if not show_all:
         rows = [row for row in rows if not row[1].startswith("NI_") and row[1] != "Description"]
     return rows
 
 
-def _names(names: Iterable[str]) -> str:
+def _names(names: Iterable[str], recording: Recording | None = None) -> str:
+    """Names in short; "all" where they are all channels of a recording."""
     names = list(names)
+    if recording is not None and 1 < len(names) == len(recording.channels):
+        return f"all ({len(names)})"
     if len(names) <= 3:
         return ", ".join(names)
     return f"{names[0]} ... {names[-1]} ({len(names)})"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -255,7 +255,6 @@ def figure_format(path: Path) -> str:
         raise RequestError(
             f"a figure cannot be written as {path.name!r}",
             expected="a name that ends in ." + ", .".join(FORMATS),
-            remedy=nearest(kind, FORMATS) if kind else "",
         )
     from specan.io.output_file import check_directory
 

@@ -100,7 +100,7 @@ def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: Se
                 axes.annotate(f"{values[row]:.1f}", (place, values[row]), (0, 3), textcoords="offset points",
                               ha="center", va="bottom", fontsize=8)  # fmt: skip
     axes.set_xticks(range(len(found.overall_dB)), labels=list(found.overall_dB))
-    axes.set_xlim(-0.7, len(found.overall_dB) - 0.3)
+    axes.set_xlim(-1.0, len(found.overall_dB))
     axes.grid(False, axis="x")
 
 

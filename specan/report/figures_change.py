@@ -36,7 +36,7 @@ def figure_change(change: Change) -> Figure:
     recordings the level errors of all channels over frequency.
     """
     figure = new_figure(4.4, 10.2)
-    bars, one, two = figure.subplots(1, 3, width_ratios=[1.15, 2, 2])
+    bars, one, two = figure.subplots(1, 3, width_ratios=[1.5, 2, 2])
     draw_staircase(bars, (change.before, change.after))
     bars.set_xticks((0, 1), ("before", "after"))
     pairs = list(zip((one, two), ("before", "after"), (change.was, change.study), strict=True))

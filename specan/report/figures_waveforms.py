@@ -70,6 +70,8 @@ def figure_waveforms(
         figure.get_layout_engine().set(h_pad=0.0, hspace=0.0)  # type: ignore[union-attr, call-arg]
     else:
         figure.align_ylabels(sheet)
+    if drawn:
+        sheet[-1].set_xlim(start_s, max(times[-1] for times, _ in drawn))
     sheet[-1].set_xlabel("Time / s")
     left_out = f"{len(shown)} of {len(usable)} channels. " if len(shown) < len(usable) else ""
     scales = ", ".join(f"±{end:.3g} {unit}" for unit, end in reach.items())

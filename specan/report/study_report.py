@@ -19,7 +19,7 @@ from specan.report.figures_study import figure_comparison
 from specan.report.html_page import bullets, page, picture, shown, table
 from specan.report.residual_map import residual_map
 from specan.report.study_html import failing_map
-from specan.report.study_words import fall_text
+from specan.report.study_words import allowed_for, fall_text
 from specan.study.history import History, Step, error_pairs
 from specan.study.study_file import NAME
 from specan.study.verdict import headline, headline_of, reason
@@ -121,11 +121,11 @@ def _comparison(study: Study, found: Comparison) -> list[str]:
     kinds = ["fitted"] * len(found.errors) + ["held out"] * len(aside)
     parts.append(shown(study_sheets.errors([*found.errors, *aside], data=kinds)))
     if where is not None:
+        allowed = allowed_for(study)
         held = f"; on held-out data {study.held_out.reduced_chi2:.2f}" if study.held_out else ""
         parts.append(
             f"<p>Reduced chi-square {best.reduced_chi2:.2f} (p = {best.p_value:.2g}, "
-            f"{best.n_effective:.0f} independent values){held}. A model discrepancy of "
-            f"{study.data.discrepancy_percent:g} % is allowed for.</p>"
+            f"{best.n_effective:.0f} independent values){held}. {escape(allowed[:1].upper() + allowed[1:])}</p>"
         )
         parts.append(bullets(where.sentences()))
         parts.append(failing_map(residual_map(study.problem, study.shown), study.data.known))

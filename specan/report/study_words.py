@@ -23,6 +23,16 @@ def state_of(study: Study) -> list[str]:
     return [f"Model: {effects}", chi2 + errors]
 
 
+def allowed_for(study: Study) -> str:
+    """``model discrepancy of 0.5 % of the losses allowed for``; nothing where none is declared."""
+    parts = [
+        f"{of:g} % of {quantity} ({name})" for name, (quantity, of) in study.model.rig.discrepancies.items()
+    ]
+    if percent := study.data.discrepancy_percent:
+        parts.insert(0, f"{percent:g} % of the {study.model.words.discrepancy_of}")
+    return f"model discrepancy of {', '.join(parts)} allowed for" if parts else ""
+
+
 def history_sentence(steps: Sequence[Step]) -> str:
     """``Fitted: 0.0276 to 0.0065 Nm (-77 %). Held out: 0.03 to 0.0072 Nm (-76 %).``"""
     texts = []

@@ -61,7 +61,8 @@ class Comparison(Result):
         errors = ", ".join(f"RMS of {e.observable} {e.rms:.3g} {e.unit}" for e in self.errors)
         if self.localisation is None:
             return errors
-        return f"{errors}, reduced chi-square {self.fit.reduced_chi2:.3g}, p {self.fit.p_value:.2g}"
+        p = self.fit.p_value
+        return f"{errors}, reduced chi-square {self.fit.reduced_chi2:.3g}, p {'< 1e-12' if p < 1e-12 else f'{p:.2g}'}"
 
     def columns(self) -> dict[str, Any]:
         """One row for each fitted parameter, with its 95 % interval."""

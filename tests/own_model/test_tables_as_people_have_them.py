@@ -220,7 +220,14 @@ def test_a_sheet_of_a_workbook_with_lines_above_the_header(tmp_path, monkeypatch
     assert list(table.frame) == ["flow [l/s]", "speed", "head"]
     assert table.frame["head"].tolist() == [32.6, 28.4]
     assert table.notes == ["lines above the header ignored: Bench 3; Operator K."]
-    with pytest.raises(InputError, match=r"no rows.*--sheet"):
-        read_table(tmp_path / "runs.xlsx")
-    with pytest.raises(InputError, match=r"'Run'.*name of the sheet"):
-        read_table(tmp_path / "runs.xlsx", sheet="Run")
+    for sheet in ("", "Run"):
+        with pytest.raises(InputError, match=r"no table.*--sheet: Sheet, Runs"):
+            read_table(tmp_path / "runs.xlsx", sheet=sheet)
+
+
+def test_a_title_that_is_nearly_as_wide_as_the_table(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("Pump bench;12 May;\nflow;speed;head\n[m3/h];[1/min];[m]\n5,0;2900;32,6\n10,0;2900;28,4\n")
+    table = read_table(path)
+    assert list(table.frame) == ["flow [m3/h]", "speed [1/min]", "head [m]"]
+    assert table.notes == ["lines above the header ignored: Pump bench 12 May"]

@@ -138,7 +138,9 @@ def test_the_curve_of_a_table_is_the_model_along_the_abscissa():
         parameters={"slope": (2.0, 0.5, 5, "N/mm^2")},
     )
     stretch, width = (grid.ravel() for grid in np.meshgrid(np.arange(1.0, 9.0), [1.0, 3.0]))
-    study = specan.Study(model, pd.DataFrame({"stretch": stretch, "width": width, "force": 2 * stretch * width}))
+    study = specan.Study(
+        model, pd.DataFrame({"stretch": stretch, "width": width, "force": 2 * stretch * width})
+    )
     lines = {line.get_label(): line.get_data() for line in study.plot().axes[0].lines}
     for text, factor in (("1", 2.0), ("3", 6.0)):
         x, y = lines[text]

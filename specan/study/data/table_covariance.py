@@ -168,11 +168,13 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
     }
     found = Uncertainty(model, centre, noise, ranges)
     percent, stated = found.discrepancy_percent, model.rig.discrepancies
-    if percent or not stated:
+    if percent:
         what = model.words.discrepancy_of
         statements.append(
             f"model discrepancy {percent:g} % of the {what}, smooth over the operating variables"
         )
+    elif not stated:
+        statements.append("no model discrepancy is declared")
     statements += [
         f"{name}: model discrepancy {of:g} % of {quantity}, smooth over the operating variables"
         for name, (quantity, of) in stated.items()
@@ -297,9 +299,9 @@ def _noise_of(
         said.append("such repeats do not show what setting a condition anew changes: " + _anew(model, rows))
         return Noise(reading, None, dof, reading.dof), said
     if told:
-        text = f"declared uncertainty {np.sqrt(np.median(declared)):.2g}{unit}"
-        rounding = f", rounding in steps of {np.median(part.steps['']):g}"
-        return Noise(), [text + rounding + ", " + _anew(model, rows)]
+        size, step = np.sqrt(np.median(declared)), np.median(part.steps[""])
+        rounding = f", rounding in steps of {step:g}" if step > 0.01 * size else ""
+        return Noise(), [f"declared uncertainty {size:.2g}{unit}{rounding}, {_anew(model, rows)}"]
     share = np.median(part.steps[""] / np.sqrt(12) / np.maximum(np.abs(part.measured), 1e-300))
     # 1e-3: rounding below this share of the reading is no account of a measurement's uncertainty
     if share >= 1e-3:

@@ -98,11 +98,7 @@ def read_table(
         _frame_cells(path, raw, sheet) if raw[:4] in (b"PK\x03\x04", b"PAR1") else _text_cells(path, raw)
     )
     if len(cells) < 2:
-        raise InputError(
-            f"the table {path} holds no rows",
-            expected="a header line and rows of numbers",
-            remedy="name the sheet with --sheet" if raw[:2] == b"PK" else "",
-        )
+        raise InputError(f"the table {path} holds no rows", expected="a header line and rows of numbers")
     titles = _without_titles(cells)
     header = _header(cells)
     _check(path, header, cells)
@@ -146,7 +142,11 @@ def _frame_cells(path: Path, raw: bytes, sheet: str) -> tuple[dict[int, list[str
     workbook = raw[:2] == b"PK"
     try:
         if workbook:
-            frame = pd.read_excel(io.BytesIO(raw), sheet or 0, header=None, dtype=object)
+            book = pd.ExcelFile(io.BytesIO(raw))
+            sheet = sheet or str(book.sheet_names[0])
+            frame = (
+                book.parse(sheet, header=None, dtype=object) if sheet in book.sheet_names else pd.DataFrame()
+            )
         else:
             frame = pd.read_parquet(io.BytesIO(raw)).astype(object).T.reset_index().T
     except ImportError:
@@ -156,19 +156,29 @@ def _frame_cells(path: Path, raw: bytes, sheet: str) -> tuple[dict[int, list[str
             remedy=f'pip install "specan[{needed}]", or save the table as CSV',
         ) from None
     except Exception as fault:  # whatever the reader of such a file finds wrong with it
+        raise InputError(f"the table {path} cannot be read ({fault})", remedy="save it as CSV") from None
+    if workbook and len(frame) < 2:
         raise InputError(
-            f"the table {path} cannot be read ({fault})",
-            remedy="check the name of the sheet" if sheet else "save it as CSV",
-        ) from None
+            f"{path} has no table on a sheet {sheet!r}",
+            remedy=f"choose one with --sheet: {', '.join(map(str, book.sheet_names))}",
+        )
     rows = [["" if pd.isna(cell) else str(cell).strip() for cell in row] for row in frame.to_numpy()]
     return {n: row for n, row in enumerate(rows, 1) if any(row) and not row[0].startswith("#")}, False
 
 
 def _without_titles(cells: dict[int, list[str]]) -> list[str]:
-    """Take out the lines above the header, which have at most half as many cells as those of the table; a note."""
+    """Take out the lines above the header, which has more cells than they; a note.
+
+    The header is above the first line that holds mostly numbers and is not much shorter than the others.
+    """
     sizes = {line: sum(map(bool, row)) for line, row in cells.items()}
     usual = float(np.median(list(sizes.values())))
-    above = list(takewhile(lambda line: 2 * sizes[line] <= usual, sizes))
+
+    def holds_values(line: int) -> bool:
+        return 2 * sum(map(_is_number, cells[line])) >= sizes[line] > usual / 2
+
+    heads = list(takewhile(lambda line: not holds_values(line), cells))
+    above = list(takewhile(lambda line: sizes[line] < max(map(sizes.__getitem__, heads)), heads))
     if not above or len(above) > len(sizes) - 2:
         return []
     said = "; ".join(" ".join(filter(None, cells.pop(line))) for line in above)
