@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from specan.analysis.calibration import calibrate
-from specan.analysis.calibrator_tone import CalibrationSettings
+from specan.analysis.insertion import CalibrationSettings
 from specan.data.recording import ArraySource, Channel, Recording
 
 RATE, HZ, SAMPLES, AMPLITUDE_V = 8000.0, 1000.0, 2400, 0.07

@@ -23,8 +23,7 @@ from specan_cli.output import (
 from specan_cli.recording_verb import expand, given, left_out
 
 if TYPE_CHECKING:
-    from specan.analysis.calibrator_tone import CalibrationSettings
-    from specan.analysis.insertion import Insertion
+    from specan.analysis.insertion import CalibrationSettings, Insertion
 
 
 @click.command("calibrate", cls=Verb)
@@ -73,7 +72,7 @@ def command(
     specan calibrate sample_data/recordings/calibration/insertion_1.tdms -o calibration.toml
     """
     from specan.analysis.calibration import join_insertions
-    from specan.analysis.calibrator_tone import CalibrationSettings
+    from specan.analysis.insertion import CalibrationSettings
     from specan.io.calibration_file import write_calibration
     from specan.io.output_file import check_directory
     from specan.schema import parse

@@ -52,7 +52,7 @@ def command(rate: float, output: Path | None, decimal: str, as_json: bool) -> in
     if output is not None:
         import pandas as pd
 
-        from specan.io.result_file import write_frame
+        from specan.io.export_file import write_frame
 
         rows = [{**asdict(check), "met": "yes" if check.passed else "no"} for check in found]
         write_frame(

@@ -90,7 +90,7 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: 
     """A single block, which may be the whole recording: shown and written channel by channel."""
     from specan.analysis.spectrum import FourierSpectrum, chosen, single_blocks
     from specan.data.calibration import stated
-    from specan.io.result_file import write_result
+    from specan.io.export_file import write_result
     from specan.schema import parse
 
     settings = parse(FourierSpectrum, given(**options), "fft")

@@ -205,8 +205,8 @@ class Delivery:
         the screen, `drawn` of the figure; `more` stands in the JSON as well. The exit code says whether a `limit` is
         kept.
         """
+        from specan.io.export_file import write_result
         from specan.io.limit_file import read_limits
-        from specan.io.result_file import write_result
 
         kept = [] if limit is None else found.keeps(read_limits(limit))
         draw(found, self.plot, **drawn)

@@ -150,8 +150,8 @@ def write(path: Path, rows: Columns) -> None:
     """
     import pandas as pd
 
+    from specan.io.export_file import write_frame
     from specan.io.output_file import write_csv
-    from specan.io.result_file import write_frame
 
     OutputFile(*TABLES, ".json").check_ending(path)
     if path.suffix.lower() in ("", ".csv", ".txt"):

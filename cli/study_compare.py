@@ -68,7 +68,7 @@ def command(
         say(f"The study was changed since its last step: kept as step {kept.step}.")
     draw(found, plot, channel=channel)
     if output is not None:
-        from specan.io.result_file import write_frame
+        from specan.io.export_file import write_frame
 
         write_frame(found.residuals, output, [f"compare {study.directory.name}"], decimal)
     if as_json:

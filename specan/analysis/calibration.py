@@ -5,27 +5,332 @@ Decisions: docs/decisions/calibration.md.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from specan.analysis.calibration_verdict import (
-    REPEAT,
-    ChainedPhase,
-    chain_phases,
-    judge,
-    natural,
-    repeatability,
-    sound,
-    turned_over,
-)
-from specan.analysis.calibrator_tone import CalibrationSettings
-from specan.analysis.insertion import Heard, Insertion, evaluate_insertion
-from specan.data.calibration import Calibration, ChannelCalibration, Contribution
+from specan.analysis.insertion import CalibrationSettings, Heard, Insertion, evaluate_insertion
+from specan.data.calibration import VERDICTS, Calibration, ChannelCalibration, Contribution, Verdict
 from specan.data.channel import PhaseCalibration
 from specan.data.recording import Recording
 from specan.errors import InputError
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Up to `good` a figure passes, up to `doubtful` it is named, beyond that the channel has failed."""
+
+    good: float
+    doubtful: float
+    text: str
+
+    def judge(self, value: float) -> tuple[int, str]:
+        """Severity 0, 1 or 2, and the sentence for the reader."""
+        severity = int(abs(value) > self.good) + int(abs(value) > self.doubtful)
+        return severity, self.text.format(value=value) if severity else ""
+
+
+# Data sheets of array microphones allow 2 dB; a factor of two is another microphone, a wrong gain, or a
+# microphone that is not seated. A good insertion scatters by 0.05 % and has a tone 40 dB above everything else.
+LEVEL = Limit(2.0, 6.0, "{value:+.2f} dB from the nominal sensitivity")
+NEIGHBOURS = Limit(
+    3.0,
+    6.0,
+    "{value:+.2f} dB from the other microphones; a nominal sensitivity in the channel table would confirm it",
+)
+PURITY = Limit(0.03, 0.1, "noise and distortion are {value:.1%} of the tone")
+SCATTER = Limit(0.5, 5.0, "the windows scatter by {value:.2f} %")
+DRIFT = Limit(1.0, 5.0, "drifts by {value:+.2f} % during the recording")
+REPEAT = Limit(0.2, 1.0, "insertions differ by {value:.2f} dB")
+# Tolerances of single microphones mostly cancel in the middle of several.
+TOGETHER_DB, TOGETHER = 1.5, 3
+# From a quarter-inch microphone (1 mV/Pa) to a one-inch one (50 mV/Pa) with 10 dB of gain, and some room.
+PLAUSIBLE_MV_PER_PA = (0.3, 300.0)
+
+
+def judge(
+    heard: Sequence[tuple[Insertion, Heard]], mean: float, typical: float | None, doubt: str = ""
+) -> tuple[Verdict, tuple[str, ...]]:
+    """Level plausible, tone clean, stable: the worst insertion decides.
+
+    Parameters
+    ----------
+    heard : sequence of (Insertion, Heard)
+        Of one channel.
+    mean : float
+        Its sensitivity, mV/Pa.
+    typical : float or None
+        Middle of the sensitivities of all channels without a nominal one.
+    doubt : str
+        A sentence on its phase.
+    """
+    used = sound(heard)
+    judged = [
+        *_spoilt(heard, failed=not any(h.usable for _, h in heard)),
+        PURITY.judge(max(h.impurity for h in used)),
+        SCATTER.judge(max(h.scatter_percent for h in used)),
+        DRIFT.judge(max((h.drift_percent for h in used), key=abs)),
+        REPEAT.judge(_dB(max(h.sensitivity for h in used) / min(h.sensitivity for h in used))),
+        *_level(heard, mean, typical),
+        (int(bool(doubt)), doubt),
+    ]
+    worst = max(severity for severity, _ in judged)
+    return VERDICTS[worst], tuple(dict.fromkeys(text for severity, text in judged if severity))
+
+
+def sound(heard: Sequence[tuple[Insertion, Heard]]) -> list[Heard]:
+    """The insertions of a channel whose sensitivity counts; all where none is sound."""
+    return [h for _, h in heard if h.usable] or [h for _, h in heard]
+
+
+def _spoilt(heard: Sequence[tuple[Insertion, Heard]], failed: bool) -> list[tuple[int, str]]:
+    """Clipping and drop-outs; a spoilt insertion is not used where another one is sound."""
+    judged = []
+    several = len(heard) > 1
+    for insertion, h in heard:
+        where = f" in {insertion.label}" if several else ""
+        unused = "" if failed or h.usable else "; its sensitivity there is not used"
+        if h.clipped:
+            judged.append((2 if failed else 1, f"clipped{where}: rests on its largest value{unused}"))
+        if h.missing:
+            text = f"the tone is missing in {h.missing} of {h.missing + h.windows} windows{where}"
+            judged.append((2 if failed and not h.usable else 1, text + (unused or ", which are left out")))
+    return judged
+
+
+def _level(
+    heard: Sequence[tuple[Insertion, Heard]], mean: float, typical: float | None
+) -> list[tuple[int, str]]:
+    nominal = next((h.nominal for _, h in heard if h.nominal), None)
+    if nominal is not None:
+        return [LEVEL.judge(_dB(mean / nominal)), *[_together(i) for i, _ in heard]]
+    judged = []
+    if typical is not None:
+        judged.append(NEIGHBOURS.judge(_dB(mean / typical)))
+    low, high = PLAUSIBLE_MV_PER_PA
+    if not low <= mean <= high:
+        text = (
+            f"{mean:.4g} mV/Pa is not a microphone's ({low:g} to {high:g}); is the calibrator's level right?"
+        )
+        judged.append((2, text))
+    assumed = next((i for i, _ in heard if not i.level_confirmed), None)
+    if assumed is not None:
+        text = f"the calibrator's level of {assumed.level_dB:g} dB is assumed and no nominal sensitivity confirms it"
+        judged.append((1, text))
+    return judged
+
+
+def _together(insertion: Insertion) -> tuple[int, str]:
+    """Whether the microphones of an insertion are off their nominal sensitivities all together."""
+    off = [_dB(h.sensitivity / h.nominal) for h in insertion.heard if h.nominal and h.usable]
+    middle = float(np.median(off)) if len(off) >= TOGETHER else 0.0
+    if abs(middle) <= TOGETHER_DB:
+        return 0, ""
+    return 1, (
+        f"the microphones of {insertion.label} are {middle:+.1f} dB from their nominal sensitivities together: "
+        f"is the calibrator's level {insertion.level_dB + middle:.0f} dB instead of {insertion.level_dB:g} dB?"
+    )
+
+
+def _dB(ratio: float) -> float:
+    return float(20 * np.log10(ratio))
+
+
+@dataclass(frozen=True)
+class ChainedPhase:
+    """Phase relative to `reference`, the first channel of all that chains of shared microphones lead to.
+
+    `u_phase_deg` has two parts: how well insertions repeat, with its degrees of freedom (None where it was
+    declared), and the noise of the windows.
+    """
+
+    phase_deg: float
+    u_insertion_deg: float
+    u_windows_deg: float
+    dof: int | None
+    reference: str
+
+    @property
+    def u_phase_deg(self) -> float:
+        """Standard uncertainty of the phase."""
+        return float(np.hypot(self.u_insertion_deg, self.u_windows_deg))
+
+
+def chain_phases(insertions: Sequence[Insertion], declared_deg: float = 0.0) -> dict[str, ChainedPhase]:
+    r"""Phase of every channel at one tone, from insertions that may share microphones.
+
+    Each insertion j gives :math:`\varphi_{cj} = \theta_c - o_j` with an unknown common phase
+    :math:`o_j`. Where insertions share microphones the :math:`\theta_c` follow by least squares from all
+    of them together, however long the chain; insertions that share none form separate groups. How well an
+    insertion repeats follows from the residuals where there are enough of them, see `repeatability`, else it
+    is `declared_deg`; both enter the uncertainty with the noise of the windows.
+
+    Parameters
+    ----------
+    insertions : sequence of Insertion
+        All at one tone.
+    declared_deg : float
+        Standard uncertainty by which the phase between two microphones changes from one insertion to the
+        next; each of the two has half of the variance.
+
+    Returns
+    -------
+    dict
+        Channel name to its phase; the reference itself has 0 +- 0.
+    """
+    found: dict[str, ChainedPhase] = {}
+    for group in _connected(insertions):
+        found |= _adjust(group, declared_deg)
+    return found
+
+
+def _connected(insertions: Sequence[Insertion]) -> list[list[Insertion]]:
+    """Insertions in groups that hang together by shared channels, in the order given."""
+    groups: list[tuple[set[str], list[Insertion]]] = []
+    for insertion in insertions:
+        names = {h.channel for h in insertion.heard}
+        if not names:
+            continue
+        touching = [g for g in groups if g[0] & names]
+        members = [i for g in touching for i in g[1]]
+        groups = [g for g in groups if not g[0] & names]
+        groups.append((names.union(*(g[0] for g in touching)), [*members, insertion]))
+    return [members for _, members in groups]
+
+
+def _adjust(insertions: Sequence[Insertion], declared_deg: float) -> dict[str, ChainedPhase]:
+    """Least squares over one connected group; the reference is its first channel as people count."""
+    reference = min((h.channel for insertion in insertions for h in insertion.heard), key=natural)
+    rough = _rough(insertions, reference)
+    unknown = [name for name in rough if name != reference]
+    columns = {name: i for i, name in enumerate(unknown)}
+    seen = [(j, h) for j, insertion in enumerate(insertions) for h in insertion.heard]
+    design = np.zeros((len(seen), len(unknown) + len(insertions)))
+    observed = np.zeros(len(seen))
+    offsets = [rough[i.heard[0].channel] - i.heard[0].phase_deg for i in insertions]
+    for row, (j, h) in enumerate(seen):
+        if h.channel != reference:
+            design[row, columns[h.channel]] = 1.0
+        design[row, len(unknown) + j] = -1.0
+        # Small differences from the rough values, so that no angle wraps.
+        observed[row] = _wrap(h.phase_deg - rough[h.channel] + offsets[j])
+    solve = np.linalg.pinv(design)
+    correction = solve @ observed
+    residual = observed - design @ correction
+    windows = np.array([h.u_phase_deg**2 for _, h in seen])
+    u, dof = repeatability(
+        float(residual @ residual),
+        len(seen) - design.shape[1],
+        float(windows.mean()),
+        declared_deg / np.sqrt(2),
+    )
+    found = {reference: ChainedPhase(0.0, 0.0, 0.0, dof, reference)}
+    for name, i in columns.items():
+        weights = solve[i] ** 2
+        phase = float(_wrap(rough[name] + correction[i]))
+        inserted, noise = u * np.sqrt(weights.sum()), np.sqrt(weights @ windows)
+        found[name] = ChainedPhase(phase, float(inserted), float(noise), dof, reference)
+    return found
+
+
+def _rough(insertions: Sequence[Insertion], reference: str) -> dict[str, float]:
+    """Phases along one path from the reference to each channel."""
+    rough = {reference: 0.0}
+    waiting = list(insertions)
+    while waiting:
+        insertion = next(i for i in waiting if any(h.channel in rough for h in i.heard))
+        waiting.remove(insertion)
+        tie = next(h for h in insertion.heard if h.channel in rough)
+        for h in insertion.heard:
+            rough.setdefault(h.channel, rough[tie.channel] + h.phase_deg - tie.phase_deg)
+    return rough
+
+
+def natural(name: str) -> list[tuple[int, int | str]]:
+    """Sorting key under which "Mic 2" stands before "Mic 10"."""
+    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", name) if part]
+
+
+def _wrap(degrees: float) -> float:
+    return float((degrees + 180.0) % 360.0 - 180.0)
+
+
+# Channels of one make differ by some degrees at 1 kHz; one that is turned differs by 180 degrees.
+TOLERANCE_DEG = 30.0
+
+
+def turned_over(phases: Mapping[str, Sequence[float]]) -> tuple[set[str], set[str]]:
+    """Channels of inverted polarity, and those whose phase is neither that of a matched nor of a turned one.
+
+    Phases at all tones must be within 30 degrees of 180: a delay would turn with frequency. The larger part
+    of the group is taken for right; between equal parts the one that holds the reference.
+
+    Parameters
+    ----------
+    phases : mapping of str to sequence of float
+        Phases in degrees at one or more tones, of all channels of one group, relative to its first channel.
+
+    Examples
+    --------
+    >>> turned_over({"Mic 1": [0.0], "Mic 2": [-174.5], "Mic 3": [2.0]})
+    ({'Mic 2'}, set())
+    >>> turned_over({"Mic 1": [0.0], "Mic 2": [-174.5], "Mic 3": [177.0]})
+    ({'Mic 1'}, set())
+    """
+    like, opposite = set[str](), set[str]()
+    for name, degrees in phases.items():
+        if all(abs(_wrap(d)) <= TOLERANCE_DEG for d in degrees):
+            like.add(name)
+        elif all(abs(_wrap(d)) >= 180.0 - TOLERANCE_DEG for d in degrees):
+            opposite.add(name)
+    return (like if len(opposite) > len(like) else opposite), set(phases) - like - opposite
+
+
+ENOUGH = 3  # degrees of freedom from which an estimate replaces what was declared
+
+
+def repeatability(squares: float, dof: int, windows: float, declared: float) -> tuple[float, int | None]:
+    r"""Standard uncertainty of one observation by its insertion, and its degrees of freedom.
+
+    The residuals of observations that were made more than once have the variance
+    :math:`s^2 = \sum r^2 / \nu`, of which the noise within the insertions is a part. With three degrees of
+    freedom or more the rest is the estimate (GUM type A), times :math:`t_{0.975}(\nu) / 1.96`: then
+    +-1.96 u holds 95 % although s is itself uncertain (GUM, annex G). With fewer, the declared value counts
+    (type B), or the estimate where that is larger.
+
+    Parameters
+    ----------
+    squares : float
+        Sum of squared residuals.
+    dof : int
+        Observations minus unknowns.
+    windows : float
+        Mean variance of an observation by the noise of its windows.
+    declared : float
+        Standard uncertainty that is stated for one observation.
+
+    Returns
+    -------
+    tuple
+        The uncertainty in the unit of the residuals; degrees of freedom, None for type B.
+
+    Examples
+    --------
+    >>> found, freedom = repeatability(0.04, 4, 0.0, 0.5)
+    >>> round(found, 4), freedom
+    (0.1417, 4)
+    >>> repeatability(0.0, 0, 0.0, 0.5)
+    (0.5, None)
+    """
+    from scipy.special import stdtrit
+
+    found = math.sqrt(max(squares / dof - windows, 0.0)) if dof > 0 else 0.0
+    if dof < ENOUGH:
+        return max(found, declared), None
+    return found * float(stdtrit(dof, 0.975) / stdtrit(math.inf, 0.975)), dof
 
 
 def calibrate(recordings: Sequence[Recording], settings: CalibrationSettings | None = None) -> Calibration:

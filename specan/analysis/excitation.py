@@ -15,15 +15,16 @@ from specan.analysis.quality import LARGEST
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.tone import Excitation, ExcitationKind
-from specan.dsp.frequency_track import path, track
 from specan.dsp.statistics import median
 from specan.dsp.tonality import (
     TONE_SHARE,
     Appearance,
     appearance,
     narrow_band_is_noise,
+    path,
     scatters_as_noise,
     tonal_share,
+    track,
 )
 from specan.errors import RequestError, nearest
 

@@ -1,29 +1,357 @@
-"""One recording of a calibrator: what each microphone in the adapter made of the tone."""
+"""One recording of a calibrator: its tone and level, and what each microphone in the adapter made of them."""
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from specan.analysis.calibrator_tone import (
-    HEARD_FROM_OUTSIDE_DB,
-    CalibrationSettings,
-    Candidates,
-    candidates_of,
-    decide_level,
-    find_tone,
-    nominal_mV_per_Pa,
-    volts,
-)
-from specan.analysis.quality import QualityAccumulator
+from specan.analysis.quality import LARGEST, QualityAccumulator
+from specan.analysis.section import reasons_apart
 from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
-from specan.dsp.sine_fit import fit_sine
+from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
 from specan.errors import InputError
+from specan.schema import Settings
 from specan.units import LEVEL_REFERENCES
+
+DEFAULT_LEVEL_DB = 94.0
+# Pistonphones work at 250 Hz and give 114 or 124 dB; sound calibrators with one level give 94 dB at 1 kHz.
+PISTONPHONE_HZ, PISTONPHONE_DB = 250.0, (114.0, 124.0)
+NEAR = 0.05  # of a stated frequency
+# A level is taken from nominal sensitivities where they lead to within this of a usual one.
+NEAR_LEVEL_DB = 3.0
+# A microphone outside the adapter hears the calibrator at least this much less than one inside.
+HEARD_FROM_OUTSIDE_DB = 15.0
+LONGEST_FOR_FREQUENCY_S = 10.0
+
+
+class CalibrationSettings(Settings):
+    """How calibrator recordings are evaluated.
+
+    Attributes
+    ----------
+    level_dB : float or None
+        Sound pressure level of the calibrator re 20 uPa; None takes `CalibratorLevel_dB`, else what a
+        calibrator of its frequency gives: 94 dB, or at 250 Hz the level of a pistonphone.
+    frequency_hz : float or None
+        Nominal tone; None takes `CalibratorFrequency_Hz`, else the strongest tone.
+    windows : int
+        Number of measurement windows n of the means; windows longer than a second are divided.
+    u_level_dB : float
+        Standard uncertainty of the calibrator's level, as its certificate says.
+    u_insertion_dB : float
+        Standard uncertainty by which a level differs from one insertion of the microphone to the next.
+    u_insertion_deg : float
+        The same of the phase between two microphones of one insertion, at the tone. Both hold where the
+        recordings do not tell how well insertions repeat.
+    channels : tuple of str
+        Names or patterns of the calibrated channels; none takes `CalibratedChannels`, else all that
+        show the tone.
+    phase_model : {"delay", "constant"}
+        How the phase goes on to other frequencies.
+    """
+
+    level_dB: float | None = None
+    frequency_hz: Annotated[float, Field(gt=0)] | None = None
+    windows: Annotated[int, Field(ge=2)] = 20
+    u_level_dB: Annotated[float, Field(ge=0)] = 0.1
+    u_insertion_dB: Annotated[float, Field(ge=0)] = 0.05
+    # The sound's ways to two seats differ by up to 0.2 mm: 0.2 mm / sqrt 3 x 360 degrees / 343 mm at 1 kHz.
+    u_insertion_deg: Annotated[float, Field(ge=0)] = 0.12
+    channels: tuple[str, ...] = ()
+    phase_model: Literal["delay", "constant"] = "delay"
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Channels that may be in the adapter, who named them (empty: nobody), all microphones, and what cannot be used."""
+
+    channels: list[Channel]
+    named_by: str
+    microphones: list[Channel]
+    left_out: tuple[tuple[Channel, str], ...] = ()
+
+    @property
+    def rate(self) -> float:
+        """Their common sampling rate."""
+        return self.channels[0].sampling_rate
+
+    @property
+    def n_samples(self) -> int:
+        """Samples that all of them have."""
+        return min(c.n_samples for c in self.channels)
+
+
+def candidates_of(recording: Recording, settings: CalibrationSettings) -> Candidates:
+    """Channels in which the calibrator is sought.
+
+    Raises
+    ------
+    InputError
+        There is no microphone, a named one does not exist, or samples are not in volts.
+    """
+    microphones = list(recording.by_role("microphone")) or [
+        c for c in recording.channels if c.role == "other" and c.raw_unit in ("", "V")
+    ]
+    if not microphones:
+        raise InputError(
+            f"{recording.label} has no microphone channel",
+            expected="a recording of a calibrator on microphones",
+            remedy="name the channels, or give their roles in a channel table",
+        )
+    listed = stated(recording, microphones[0].group, "CalibratedChannels")
+    if settings.channels:
+        chosen, named_by = list(recording.select(settings.channels)), "--channel"
+    elif listed is not None:
+        named_by = "CalibratedChannels"
+        chosen = [_numbered(str(word).strip(), microphones, recording) for word in str(listed).split(",")]
+    else:
+        chosen, named_by = microphones, ""
+    in_volts = [c for c in chosen if c.raw_unit in ("", "V") and c.sampling_rate > 0 and c.n_samples > 0]
+    if not in_volts:
+        raise InputError(
+            f"{recording.label}: the samples of {chosen[0].label!r} are in {chosen[0].raw_unit or 'no unit'}",
+            expected="volts, from which a sensitivity in mV/Pa follows",
+        )
+    reasons = [
+        f"has samples in {c.raw_unit}, not in V" if c.raw_unit not in ("", "V") else apart
+        for c, apart in zip(chosen, reasons_apart(chosen, in_volts[0].sampling_rate), strict=True)
+    ]
+    together = list(zip(chosen, reasons, strict=True))
+    return Candidates(
+        [c for c, reason in together if not reason],
+        named_by,
+        microphones,
+        tuple((c, reason) for c, reason in together if reason),
+    )
+
+
+def stated(recording: Recording, group: str, key: str) -> Any:
+    """A property of the channel's group, of any other group, or of the file; None where there is none."""
+    places = [recording.group_properties.get(group, {}), *recording.group_properties.values()]
+    return next((place[key] for place in [*places, recording.properties] if key in place), None)
+
+
+def _stated_number(recording: Recording, group: str, key: str) -> float | None:
+    """The same as a number; "114 dB" and "94,0" are numbers too."""
+    written = stated(recording, group, key)
+    if written is None:
+        return None
+    found = re.match(r"\s*([-+]?\d+(?:[.,]\d*)?)", str(written))
+    value = float(found[1].replace(",", ".")) if found else math.nan
+    if not math.isfinite(value):
+        raise InputError(
+            f"{recording.label}: the property {key} is {written!r}",
+            expected="a number",
+            remedy="give --level or --frequency",
+        )
+    return value
+
+
+def _numbered(word: str, microphones: list[Channel], recording: Recording) -> Channel:
+    """The microphone that an entry of `CalibratedChannels` means: its name, its number, or its place."""
+    for channel in microphones:
+        digits = re.search(r"(\d+)\D*$", channel.name)
+        if word in (channel.name, channel.path, digits[1] if digits else None):
+            return channel
+    if word.isdigit() and 1 <= int(word) <= len(microphones):
+        return microphones[int(word) - 1]
+    raise InputError(
+        f"{recording.label}: CalibratedChannels names {word!r}",
+        expected="one of " + ", ".join(c.label for c in microphones),
+    )
+
+
+def volts(recording: Recording, channels: Sequence[Channel], start: int, stop: int) -> NDArray[np.float64]:
+    """Samples in volts, whatever sensitivity the file states; NaN for all that is no number or too large to square."""
+    back = np.array([[c.raw_scale / c.gain] for c in channels])
+    samples = recording.read(channels, start, stop) * back
+    return np.where(np.abs(samples) < LARGEST, samples, np.nan)
+
+
+def find_tone(recording: Recording, found: Candidates, settings: CalibrationSettings) -> tuple[float, str]:
+    """Frequency of the tone and how it was found, from the channel that hears most.
+
+    Raises
+    ------
+    InputError
+        No channel has a signal, or the tone is somewhere else than was said.
+    """
+    channels, rate = found.channels, found.rate
+    nominal, by = settings.frequency_hz, "--frequency"
+    if nominal is None:
+        written = _stated_number(recording, channels[0].group, "CalibratorFrequency_Hz") or 0.0
+        nominal, by = (written if written > 0 else None), "CalibratorFrequency_Hz"
+    why = f"found near the {nominal:g} Hz of {by}" if nominal else "the strongest tone"
+    tones = _tones(recording, channels, nominal)
+    if not tones:
+        raise InputError(
+            f"{recording.label}: no calibrated channel has a signal", expected="the tone of a calibrator"
+        )
+    pure = [t for t in tones if t.pure]
+    _reject_other_tone(recording, found, tones, nominal, by)
+    loudest = max(pure or tones, key=lambda tone: tone.amplitude)
+    n = min(found.n_samples, int(LONGEST_FOR_FREQUENCY_S * rate))
+    start = (found.n_samples - n) // 2
+    samples = np.nan_to_num(volts(recording, [loudest.channel], start, start + n)[0])
+    low, high = _search(nominal, rate)
+    guess = peak_frequency(samples, rate, low, high)
+    return fit_frequency(samples, rate, guess).frequency_hz, why
+
+
+@dataclass(frozen=True)
+class _Tone:
+    """The strongest tone of one channel in one section."""
+
+    channel: Channel
+    frequency_hz: float
+    amplitude: float
+    pure: bool  # holds more than half of the power
+
+
+def _search(nominal: float | None, rate: float) -> tuple[float, float]:
+    return ((1 - NEAR) * nominal, (1 + NEAR) * nominal) if nominal else (50.0, rate / 2)
+
+
+def _tones(recording: Recording, channels: Sequence[Channel], nominal: float | None) -> list[_Tone]:
+    """The strongest tone of each channel that has a signal, in three sections of at most a second."""
+    rate = channels[0].sampling_rate
+    n = min(c.n_samples for c in channels)
+    size = min(n, int(rate))
+    best: dict[int, _Tone] = {}
+    for start in sorted({0, (n - size) // 2, n - size}) if size >= 16 else ():
+        samples = volts(recording, channels, start, start + size)
+        for row, x in enumerate(np.nan_to_num(samples)):
+            if not np.ptp(x) > 0:
+                continue
+            try:
+                frequency = peak_frequency(x, rate, *_search(nominal, rate))
+            except ValueError as fault:
+                raise InputError(
+                    f"{recording.label}: no tone can be sought ({fault})",
+                    expected="a recording that is long enough for its tone",
+                ) from None
+            fit = fit_sine(x, rate, frequency)
+            amplitude = float(abs(fit.phasors[0]))
+            pure = bool(amplitude > np.sqrt(2) * float(fit.residual_rms))
+            known = best.get(row)
+            if known is None or (pure, amplitude) > (known.pure, known.amplitude):
+                best[row] = _Tone(channels[row], frequency, amplitude, pure)
+    return [best[row] for row in sorted(best)]
+
+
+def _reject_other_tone(
+    recording: Recording, found: Candidates, tones: Sequence[_Tone], nominal: float | None, by: str
+) -> None:
+    """Say so where the tone is on other channels, or at another frequency, than somebody stated."""
+    heard = max((t.amplitude for t in tones if t.pure), default=0.0)
+    names = {c.label for c in found.channels}
+    rest = [c for c in found.microphones if c.label not in names and c.sampling_rate == found.rate]
+    if found.named_by == "CalibratedChannels" and rest:
+        others = [t for t in _tones(recording, rest, nominal) if t.pure]
+        loud = [t for t in others if t.amplitude > heard * 10 ** (HEARD_FROM_OUTSIDE_DB / 20)]
+        if loud:
+            far = (
+                "show no tone" if heard == 0 else f"hear it {HEARD_FROM_OUTSIDE_DB:g} dB or more below others"
+            )
+            named = _listed([c.label for c in found.channels])
+            raise InputError(
+                f"{recording.label}: the channels that CalibratedChannels names ({named}) {far}; the tone of "
+                f"{loud[0].frequency_hz:.6g} Hz is on {_listed([t.channel.label for t in loud])}",
+                expected="the tone on the channels that are named",
+                remedy="correct the property, or name the channels with --channel",
+            )
+    if heard == 0 and nominal is not None:
+        anywhere = [t for t in _tones(recording, found.channels, None) if t.pure]
+        if anywhere:
+            loudest = max(anywhere, key=lambda tone: tone.amplitude)
+            raise InputError(
+                f"{recording.label}: the tone is at {loudest.frequency_hz:.6g} Hz ({loudest.channel.label}), "
+                f"and {by} says {nominal:g} Hz",
+                expected=f"a tone within {NEAR:.0%} of what is stated",
+                remedy=f"give --frequency {loudest.frequency_hz:.0f} if that is the calibrator",
+            )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 6 else f"{names[0]} ... {names[-1]}"
+
+
+@dataclass(frozen=True)
+class Level:
+    """Sound pressure level of the calibrator, how it was decided, and whether anything but habit says so."""
+
+    dB: float
+    decided: str
+    confirmed: bool
+
+
+def decide_level(
+    recording: Recording,
+    channels: Sequence[Channel],
+    amplitude_V: Sequence[float],
+    frequency_hz: float,
+    settings: CalibrationSettings,
+) -> Level:
+    """Level of the calibrator: as given, as the file says, else as calibrators of its frequency have it.
+
+    Nominal sensitivities choose between the levels of pistonphones. They do not choose another level than
+    94 dB at other frequencies: an amplifier of 20 dB that nobody wrote down looks the same as 114 dB.
+
+    Raises
+    ------
+    InputError
+        A pistonphone whose level nothing tells.
+    """
+    if settings.level_dB is not None:
+        return Level(settings.level_dB, "as given", True)
+    written = _stated_number(recording, channels[0].group, "CalibratorLevel_dB")
+    if written is not None:
+        return Level(written, "property CalibratorLevel_dB", True)
+    pairs = zip(channels, amplitude_V, strict=True)
+    levels = [level_of(a / n) for c, a in pairs if (n := nominal_mV_per_Pa(c)) is not None and a > 0]
+    if abs(frequency_hz - PISTONPHONE_HZ) > NEAR * PISTONPHONE_HZ:
+        how = "assumed, as no property states it" + (
+            f"; by nominal sensitivities {np.median(levels):.1f} dB" if levels else ""
+        )
+        return Level(DEFAULT_LEVEL_DB, how, False)
+    usual = " or ".join(f"{level:g}" for level in PISTONPHONE_DB)
+    if levels:
+        middle = float(np.median(levels))
+        nearest = min((DEFAULT_LEVEL_DB, *PISTONPHONE_DB), key=lambda level: abs(level - middle))
+        if abs(nearest - middle) <= NEAR_LEVEL_DB:
+            what = "a pistonphone" if nearest in PISTONPHONE_DB else "a calibrator"
+            how = f"{what} at {frequency_hz:.0f} Hz; by nominal sensitivities {middle:.1f} dB"
+            return Level(nearest, how, True)
+    raise InputError(
+        f"{recording.label}: the tone of {frequency_hz:.6g} Hz is that of a pistonphone ({usual} dB), and "
+        + (
+            f"nominal sensitivities lead to {np.median(levels):.1f} dB"
+            if levels
+            else "nothing tells its level"
+        ),
+        expected="the calibrator's level",
+        remedy=f"give --level {PISTONPHONE_DB[0]:g}, or what its certificate says",
+    )
+
+
+def level_of(volts_per_mV_per_Pa: float) -> float:
+    """Level of a tone from its amplitude in V over the sensitivity in mV/Pa."""
+    return float(20 * np.log10(1000 * volts_per_mV_per_Pa / np.sqrt(2) / LEVEL_REFERENCES["Pa"].value))
+
+
+def nominal_mV_per_Pa(channel: Channel) -> float | None:
+    """Sensitivity that the file or the channel table states."""
+    return 1000 * abs(channel.raw_scale / channel.gain) if channel.unit == "Pa" else None
+
 
 LONGEST_WINDOW_S = 1.0
 # Microphones that hear the tone from further below are outside the adapter, and nobody expects them in it.

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from specan.data.frequency_response import FrequencyResponse
     from specan.data.levels import SignalLevels
     from specan.data.orders import OrderSpectrum
-    from specan.data.shock_response import ShockResponse
-    from specan.data.spectrum import Spectrogram, Spectrum
+    from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum
     from specan.data.tone import ToneTable
     from specan.schema import Settings
     from specan.units import Quantity
@@ -34,14 +33,14 @@ Source: TypeAlias = Recording | str | Path
 SETTINGS = {
     "octave": "octave:Octave",
     "fft": "spectrum:FourierSpectrum",
-    "spectrogram": "spectrogram:SpectrogramSettings",
+    "spectrogram": "spectrum:SpectrogramSettings",
     "frf": "transfer_function:TransferFunction",
     "rms": "levels:Levels",
     "tones": "tone:Tone",
     "orders": "orders:Orders",
     "impulse": "decay:ImpulseResponse",
     "decay": "decay:Decay",
-    "calibrate": "calibrator_tone:CalibrationSettings",
+    "calibrate": "insertion:CalibrationSettings",
     "srs": "shock_response:ShockSettings",
     "batch": "batch.settings:BatchSettings",
 }
@@ -151,7 +150,7 @@ def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
         Opened already, or a file to read.
     **settings
         ``columns``, ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``,
-        ``fmin_hz``, ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrogram.SpectrogramSettings`.
+        ``fmin_hz``, ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrum.SpectrogramSettings`.
 
     Returns
     -------
@@ -326,7 +325,7 @@ def calibrate(
         Where to write the ``calibration.toml``; a file that specan did not write is not replaced.
     **settings
         ``level_dB``, ``frequency_hz``, ``windows``, ``u_level_dB``, ``u_insertion_dB``, ``u_insertion_deg``,
-        ``channels``, ``phase_model``: see `specan.analysis.calibrator_tone.CalibrationSettings`.
+        ``channels``, ``phase_model``: see `specan.analysis.insertion.CalibrationSettings`.
 
     Returns
     -------

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.orders import OrderSpectrum
-from specan.data.shock_response import ShockResponse
-from specan.data.spectrum import Spectrogram, Spectrum
+from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum
 from specan.report.figure_style import band_about, level_label, micro, with_gaps
 from specan.report.panels import Curve, Drawing, Panel, Picture, grouped, level_panels
 from specan.result import counted

@@ -7,7 +7,7 @@ from scipy.io import wavfile
 import specan
 from specan.analysis.batch.one_file import _analyse
 from specan.analysis.batch.settings import BatchSettings, read_settings
-from specan.analysis.batch.table_lines import with_orders
+from specan.analysis.batch.tables import with_orders
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
 

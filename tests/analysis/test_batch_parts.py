@@ -10,8 +10,7 @@ from specan.analysis.batch.inputs import Input, find_inputs
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.run import run_batch
 from specan.analysis.batch.settings import BatchSettings, read_settings
-from specan.analysis.batch.table_lines import noise_lines
-from specan.analysis.batch.tables import write_tables
+from specan.analysis.batch.tables import noise_lines, write_tables
 from specan.analysis.section import rms_about_mean
 from specan.analysis.tone import Tone
 from specan.analysis.transfer_function import TransferFunction

@@ -6,10 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from specan.analysis.calibration import calibrate
-from specan.analysis.calibration_verdict import natural
-from specan.analysis.calibrator_tone import CalibrationSettings
-from specan.analysis.insertion import evaluate_insertion
+from specan.analysis.calibration import calibrate, natural
+from specan.analysis.insertion import CalibrationSettings, evaluate_insertion
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
 from truth.rig import Rig, Take, box_rig, calibrator_take

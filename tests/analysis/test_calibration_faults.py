@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from specan.analysis.calibration import calibrate
-from specan.analysis.calibrator_tone import CalibrationSettings
+from specan.analysis.insertion import CalibrationSettings
 from specan.data.calibration import Calibration, apply
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear_zpk, lfilter, resample, sosfilt, zpk2sos
 
-from specan.analysis.batch.table_lines import band_lines
+from specan.analysis.batch.tables import band_lines
 from specan.analysis.levels import Levels
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from specan.analysis.spectrogram import SpectrogramSettings
-from specan.analysis.spectrum import FourierSpectrum
+from specan.analysis.spectrum import FourierSpectrum, SpectrogramSettings
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.dsp.windows import WINDOWS
 from specan.errors import InputError, RequestError

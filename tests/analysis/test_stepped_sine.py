@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from specan.analysis.stepped_sine import join_stepped_sine, not_steps
-from specan.analysis.tone import Tone
+from specan.analysis.tone import Tone, join_stepped_sine, not_steps
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
 

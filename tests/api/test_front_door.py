@@ -25,12 +25,12 @@ RATE, SECONDS = 8000.0, 4.0
 ANALYSES = {
     "octave": "specan.analysis.octave:Octave",
     "fft": "specan.analysis.spectrum:FourierSpectrum",
-    "spectrogram": "specan.analysis.spectrogram:SpectrogramSettings",
+    "spectrogram": "specan.analysis.spectrum:SpectrogramSettings",
     "frf": "specan.analysis.transfer_function:TransferFunction",
     "rms": "specan.analysis.levels:Levels",
     "tones": "specan.analysis.tone:Tone",
     "orders": "specan.analysis.orders:Orders",
-    "calibrate": "specan.analysis.calibrator_tone:CalibrationSettings",
+    "calibrate": "specan.analysis.insertion:CalibrationSettings",
     "batch": "specan.analysis.batch.settings:BatchSettings",
 }
 

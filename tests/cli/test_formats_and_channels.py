@@ -73,7 +73,7 @@ def test_densities_as_universal_file_are_read_by_another_library(tmp_path):
         lines=400,
         detrend=False,
     )
-    from specan.io.result_file import write_result
+    from specan.io.export_file import write_result
 
     write_result(found, tmp_path / "psd.uff")
     one = pyuff.UFF(str(tmp_path / "psd.uff")).read_sets()

@@ -18,7 +18,7 @@ import numpy as np
 import scipy.fft, scipy.signal, scipy.special
 from specan.analysis.levels import Levels
 from specan.analysis.octave import Octave
-from specan.analysis.spectrogram import SpectrogramSettings
+from specan.analysis.spectrum import SpectrogramSettings
 from specan.analysis.spectrum import FourierSpectrum
 from specan.analysis.tone import Tone
 from specan.analysis.transfer_function import TransferFunction

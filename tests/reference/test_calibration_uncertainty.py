@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 from calibration_coverage import STAR, TWICE, campaign, coverage, recording
 
-from specan.analysis.calibration import join_insertions
-from specan.analysis.calibration_verdict import chain_phases, repeatability
-from specan.analysis.calibrator_tone import CalibrationSettings
-from specan.analysis.insertion import evaluate_insertion
+from specan.analysis.calibration import chain_phases, join_insertions, repeatability
+from specan.analysis.insertion import CalibrationSettings, evaluate_insertion
 
 # The share that 60 campaigns show for a true 95 % scatters: phases of an insertion share the error of Mic 1.
 LOW, HIGH = 0.90, 0.98

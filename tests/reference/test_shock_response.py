@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from scipy.signal import lsim
 
 import specan
-from specan.dsp.shock_response import oscillator
+from specan.analysis.shock_response import oscillator
 from specan.errors import RequestError
 from specan_cli.main import main
 

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from specan.analysis.spectrogram import SpectrogramSettings
-from specan.analysis.spectrum import FourierSpectrum
+from specan.analysis.spectrum import FourierSpectrum, SpectrogramSettings
 from specan.analysis.transfer_function import TransferFunction
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError

@@ -9,8 +9,7 @@ import specan
 from specan.analysis.levels import Levels
 from specan.analysis.octave import Octave
 from specan.analysis.orders import Orders
-from specan.analysis.spectrogram import SpectrogramSettings
-from specan.analysis.spectrum import FourierSpectrum
+from specan.analysis.spectrum import FourierSpectrum, SpectrogramSettings
 from specan.analysis.transfer_function import TransferFunction
 
 RATE = 8000

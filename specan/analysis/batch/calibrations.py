@@ -11,8 +11,8 @@ from pathlib import Path
 
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.result import FileResult
-from specan.analysis.calibrator_tone import CalibrationSettings
 from specan.analysis.excitation import CALIBRATOR_WORDS, stated_excitation
+from specan.analysis.insertion import CalibrationSettings
 from specan.data.recording import Recording
 from specan.errors import SpecanError, unforeseen
 from specan.io.calibration_file import FILE_NAME, calibration_beside, read_calibration, write_calibration

@@ -14,7 +14,7 @@ from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.result import FileResult, Kind
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import Identity, identify
-from specan.analysis.batch.table_lines import (
+from specan.analysis.batch.tables import (
     band_lines,
     noise_lines,
     other_lines,

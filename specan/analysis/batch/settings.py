@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator
 
-from specan.analysis.calibrator_tone import CalibrationSettings
+from specan.analysis.insertion import CalibrationSettings
 from specan.analysis.octave import Octave
 from specan.analysis.orders import Orders
 from specan.analysis.tone import Tone

@@ -1,21 +1,217 @@
-"""The result tables of a batch, put together from the results of its files."""
+"""The result tables of a batch: lines of each file, and the tables put together from them."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from specan import __version__
+from specan.analysis.accumulator import feed
 from specan.analysis.batch.result import FileResult
+from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import Kept
-from specan.analysis.batch.table_lines import joined_lines
-from specan.analysis.stepped_sine import join_stepped_sine, not_steps
+from specan.analysis.orders import Orders
+from specan.analysis.quality import QualityAccumulator
+from specan.analysis.tone import join_stepped_sine, not_steps
+from specan.data.band_levels import BandLevels
+from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse
+from specan.data.levels import rms_level
+from specan.data.orders import OrderSpectrum
+from specan.data.recording import Recording
 from specan.data.tone import ToneTable
-from specan.errors import InputError, unforeseen
+from specan.errors import InputError, SpecanError, unforeseen
 from specan.io import results_text as text
 from specan.units import LEVEL_REFERENCES
+
+MEAN = "energy-mean"
+JOINED = "stepped-sine"
+
+
+def tone_lines(table: ToneTable) -> str:
+    """One line a channel, and the energy mean of the microphones if there are several."""
+    others = np.array([name != table.reference for name in table.channels])
+    lines = _lines(
+        table,
+        channel=text.words(table.channels),
+        role=table.roles,
+        unit=text.words(table.units),
+        rms=table.rms,
+        level_dB=table.level_dB,
+        tone_rms=table.tone_rms,
+        phase_deg=np.where(others, table.phase_deg, np.nan),
+        u_phase_deg=text.significant(np.where(others, table.u_phase_deg, np.nan), 2),
+        magnitude_re_reference=np.where(others, table.magnitude, np.nan),
+        flags=table.flags,
+    )
+    return lines + _energy_mean(table)
+
+
+def _energy_mean(table: ToneTable) -> str:
+    """Root of the mean square over the microphones that have a signal."""
+    rows = [
+        i
+        for i, (role, unit) in enumerate(zip(table.roles, table.units, strict=True))
+        if role == "microphone" and unit == "Pa" and np.isfinite(table.rms[i]) and table.rms[i] > 0
+    ]
+    if len(rows) < 2:
+        return ""
+    rms, tone = (float(np.sqrt(np.mean(values[rows] ** 2))) for values in (table.rms, table.tone_rms))
+    return _lines(
+        table,
+        channel=MEAN,
+        role="microphone",
+        unit="Pa",
+        rms=rms,
+        level_dB=rms_level([rms], ["Pa"]),
+        tone_rms=tone,
+        magnitude_re_reference=tone / table.reference_rms if table.reference_rms > 0 else np.nan,
+        flags=[tuple(dict.fromkeys(word for i in rows for word in table.flags[i]))],
+    )
+
+
+def _lines(table: ToneTable, **columns: Any) -> str:
+    common = {
+        "frequency_hz": table.frequency_hz, "reference": table.reference or "", "reference_rms": table.reference_rms
+    }  # fmt: skip
+    return _blocks("sine.txt", table.label, [{**common, **columns}])
+
+
+def _blocks(name: str, label: str, blocks: Iterable[Mapping[str, Any]]) -> str:
+    """Lines of a table from the columns of each block."""
+    return "".join(text.table_lines({"file": label, **block}, text.COLUMNS[name]) for block in blocks)
+
+
+def joined_lines(response: FrequencyResponse, roles: dict[str, str], units: dict[str, str]) -> str:
+    """The stepped-sine characteristic of a directory: channel by channel, frequency rising."""
+    u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
+    blocks = []
+    for row, name in enumerate(response.channels):
+        known = np.flatnonzero(np.isfinite(response.response[row]))
+        block = {
+            "channel": name,
+            "role": roles[name],
+            "unit": units[name],
+            "frequency_hz": response.frequency_hz[known],
+            "phase_deg": response.phase_deg[row, known],
+            "u_phase_deg": text.significant(u_phase[row, known], 2),
+            "magnitude_re_reference": response.magnitude[row, known],
+            "reference": response.reference,
+            "flags": " ".join((JOINED, *response.flags[row])),
+        }
+        blocks.append(block)
+    return _blocks("sine.txt", response.label, blocks)
+
+
+def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -> str:
+    """Lines of all channels; `quality` holds the words that the samples of each gave rise to."""
+    u_percent = np.hypot(response.u_magnitude_percent, response.u_common_percent)
+    u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
+    magnitude, phase = response.magnitude, response.phase_deg
+    blocks = (
+        {
+            "channel": name,
+            "frequency_hz": response.frequency_hz,
+            "magnitude": magnitude[row],
+            "phase_deg": phase[row],
+            "coherence": text.fixed(response.coherence[row], 5),
+            "u_magnitude_percent": u_percent[row],
+            "u_phase_deg": u_phase[row],
+            "flags": response.line_words(row, tuple(dict.fromkeys((*quality[row], *response.flags[row])))),
+        }
+        for row, name in enumerate(response.channels)
+    )
+    return _blocks("noise.txt", response.label, blocks)
+
+
+def band_lines(levels: BandLevels) -> str:
+    """Lines of all channels: each channel's bands, then its overall levels."""
+    return _blocks("bands.txt", levels.label, levels.tables())
+
+
+def other_lines(levels: BandLevels, roles: Sequence[str]) -> str:
+    """The same with role and unit, for recordings that are neither a sine nor noise; RMS only of all frequencies."""
+    blocks = []
+    for row, (table, role) in enumerate(zip(levels.tables(), roles, strict=True)):
+        zero = levels.references[row].value
+        bands = zip(table["band_hz"], table["level_dB"], strict=True)
+        rms = [zero * 10 ** (level / 20) if name == "total-Z" else np.nan for name, level in bands]
+        blocks.append({**table, "role": role, "unit": levels.units[row], "rms": rms})
+    return _blocks("other.txt", levels.label, blocks)
+
+
+def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Sequence[Sequence[str]]) -> str:
+    """Lines of `other.txt` for channels without band levels: one total a channel."""
+    columns = {
+        "channel": text.words(c.label for c in channels),
+        "role": [c.role for c in channels],
+        "unit": text.words(c.unit for c in channels),
+        "band_hz": "total-Z",
+        "rms": rms,
+        "level_dB": rms_level(rms, [c.unit for c in channels]),
+        "flags": flags,
+    }
+    return _blocks("other.txt", label, [columns])
+
+
+TABLE = "orders.txt"
+# Up to the highest order by default, every order is seen at every speed: one column says it all.
+_NO_MAP = Orders(columns=1)
+
+
+def with_orders(found: FileResult, recording: Recording, settings: BatchSettings) -> FileResult:
+    """The result with the orders of a recording that has a tacho, or for which the settings ask.
+
+    Where there are none, `skipped.txt` says why. The samples are read once more: equal angles need the whole
+    tacho first.
+    """
+    if found.kind != "done" or (settings.orders is None and not recording.by_role("tacho")):
+        return found
+    try:
+        orders, words = _analyse(recording, settings.orders or _NO_MAP)
+    except SpecanError as fault:
+        reason = f"no orders: {str(fault).removeprefix(f'{recording.label}: ')}"
+        return replace(found, blocks={**found.blocks, TABLE: ""}, set_aside=(*found.set_aside, ("", reason)))
+    low, mean, high = orders.tacho.speed_hz
+    source = f"by {orders.tacho.channel}" if orders.tacho.channel else "as stated"
+    about = f"orders of a shaft at {mean:.6g} Hz ({low:.6g} to {high:.6g}) {source}, {orders.turns} turns"
+    return replace(
+        found,
+        blocks={**found.blocks, TABLE: order_lines(orders, words)},
+        about=(*found.about, about, *orders.notes),
+    )
+
+
+def _analyse(recording: Recording, settings: Orders) -> tuple[OrderSpectrum, Sequence[tuple[str, ...]]]:
+    from specan.analysis.orders import OrderAccumulator
+
+    accumulator = OrderAccumulator(recording, settings)
+    look = QualityAccumulator(accumulator.channels, accumulator.start, accumulator.stop)
+    if settings.envelope_hz is None:
+        feed(recording, [accumulator, look])
+    else:
+        feed(recording, [look])
+        for samples in accumulator.pieces():
+            accumulator.add(samples)
+    return accumulator.result(), [quality.flags for quality in look.result()]
+
+
+def order_lines(orders: OrderSpectrum, flags: Sequence[Sequence[str]]) -> str:
+    """The orders that were asked for, with phase and uncertainty; without any, the lines of the spectrum."""
+    blocks = []
+    for table, unit, words in zip(orders.tables(), orders.units, flags, strict=True):
+        if orders.lines is None:
+            table |= {name: table[name][1:] for name in ("order", "amplitude")}
+        level = rms_level([table["amplitude"] / np.sqrt(2)], [unit])[0]
+        blocks.append({**table, "unit": unit, "level_dB": level, "flags": " ".join(words)})
+    return _blocks(TABLE, orders.label, blocks)
+
 
 # Stands in the place of a file's name: all sine recordings of a directory joined.
 ALL = "*"

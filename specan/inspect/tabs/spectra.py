@@ -7,8 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from specan.analysis.spectrogram import SpectrogramSettings
-from specan.analysis.spectrum import FourierSpectrum
+from specan.analysis.spectrum import FourierSpectrum, SpectrogramSettings
 from specan.analysis.transfer_function import TransferFunction
 from specan.data.spectrum import SCALINGS
 from specan.dsp.windows import WINDOWS

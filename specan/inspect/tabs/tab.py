@@ -200,7 +200,7 @@ def text_of(result: RecordingResult) -> bytes:
     """What a command writes to a file."""
     import tempfile
 
-    from specan.io.result_file import write_result
+    from specan.io.export_file import write_result
 
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "numbers.txt"
