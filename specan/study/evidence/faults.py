@@ -350,8 +350,8 @@ def _not_set_anew(problem: Problem, o: TableObservation, slopes: Mapping[str, Ar
 def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
     """Rows that equal an earlier one in every number, more of them than chance makes.
 
-    Two normal readings of deviation u, printed in steps s, agree with probability s / (2 sqrt(pi) u). A copy is one of
-    any earlier repeat of its condition; the share of rows that are copies is uniform.
+    Two normal readings of deviation u, printed in steps s, agree with probability s / (2 sqrt(pi) u), conditions that
+    are read as well. A copy is one of any earlier repeat of its condition; the share of rows that are copies is uniform.
     """
     conditions = [c for n, c in o.conditions.items() if n != TIME]
     if o.lines is None or o.replicate_group is None or not conditions:
@@ -368,15 +368,23 @@ def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
     count = int(np.sum(earlier > 0))
     reading = o.parts.get("reading", np.zeros(o.n))
     scatter = min(1.0, float(np.sqrt(np.mean(tangent.residual**2)))) * np.where(reading > 0, reading, o.sigma)
+    of_group = alike / np.sum(alike, axis=1)
+    spread = [np.sqrt(of_group @ (c - of_group @ c) ** 2) for c in conditions]
+    by_chance = sum(_ln_agreement(c, own) for c, own in zip(conditions, spread, strict=True))
     gain = float(betaln(copies.size + 1, max(count - copies.size, 0) + 1))
     for k in copies:
-        step = _printed_step(np.unique(o.measured[kinds == kinds[k]]))
-        agree = step / (2 * np.sqrt(np.pi) * scatter[k])
-        gain -= float(np.log(max(earlier[k], 1) * min(agree, 1.0)))
+        same_kind = o.measured[kinds == kinds[k]]
+        gain -= float(np.log(max(earlier[k], 1)) + by_chance[k] + _ln_agreement(same_kind, scatter[k]))
     pairs = [f"{o.place_of(int(k))} and {o.place_of(int(original[k]))}" for k in copies[:LEAST_ROWS]]
     more = f" and {copies.size - len(pairs)} more pairs" if copies.size > len(pairs) else ""
     text = f"rows are copies, equal to the last digit ({', '.join(pairs)}{more}); keep one of each"
     yield Fault("copied rows", text, np.zeros((o.n, 0)), (1.0,), lambda _: "", gain)
+
+
+def _ln_agreement(printed: Array, scatter: Array) -> Array:
+    """ln of the probability that two values agree as they are printed; 0 where they are set and do not scatter."""
+    step = _printed_step(np.unique(printed))
+    return np.log(np.minimum(step / (2 * np.sqrt(np.pi) * np.maximum(scatter, 1e-300)), 1.0))
 
 
 def _printed_step(distinct: Array) -> float:

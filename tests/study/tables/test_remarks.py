@@ -81,6 +81,16 @@ def test_copied_rows_are_named_by_their_lines(tables, tmp_path):
     assert not copies_told(tables, tmp_path, one)
 
 
+def test_a_few_copied_rows_are_seen_by_conditions_that_are_read(tables, tmp_path):
+    columns = tables.bench(8, repeats=2, setting="read", points=tables.grid(**GRID))
+    assert not copies_told(tables, tmp_path, columns)
+    for values in columns.values():
+        values[-6:] = values[:6]
+    (said,) = copies_told(tables, tmp_path, columns)
+    rows = columns["speed_rpm"].size
+    assert f"line {rows - 4} of table.csv and line 2 of table.csv" in said
+
+
 def test_coarse_readings_at_set_conditions_agree_by_chance(tables, tmp_path):
     columns = tables.bench(9, repeats=4, setting="set", points=tables.grid(**GRID))
     columns["input_torque_Nm"] = np.round(columns["input_torque_Nm"] / 0.05) * 0.05
