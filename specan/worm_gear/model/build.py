@@ -82,7 +82,10 @@ def build(rig: Mapping[str, Any]) -> Model:
         axes={"bearing": tuple(f"{b.shaft} {i % 2 + 1}: {b.designation}" for i, b in enumerate(bearings))},
         rig=_rig_statement(settings, conditions),
         words=WORDS,
-        table_rules=TableRules(partial(complete, ratio=ratio), {OUT: frozenset({IN, ETA})}),
+        table_rules=TableRules(
+            partial(complete, ratio=ratio, ambient=settings.operation.ambient_temperature_C),
+            {OUT: frozenset({IN, ETA})},
+        ),
         settings={"rig": settings.model_dump()},
         law="power_loss",
     )
@@ -100,7 +103,7 @@ def _conditions(operation: Operation) -> dict[str, Condition]:
         ),
         Condition(
             "indicated_oil_temperature", "K", "Temperature that the sensor in the oil sump indicates.",
-            "oil_temperature_C", "degC", operation.oil_temperature_C,
+            OIL, "degC", operation.oil_temperature_C,
             usual_setting=SettingError(absolute=1.5),
         ),
         Condition(
@@ -193,9 +196,11 @@ Columns = Mapping[str, Array]
 
 IN, OUT, ETA, LOSS = "input_torque_Nm", "output_torque_Nm", "efficiency", "power_loss_W"
 SPEED = "speed_rpm"
+OIL = "oil_temperature_C"
+AS_WARM_K = 2.0  # a loaded gear's oil is warmer than the room by more
 
 
-def complete(columns: Columns, steps: Mapping[str, float], ratio: float) -> Completed:
+def complete(columns: Columns, steps: Mapping[str, float], ratio: float, ambient: float) -> Completed:
     """Input torque, output torque and efficiency of every row, as far as two of them give the third.
 
     Columns that follow from the others are checked against them and used once: where the input torque
@@ -209,6 +214,8 @@ def complete(columns: Columns, steps: Mapping[str, float], ratio: float) -> Comp
         ``{header: step in which it is printed}``.
     ratio : float
         Speed of the input shaft over that of the output shaft.
+    ambient : float
+        Temperature of the room, degrees Celsius.
 
     Raises
     ------
@@ -241,6 +248,12 @@ def complete(columns: Columns, steps: Mapping[str, float], ratio: float) -> Comp
     _check_agreement(found, ratio, printed, both)
     if np.any(both):
         notes.append(f"{ETA} follows from the torques in {both.sum()} rows (checked) and is used once")
+    oil = columns.get(OIL, empty)
+    if np.all(np.abs(oil - ambient) < AS_WARM_K):
+        notes.append(
+            f"{OIL} is {oil.min():.4g} to {oil.max():.4g} in every row, as warm as the room ([operation] "
+            f"ambient_temperature_C = {ambient:g}): was the thermometer in the oil?"
+        )
     with np.errstate(invalid="ignore"):  # an efficiency of zero measures nothing
         found[ETA] = np.where((eta > 0) & np.isnan(torque_in), eta, np.nan)
     return Completed(found | ({LOSS: empty} if LOSS in columns else {}), printed, tuple(notes))
