@@ -350,8 +350,8 @@ def _not_set_anew(problem: Problem, o: TableObservation, slopes: Mapping[str, Ar
 def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
     """Rows that equal an earlier one in every number, more of them than chance makes.
 
-    Two normal readings of deviation u, printed in steps s, agree with probability s / (2 sqrt(pi) u), conditions that
-    are read as well. A copy is one of any earlier repeat of its condition; the share of rows that are copies is uniform.
+    Two normal readings of deviation u, printed in steps s, agree with probability s / (2 sqrt(pi) u), and so do
+    conditions that are read. A copy is one of any earlier repeat; the share of rows that are copies is uniform.
     """
     conditions = [c for n, c in o.conditions.items() if n != TIME]
     if o.lines is None or o.replicate_group is None or not conditions:
