@@ -32,7 +32,7 @@ from specan_cli.output import (
 )
 
 if TYPE_CHECKING:
-    from specan.study.progress import Progress
+    from specan.study.processes import Progress
     from specan.study.study import Study
 
 STEPS = {

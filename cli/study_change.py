@@ -69,9 +69,8 @@ def _show(change: Change, as_json: bool, plot: Path | None) -> None:
         emit_json(change.to_dict())
         return
     from specan.report import study_sheets
-    from specan.study.edit import RISES
 
-    first = [remark for remark in change.remarks if remark == RISES.format("held-out")]
+    first = [remark for remark in change.remarks if remark == "the error on held-out data rises"]
     for remark in first:  # before all that looks like success
         click.echo(f"Note: {remark}")
     show_sheets([study_sheets.change(before, after)])

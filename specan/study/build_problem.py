@@ -19,8 +19,6 @@ from specan.study.selection.pulls import TOO_FAR
 from specan.study.study_file import EffectEntry, ParameterEntry, StudyFile
 from specan.units import convert, scale_to
 
-UNDETERMINED = 1e-6  # singular value, over the largest, below which a direction is not determined
-
 
 def assemble(model: Model, content: StudyFile, observations: Sequence[Observation]) -> Problem:
     """The problem that a study file describes.
@@ -188,18 +186,19 @@ def undetermined(problem: Problem, theta: Array) -> list[ParameterName]:
     is the sizes that a fit needs.
     """
     names, found = list(problem.names), []
+    least = 1e-6  # singular value, over the largest, below which a direction is not determined
     told = problem.n_data + problem.n_priors  # a known range determines nothing
     jacobian = problem.jacobian(theta)[:told] * problem.scale
     units = {n: problem.assembly.parameters[n.whole].unit for n in names}
     while names:
         place = [problem.names.index(n) for n in names]
         size = np.linalg.norm(jacobian[:, place], axis=0)
-        idle = [n for n, s in zip(names, size, strict=True) if s < UNDETERMINED]
+        idle = [n for n, s in zip(names, size, strict=True) if s < least]
         if idle:
             worst = idle[-1]
         else:
             _, s, vt = np.linalg.svd(jacobian[:, place] / size, full_matrices=False)
-            if s[-1] > UNDETERMINED * s[0]:
+            if s[-1] > least * s[0]:
                 break
             share = np.abs(vt[-1])
             together = [n for n, v in zip(names, share, strict=True) if v > 0.05 * share.max()]

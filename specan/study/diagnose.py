@@ -16,14 +16,11 @@ from specan.study.evidence.explanations import Explanations
 from specan.study.evidence.of_responses import OfResponses
 from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
 from specan.study.observation.table import TableObservation
-from specan.study.progress import Progress, unheard
+from specan.study.processes import Progress, unheard
 from specan.study.recorded_noise import with_noise_of_largest
 from specan.study.selection.initial_fit import InitialFit, initial_fit
 from specan.study.selection.refits import Refit
 from specan.study.verdict import Diagnosis, LackOfFit
-
-LEAST_DOF = 3.0  # degrees of freedom below which no test is made
-STARTS = 3  # of the fit of the base
 
 
 def diagnose(
@@ -55,7 +52,7 @@ def diagnose(
     ComputationError
         A fit that a verdict would rest on did not converge or is not finite.
     """
-    start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS))
+    start = Refit(frozenset(), problem, base or fit(problem, starts=3))
     why = untestable(start)
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
@@ -97,10 +94,10 @@ def mistake_beside(near: InitialFit, problem: Problem) -> MistakenSetUp:
 def untestable(start: Refit) -> str:
     """Why no test is possible; empty where one is."""
     problem = start.problem
-    if start.dof < LEAST_DOF:
+    if start.dof < 3:
         return (
             f"{problem.n_effective:.0f} measured values leave {max(start.dof, 0):.0f} degrees of freedom "
-            f"beside {len(problem.names)} parameters; at least {LEAST_DOF:.0f} are needed"
+            f"beside {len(problem.names)} parameters; at least 3 are needed"
         )
     if start.linear.rank < len(problem.names):
         return (

@@ -24,10 +24,8 @@ from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyText, read_study_file
 from specan.study.user_effects import rival_laws
 
-RISES = "the error on {} data rises"
 # What JSON says of the steps before and after a change.
 _OF_A_STEP = ("fit_error", "held_out_error", "errors", "reduced_chi2", "held_out_reduced_chi2", "p_value")
-SAME = 0.005  # relative change of an error below which it counts as not having moved
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -298,15 +296,15 @@ def _remarks_on_adding(
 
 
 def _on_errors(before: Step, after: Step, expected_to_fall: bool) -> list[str]:
-    remarks = []
+    remarks, same = [], 0.005  # relative change of an error below which it has not moved
     for what, one, two in error_pairs(before, after):
         # Twice the relative standard deviation of the RMS of n independent values, 1 / sqrt(2 n).
         by_chance = np.sqrt(2.0 / max(two["n"], 1))
-        if expected_to_fall and two["value"] > one["value"] * (1 + max(SAME, by_chance)):
-            remarks.append(RISES.format(what))
-        elif expected_to_fall and two["value"] > one["value"] * (1 - SAME):
+        if expected_to_fall and two["value"] > one["value"] * (1 + max(same, by_chance)):
+            remarks.append(f"the error on {what} data rises")
+        elif expected_to_fall and two["value"] > one["value"] * (1 - same):
             remarks.append(f"the error on {what} data does not fall")
-        elif not expected_to_fall and two["value"] < one["value"] * (1 - SAME):
+        elif not expected_to_fall and two["value"] < one["value"] * (1 - same):
             remarks.append(f"the error on {what} data falls")
     return remarks
 

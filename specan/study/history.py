@@ -43,9 +43,6 @@ PENDING = ".pending.json"
 
 FOLDER = ".kept"
 MOST_FILES = 12  # the oldest go
-# Parts of the program that change no number of a study.
-_ASIDE = ("report", "inspect", "api")
-_PACKAGES = {"site-packages", "dist-packages"}
 _ARRAY = "float64 array"
 Kept = TypeVar("Kept")
 
@@ -333,7 +330,7 @@ def _programs() -> dict[str, str]:
     root, digest = Path(specan.__file__).parent, hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
         inside = path.relative_to(root)
-        if inside.parts[0] not in _ASIDE:
+        if inside.parts[0] not in ("report", "inspect", "api"):  # they change no number of a study
             digest.update(f"{inside.as_posix()}\0".encode() + path.read_bytes() + b"\0")
     found = {"specan": digest.hexdigest(), "python": sys.version}
     for name in ("numpy", "scipy", "numba"):
@@ -355,7 +352,7 @@ def _own_modules() -> dict[str, str]:
         file = getattr(module, "__file__", None)
         if not isinstance(file, str) or file.startswith(installed):
             continue
-        if _PACKAGES.isdisjoint(Path(file).parts):
+        if {"site-packages", "dist-packages"}.isdisjoint(Path(file).parts):
             with contextlib.suppress(OSError):
                 found[name] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
     return found

@@ -15,7 +15,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from specan.errors import SpecanError
 from specan.models.kept import forget
@@ -25,6 +25,17 @@ Result = TypeVar("Result")
 Outcomes = dict[int, tuple[SpecanError | None, Any]]
 
 _JOBS: ContextVar[int] = ContextVar("jobs", default=1)
+
+
+class Progress(Protocol):
+    """What is being done, and the share of the whole that is over before it."""
+
+    def __call__(self, text: str, share: float | None = None) -> None:
+        """Tell."""
+
+
+def unheard(text: str, share: float | None = None) -> None:
+    """A progress that nobody is told of."""
 
 
 @contextmanager

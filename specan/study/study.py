@@ -64,9 +64,8 @@ from specan.study.verdict import Diagnosis, Ranked
 
 if TYPE_CHECKING:
     from specan.study.localisation.frf_errors import FrfErrors
-    from specan.study.progress import Progress
+    from specan.study.processes import Progress
 
-FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 PREDICTED = 0.01  # probability of chi-square from which data are predicted as well as they can be
 
@@ -481,10 +480,10 @@ class Study:
 
 
 def _far_from_calibration(problem: Problem, best: Fit) -> bool:
-    """Whether a fit has an instrument more than `FAR_FROM_CALIBRATION` standard uncertainties off its prior."""
+    """Whether a fit has an instrument more than ten standard uncertainties off its prior."""
     owners = [name.whole for name in best.names]
     held = [(k, *problem.priors[o]) for k, o in enumerate(owners) if o in problem.priors]
-    return any(abs(best.theta[k] - mean) > FAR_FROM_CALIBRATION * sd for k, mean, sd in held)
+    return any(abs(best.theta[k] - mean) > 10 * sd for k, mean, sd in held)
 
 
 def relative_to(directory: Path, path: Path) -> str:

@@ -22,8 +22,6 @@ from specan.schema import regular
 from specan.study.observation import Observation
 from specan.study.study_file import EffectFileEntry
 
-FOLDER = "effects"
-MODEL_FOLDER = "model"
 LAWS = "laws"  # that were proposed
 
 
@@ -96,7 +94,7 @@ class EffectFile:
     def entry(self) -> EffectFileEntry:
         """How a study file names it."""
         sha256 = hashlib.sha256(self.content).hexdigest()
-        return EffectFileEntry(file=f"{FOLDER}/{self.path.name}", sha256=sha256)
+        return EffectFileEntry(file=f"effects/{self.path.name}", sha256=sha256)
 
     def copy_to(self, directory: Path) -> None:
         """Copy it into a study and trust it; another version of the same name is kept beside it."""
@@ -209,12 +207,12 @@ def take_in_model(directory: Path, given: Path) -> tuple[str, str]:
         raise RequestError(f"the model file {given} does not exist", remedy="check the path")
     sha256 = hashlib.sha256(content_of(given)).hexdigest()
     for file in files_of(given):
-        inside = directory / MODEL_FOLDER / file.name
+        inside = directory / "model" / file.name
         if inside.resolve() != file.resolve():
             inside.parent.mkdir(parents=True, exist_ok=True)
             inside.write_bytes(file.read_bytes())
     trust(sha256)
-    return f"{MODEL_FOLDER}/{given.name}", sha256
+    return f"model/{given.name}", sha256
 
 
 def load_own_model(directory: Path, file: str, sha256: str | None, rig: Mapping[str, Any]) -> Model:

@@ -9,7 +9,7 @@ from specan.report import residual_map as module
 from specan.report.figures_study_frf import measured_transfer
 from specan.report.residual_map import map_axes, residual_map
 from specan.study.localisation.localise import Block, Localisation
-from specan.study.observation.kept_lines import KeptLines
+from specan.study.observation.frf import KeptLines
 
 
 @dataclass

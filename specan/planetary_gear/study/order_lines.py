@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from specan.models import Assembly
 from specan.planetary_gear.model.lines import DeclaredErrors
 from specan.study.observation import Strategy, Variable
-from specan.study.observation.kept_lines import KeptLines
+from specan.study.observation.frf import KeptLines
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

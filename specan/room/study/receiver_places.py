@@ -20,7 +20,7 @@ import numpy as np
 
 from specan.room.model.receivers import Places, receivers_of
 from specan.room.study.field_observation import FieldObservation
-from specan.study.design.proposal import EXPLORED, SEPARATES, Proposal, name_of
+from specan.study.design.operating_points import EXPLORED, SEPARATES, Proposal, name_of
 from specan.study.estimation.linear import chi2_beside, covariance_root
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.frf_errors import DB

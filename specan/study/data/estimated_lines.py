@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 
 Real = NDArray[np.float64]
 
-TOGETHER = 1 << 21  # samples of blocks that are analysed together: a second of 40 channels at 51.2 kHz
 LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
-ORDER = 3  # of the polynomial
 HALF = 5  # lines of the whole record to either side; 11 equations for 8 unknowns
 
 
@@ -76,7 +74,8 @@ def estimate_lines(
 
     rate, block = reference.sampling_rate, settings.block
     start = round((settings.start_s or 0.0) * rate)
-    count = min(-(-len(settings.channels) * block // TOGETHER), len(settings.channels))
+    # 1 << 21: samples of blocks that are analysed together: a second of 40 channels at 51.2 kHz
+    count = min(-(-len(settings.channels) * block // (1 << 21)), len(settings.channels))
     few = [tuple(part.tolist()) for part in np.array_split(np.array(settings.channels), count)]
     parts = [settings.model_copy(update={"channels": names})(recording).between(*band_hz) for names in few]
     order = [[part.channels.index(name) for name in names] for part, names in zip(parts, few, strict=True)]
@@ -156,10 +155,10 @@ def noise_density(reference: Real, responses: Iterable[Real], rate: float, frequ
     spectrum = np.fft.rfft(reference)
     centre = np.clip(np.round(frequency_hz * n / rate).astype(int), HALF + 1, spectrum.size - HALF - 2)
     number = np.arange(-HALF, HALF + 1)
-    powers = (number[:, None] / HALF) ** np.arange(ORDER + 1)
+    powers = (number[:, None] / HALF) ** np.arange(4)  # of a polynomial of third order
     rows = centre[:, None] + number
     system = np.concatenate(
-        [powers * spectrum[rows][..., None], np.broadcast_to(powers, (*rows.shape, ORDER + 1))], -1
+        [powers * spectrum[rows][..., None], np.broadcast_to(powers, (*rows.shape, 4))], -1
     )
     # columns of very different size: the transient is far smaller than the response
     scale = np.linalg.norm(system, axis=1, keepdims=True)

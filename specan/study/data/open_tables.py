@@ -23,7 +23,6 @@ from specan.study.data.table_reader import read_measurement
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
 
 TITLE = "a table (text with a header line, .xlsx, Parquet)"
-WORKBOOKS = (".xlsx", ".xlsm")  # an archive of another name is not a table
 
 
 def reads(path: Path) -> bool:
@@ -35,7 +34,9 @@ def reads(path: Path) -> bool:
         return False
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):  # UTF-16
         return True
-    if start.startswith(b"PAR1") or (start.startswith(b"PK") and path.suffix.lower() in WORKBOOKS):
+    # an archive of another name is not a table
+    workbook = start.startswith(b"PK") and path.suffix.lower() in (".xlsx", ".xlsm")
+    if start.startswith(b"PAR1") or workbook:
         return True
     return bool(start) and b"\0" not in start and not start.startswith((b"RIFF", b"TDSm", b"PK"))
 

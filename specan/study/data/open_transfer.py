@@ -19,6 +19,7 @@ from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, SpecanError, nearest
 from specan.io.open import open_recording
 from specan.models import Model, Observable
+from specan.models.quantity import KIND
 from specan.models.trial import try_model
 from specan.study.data.estimated_lines import LEAST_BLOCKS, estimate_lines
 from specan.study.data.recordings import put_aside
@@ -30,8 +31,6 @@ from specan.study.observation.window_leakage import Folding
 from specan.units import convert, is_compatible, scale_to
 
 TITLE = "transfer functions (a recording, a universal file 58, or text with frequency, re and im)"
-KIND = "transfer"
-REFERENCES = ("force", "vibrometer", "generator")  # roles of a reference that nobody names
 
 Complex = NDArray[np.complex128]
 _Maker = Callable[..., FrfObservation]
@@ -305,7 +304,7 @@ def _from_recording(
 def _reference(recording: Recording, observable: Observable) -> Channel:
     if observable.reference:
         return recording.channel(observable.reference)
-    for role in REFERENCES:
+    for role in ("force", "vibrometer", "generator"):
         found = recording.by_role(role)
         if len(found) == 1:
             return found[0]

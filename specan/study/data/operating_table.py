@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from specan.errors import InputError
 from specan.models import Condition, Model, SettingError
 from specan.study.data.setpoints import TIME, SetPoints, cells, grouped, grouping_of
-from specan.study.data.table_file import Table
+from specan.study.data.table_file import MOST_NAMED, Table
 from specan.study.data.table_reader import MARKS
 from specan.study.observation import Array, Variable
 from specan.study.observation.table import TableObservation
@@ -241,8 +241,6 @@ def check_varied(rows: Rows, model: Model) -> None:
 
 
 SCATTER = 3.0  # standard deviations of setting by which a limit may be passed
-OUTRAGEOUS = 8.0  # standard deviations beyond which a repeat is no scatter
-MOST_NAMED = 5  # lines in one message
 
 
 def check_limits(conditions: Mapping[str, Array], places: Sequence[str], model: Model) -> list[str]:
@@ -349,11 +347,12 @@ def check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array, 
     if not np.any(repeated):
         return
     size = np.maximum(np.abs(part.measured), 1e-300)
-    limit = np.maximum(0.1 * size, OUTRAGEOUS * np.sqrt(declared))
+    # 8: standard deviations beyond which a repeat is no scatter
+    limit = np.maximum(0.1 * size, 8 * np.sqrt(declared))
     moved = repeated & (off > 0)  # the one in the middle of three is not a measure of their scatter
     if np.sum(counts > 1) >= 4 and np.any(moved):
         usual, usual_share = np.median(off[moved]), np.median((off / size)[moved])
-        limit = np.maximum(limit, OUTRAGEOUS * 1.4826 * np.maximum(usual, usual_share * size))
+        limit = np.maximum(limit, 8 * 1.4826 * np.maximum(usual, usual_share * size))
     bad = repeated & (off > limit)
     if np.any(bad):
         k = int(np.argmax(np.where(bad, np.abs(rest), -1.0)))

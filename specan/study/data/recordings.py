@@ -19,8 +19,6 @@ from specan.study.observation import DataFile, MeasuredFiles, Observation
 
 Real = NDArray[np.float64]
 
-HUM_S = 1.0  # of a block, in which multiples of 50 and 60 Hz are lines
-HARMONICS, LEAST_HUM = 8, 2  # of the mains that are looked at; that have to stand out
 SECTIONS = 24  # of a recording, over which a drift is sought
 
 
@@ -87,20 +85,20 @@ def doubts(recording: Recording, channels: Sequence[Channel], reference: Channel
 
 def _hum(samples: Real, excitation: Real, rate: float) -> list[str]:
     """Lines at multiples of the mains' frequency that the excitation does not have."""
-    block = round(HUM_S * rate)
+    block = round(rate)  # one second: multiples of 50 and 60 Hz are lines
     if samples.size < 4 * block:
         return []
     spectra = [welch(x, rate, nperseg=block)[1] for x in (samples, excitation)]
     heard = []
     for mains in (50, 60):
-        places = [round(k * mains * HUM_S) for k in range(1, HARMONICS + 1) if k * mains < 0.4 * rate]
+        places = [k * mains for k in range(1, 9) if k * mains < 0.4 * rate]
         stands = [
             place  # ten times the power of its neighbours; of four averages chance gives three
             for place in places
             if _above(spectra[0], place) > 10.0 > _above(spectra[1], place)
         ]
         # A mode may lie on one of the multiples: hum has the first or the second beside others.
-        if len(stands) >= LEAST_HUM and stands[0] in places[:2]:
+        if len(stands) >= 2 and stands[0] in places[:2]:
             heard.append(f"hum at {mains} Hz and multiples")
     return heard
 

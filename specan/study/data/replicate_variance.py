@@ -30,8 +30,6 @@ from specan.study.observation.table import TableObservation
 
 ASKED_FOR = 9.0  # gain in 2 log-likelihood that takes in a component: p = 0.01 over some four that are tried
 
-LEAST_SHARE = 0.05  # of the scatter of set-ups that is at least their own and not that of their readings
-
 
 @dataclass(frozen=True)
 class VarianceFunction:
@@ -129,11 +127,11 @@ class _Variances:
     known: Array
 
     def level(self, shape: Array) -> float:
-        """Size a of ``known + a * shape`` by maximum likelihood; at least `LEAST_SHARE` of that without `known`."""
+        """Size a of ``known + a * shape`` by maximum likelihood; at least a twentieth of that without `known`."""
         whole = float(np.sum(self.nu * self.found / shape) / np.sum(self.nu))
         if not np.any(self.known):
             return whole
-        least, a = LEAST_SHARE * whole, whole
+        least, a = 0.05 * whole, whole
         # 12: steps of Fisher's scoring; each halves the error or better
         for _ in range(12):
             weight = self.nu * shape / (self.known + a * shape) ** 2

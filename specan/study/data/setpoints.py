@@ -12,10 +12,8 @@ from specan.models import Condition, Model, SettingError
 from specan.study.observation import Array
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
-GROUPS = 8  # of neighbours, into which values without set-points are divided
 ENOUGH = 8  # degrees of freedom above which repeats are believed
 TIME = "elapsed_time"  # orders the readings; never a setting
-CHANCE = 1e-3  # probability below which gaps of two sizes are no accident
 
 
 def grouping_of(model: Model, condition: Condition) -> SettingError:
@@ -128,7 +126,8 @@ def _break(ordered: Array, setting: SettingError) -> float:
         return np.inf
     below = np.arange(1, size.size)
     chance = (size[:-1] / size[1:]) ** below
-    usable = (chance < CHANCE) & (size[1:] > 3 * size[:-1]) & (below >= size.size / 3)
+    # 1e-3: probability below which gaps of two sizes are no accident
+    usable = (chance < 1e-3) & (size[1:] > 3 * size[:-1]) & (below >= size.size / 3)
     if not np.any(usable):
         return np.inf
     k = int(np.flatnonzero(usable)[np.argmax(size[1:][usable] / size[:-1][usable])])
@@ -185,8 +184,8 @@ def grouped(values: Array) -> Array:
     distinct, index = np.unique(values, return_inverse=True)
     if distinct.size <= MOST_LEVELS:
         return values
-    group = index * GROUPS // distinct.size
-    return np.array([values[group == g].mean() for g in range(GROUPS)])[group]
+    group = index * 8 // distinct.size
+    return np.array([values[group == g].mean() for g in range(8)])[group]
 
 
 def cells(*columns: NDArray[np.generic]) -> NDArray[np.intp]:

@@ -26,8 +26,6 @@ from specan.study.observation.table import TableObservation
 from specan.units import printed_unit
 
 SETTING = "the scatter of setting that the rig declares"
-CONDITIONS = "the reading noise of conditions that the rig declares"
-CORNERS = 7  # of a course over time
 
 
 @dataclass(frozen=True)
@@ -193,7 +191,9 @@ def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
         size = 1.0 if condition.usual_setting.absolute else x
         found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
     if any(_stated(model, name) for name in rows.conditions):
-        found[CONDITIONS] = declared_conditions(model, centre, rows)
+        found["the reading noise of conditions that the rig declares"] = declared_conditions(
+            model, centre, rows
+        )
     return {**found, SETTING: declared_setting(model, centre, rows)}
 
 
@@ -355,8 +355,8 @@ def _slopes(rows: Rows, predicted: Array) -> Array:
 def _piecewise_linear_basis(time: Array) -> list[Array]:
     """Piecewise straight functions of time whose corners lie closer together at the start."""
     span = max(float(np.ptp(time)), 1e-300)
-    corners = time.min() + span * np.linspace(0, 1, CORNERS) ** 2
-    return [np.interp(time, corners, unit) for unit in np.eye(CORNERS)]
+    corners = time.min() + span * np.linspace(0, 1, 7) ** 2
+    return [np.interp(time, corners, unit) for unit in np.eye(7)]
 
 
 def stretched(x: Array, low: float, high: float) -> Array:

@@ -36,7 +36,7 @@ _OWN = {
     "u_common_phase_deg": "",
 }  # fmt: skip
 _FREQUENCY = re.compile(r"^(f|freq|freq\.|frequency|frequencies)([ _]k?hz)?$", re.IGNORECASE)
-_CHANNELS, _CHANNEL = ("channel", "response"), "channel"
+_CHANNEL = "channel"
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +180,7 @@ class _Header:
             title, unit = name_and_unit(header)
             self.units[header] = unit
             scale, (name, part) = _FREQUENCY.match(title), _part(title)
-            if title.lower() in _CHANNELS:
+            if title.lower() in (_CHANNEL, "response"):
                 self.channel = header
             elif scale and not self.frequency:
                 self.frequency, self.units[header] = header, unit or (scale[2] or "Hz").strip(" _")

@@ -20,7 +20,7 @@ from specan.study.estimation.fit import Fit
 from specan.study.estimation.linear import chi2_beside, covariance_root, orthonormal
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
-from specan.study.observation.kept_lines import ABOVE_NOISE, KeptLines
+from specan.study.observation.frf import ABOVE_NOISE, KeptLines
 
 AT_ONCE = 256  # blocks whose directions are computed together
 LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import SpecanError, unforeseen
-from specan.study.design.operating_points import explore, propose
-from specan.study.design.proposal import Proposal
+from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import describe
 from specan.study.evidence.explanations import SURE, Explanation, Explanations
 from specan.study.evidence.form_errors import FORMS

@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -373,7 +373,7 @@ def kind_named(kind: str) -> Any:
     """
     if kind in KINDS:
         return importlib.import_module(KINDS[kind])
-    installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+    installed = _installed()
     if kind in installed:
         return installed[kind].load()
     raise RequestError(f"a study reads no {kind!r}", remedy=nearest(kind, [*KINDS, *installed]))
@@ -390,8 +390,12 @@ def brought(observations: Sequence[Observation], name: str) -> Callable[..., Any
     kind = kinds.pop() if len(kinds) == 1 else ""
     if kind in WAYS:
         return getattr(importlib.import_module(WAYS[kind]), name, None)
-    installed = entry_points(group=ENTRY_POINTS, name=kind)  # none for what somebody made without any file
-    return next((getattr(point.load(), name, None) for point in installed), None)
+    installed = _installed().get(kind)  # none for what somebody made without any file
+    return getattr(installed.load(), name, None) if installed else None
+
+
+def _installed() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
 
 
 def kind_of(path: Path, model: Model) -> str:

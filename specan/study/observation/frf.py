@@ -15,18 +15,92 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly, Evaluation
-from specan.study.observation import Strategy, Variable
-from specan.study.observation.kept_lines import ABOVE_NOISE, KeptLines
+from specan.study.observation import Array, Observation, Strategy, Variable
 from specan.study.observation.window_leakage import Folding
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Correlation of the random errors of lines 1 and 2 apart under a Hann window: (2/3)^2 and (1/6)^2.
 LINE_CORRELATION = (1.0, 4 / 9, 1 / 36)
 
-DOWN_WEIGHTED_HZ = 3.0  # between the lines of a down-weighted view
-DOWN_WEIGHTED_NEIGHBOURS = 5  # lines on either side that its uncertainty is averaged over
+
+ABOVE_NOISE = (
+    10.0  # times its noise that a line's power must be for its level to count: noise then adds 0.4 dB
+)
+
+
+class KeptLines(Observation):
+    """What observations of complex lines share.
+
+    Attributes
+    ----------
+    recording : str
+    channels : tuple of str
+    kept : bool array (channels, lines)
+        Rows in use; the real and the imaginary part of a line go together.
+    level_of : str
+        What the levels of its rows are called.
+    cells : tuple of str
+        Labels of the rows whose powers are added up to a level.
+    """
+
+    level_of: ClassVar[str]
+    cells: ClassVar[tuple[str, ...]]
+    recording: str
+    channels: tuple[str, ...]
+    kept: NDArray[np.bool_]
+
+    @property
+    def n(self) -> int:
+        """Number of real values."""
+        return 2 * int(self.kept.sum())
+
+    @property
+    def recordings(self) -> tuple[str, ...]:
+        """The one recording."""
+        return (self.recording,)
+
+    def powers(self) -> tuple[Array, Array]:
+        """Which rows count for a level, and the power of noise in each that is beside it."""
+        raise NotImplementedError
+
+    def stack(self, lines: NDArray[np.complex128]) -> Array:
+        """Rows of complex lines (channels, lines, ...)."""
+        return np.concatenate([lines.real[self.kept], lines.imag[self.kept]])
+
+    def lines_of(self, rows: Array, unused: float = 0.0) -> NDArray[np.complex128]:
+        """Complex lines (channels, lines) of their rows: `stack` undone."""
+        lines = np.full(self.kept.shape, unused, dtype=complex)
+        real, imaginary = np.split(rows, 2)
+        lines[self.kept] = real + 1j * imaginary
+        return lines
+
+    def turned(self, rows: Array) -> Array:
+        """Rows of lines turned by a right angle."""
+        real, imaginary = np.split(rows, 2)
+        return np.concatenate([-imaginary, real])
+
+    def sizes(self, rows: Array) -> Array:
+        """RMS of the two parts of each line, for both of its rows."""
+        real, imaginary = np.split(rows, 2)
+        return np.tile(np.sqrt((real**2 + imaginary**2) / 2), 2)
+
+    def rows(self, of_lines: Any) -> NDArray[Any]:
+        """Rows of what both parts of a line have alike, broadcast to (channels, lines)."""
+        return np.tile(np.broadcast_to(of_lines, self.kept.shape)[self.kept], 2)
+
+    @property
+    def channel_of_row(self) -> NDArray[np.str_]:
+        """Name of the channel of every row."""
+        return self.rows(np.array(self.channels)[:, None])
+
+    def take(self, mask: NDArray[np.bool_]) -> Self:
+        """Some of the rows; a line stays where either of its parts does."""
+        half = self.n // 2
+        kept = self.kept.copy()
+        kept[self.kept] = mask[:half] | mask[half:]
+        found: Self = replace(self, kept=kept)  # type: ignore[type-var]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,11 +318,11 @@ class FrfObservation(KeptLines):
     def down_weighted(self, percent: float) -> Self:
         """A few lines, predicted without windows, each known to `percent` of the RMS around it."""
         used = np.flatnonzero(self.kept.any(axis=0))
-        apart = float(np.min(np.diff(self.frequency_hz[used]), initial=DOWN_WEIGHTED_HZ))
-        part = self.of_lines(used[:: max(1, round(DOWN_WEIGHTED_HZ / apart))])
+        # 3 Hz: between its lines; 5 on either side: over which its uncertainty is averaged
+        apart = float(np.min(np.diff(self.frequency_hz[used]), initial=3.0))
+        part = self.of_lines(used[:: max(1, round(3.0 / apart))])
         power = np.sum(np.abs(part.response) ** 2 * part.kept, axis=0) / part.kept.sum(axis=0)
-        window = np.full(2 * DOWN_WEIGHTED_NEIGHBOURS + 1, 1 / (2 * DOWN_WEIGHTED_NEIGHBOURS + 1))
-        around = np.convolve(np.pad(power, DOWN_WEIGHTED_NEIGHBOURS, mode="edge"), window, mode="valid")
+        around = np.convolve(np.pad(power, 5, mode="edge"), np.full(11, 1 / 11), mode="valid")
         return replace(
             part,
             noise=np.hypot(part.random, percent / 100 * np.sqrt(around)),

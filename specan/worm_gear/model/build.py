@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from specan.models.catalogue import effects_in
 from specan.models.measurement_kinds import Completed, TableFault, TableRules
 from specan.models.model import Model, Nuisance, Words
-from specan.models.quantity import Condition, Observable, RigStatement, SettingError
-from specan.units import convert
+from specan.models.quantity import Condition, Observable, RigStatement, SettingError, rig_statement
 from specan.worm_gear.model.bearings import bearing_quantities
 from specan.worm_gear.model.power import IDLE, QUANTITIES, article_quantities, constants, viscosity
 from specan.worm_gear.model.rig import (
@@ -26,7 +25,6 @@ from specan.worm_gear.model.rig import (
     scaled_to_torque,
 )
 
-RPM = math.pi / 30
 BASE_EFFECTS = ("bearing-friction", "churning", "tooth-friction")
 OTHER_FORMS = {
     "bearing-friction": ("palmgren-bearings", "iso-bearings"),
@@ -147,47 +145,30 @@ def _nuisances(rig: Rig) -> tuple[Nuisance, ...]:
     return tuple(Nuisance(effect, name, sd, f"[uncertainty] {key}") for sd, key, effect, name in held if sd)
 
 
-# key of [uncertainty]: condition, whether relative to its value
-SETTING_ERRORS = {
-    "torque_setting_percent": ("indicated_output_torque", True),
-    "speed_setting_percent": ("worm_speed", True),
-    "oil_temperature_setting_K": ("indicated_oil_temperature", False),
+# key of [uncertainty]: the same by the columns of tables
+BY_COLUMN = {
+    "torque_setting_percent": "output_torque_Nm_setting_percent",
+    "speed_setting_percent": "speed_rpm_setting_percent",
+    "oil_temperature_setting_K": "oil_temperature_C_setting",
+    "input_torque_Nm": "input_torque_Nm",
+    "input_torque_percent": "input_torque_Nm_percent",
+    "output_torque_Nm": "output_torque_Nm",
+    "output_torque_percent": "output_torque_Nm_percent",
+    "oil_temperature_reading_K": "oil_temperature_C",
+    "speed_reading_rpm": "speed_rpm",
+    "model_discrepancy_percent": "model_discrepancy_percent",
 }
-# key of [uncertainty]: what is read with that scatter
-READING_ERRORS = {
-    "input_torque_Nm": "input_torque",
-    "output_torque_Nm": "indicated_output_torque",
-    "oil_temperature_reading_K": "indicated_oil_temperature",
-    "speed_reading_rpm": "worm_speed",
-}
-READING_PERCENT = {"input_torque_percent": "input_torque", "output_torque_percent": "indicated_output_torque"}
 
 
 def _rig_statement(rig: Rig, conditions: Mapping[str, Condition]) -> RigStatement:
     """Limits and uncertainties of the bench, SI."""
-    columns = {c.column: c for c in conditions.values()}
     given = rig.uncertainty.model_dump(exclude_none=True)
-    limits = {}
-    for key, (low, high) in rig.limits.model_dump(exclude_none=True).items():
-        known = columns[key]
-        ends = [float(convert(end, known.column_unit, known.unit)) for end in (low, high)]
-        limits[known.name] = (ends[0], ends[1])
-    return RigStatement(
-        limits=limits,
-        setting={
-            condition: SettingError(given[key] / 100) if relative else SettingError(absolute=given[key])
-            for key, (condition, relative) in SETTING_ERRORS.items()
-            if key in given
-        },
-        reading={
-            name: given[key] * (RPM if key.endswith("_rpm") else 1.0)
-            for key, name in READING_ERRORS.items()
-            if key in given
-        },
-        reading_percent={name: given[key] for key, name in READING_PERCENT.items() if key in given},
-        discrepancy_percent=rig.uncertainty.model_discrepancy_percent,
-        defaults_used=defaults_used(rig),
-    )
+    content = {
+        "limits": rig.limits.model_dump(exclude_none=True),
+        "uncertainty": {column: given[key] for key, column in BY_COLUMN.items() if key in given},
+    }
+    stated = rig_statement(content, conditions.values(), OBSERVABLES)
+    return replace(stated, defaults_used=defaults_used(rig))
 
 
 Array = NDArray[np.float64]
