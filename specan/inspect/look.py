@@ -87,7 +87,7 @@ table { border-collapse: collapse; font-size: 12px; font-variant-numeric: tabula
 th { color: var(--soft); font-weight: 600; text-align: left; padding: 1px 12px 1px 0; position: sticky; top: 0;
 background: var(--paper); }
 td { padding: 1px 12px 1px 0; border-top: 1px solid var(--line); }
-td.n { text-align: right; white-space: nowrap; }
+td { white-space: pre-line; } td.n { text-align: right; } td.n, td:first-child, th { white-space: nowrap; }
 details > summary { cursor: pointer; color: var(--soft); font-weight: 600; padding: 2px 0; }
 p { margin: 4px 0; } h3 { margin: 4px 0; font-size: 14px; } h4 { margin: 6px 0 2px; }
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from html import escape
 from itertools import zip_longest
 from typing import Any
 
@@ -14,6 +15,7 @@ from bokeh.models import (
     ColorBar,
     ColumnDataSource,
     CrosshairTool,
+    Div,
     FixedTicker,
     HoverTool,
     Legend,
@@ -127,7 +129,7 @@ class PanelPlot(Spectral):
     ) -> None:
         grows = {} if height else {"flex": f"{share + 1} 1 0", "min-height": "0"}
         self.sheet: Any = figure(
-            height=height, min_height=76, sizing_mode="stretch_width" if height else "stretch_both",
+            height=height, min_height=88, sizing_mode="stretch_width" if height else "stretch_both",
             styles={"background": "var(--paper)", **grows}, x_axis_type="log" if hertz else "linear",
             x_range=like.sheet.x_range if like else Range1d(20, 20000) if hertz else Range1d(0, 1),
             y_range=Range1d(0, 1), tools=[], output_backend="canvas",
@@ -288,8 +290,12 @@ class Plots:
         self.maps: dict[tuple[int, bool], HeatMap] = {}
         self.first = self._plot(0, 3)
         self._span = (0.0, 0.0)
+        self.facts = Div(sizing_mode="stretch_width", styles={"text-align": "center"})
         self.body = column(
-            self.first.sheet, sizing_mode="stretch_both", styles={"flex": "3 1 0", "min-height": "0"}
+            self.facts,
+            self.first.sheet,
+            sizing_mode="stretch_both",
+            styles={"flex": "3 1 0", "min-height": "0"},
         )
 
     def _plot(self, number: int, share: int) -> PanelPlot:
@@ -324,12 +330,12 @@ class Plots:
         for sheet in shown:
             sheet.xaxis[0].axis_label = drawing.x_label if sheet is shown[-1] else ""
             sheet.xaxis[0].major_label_text_font_size = "11px" if sheet is shown[-1] else "0px"
-        if self.body.children != shown:
-            self.body.children = shown
+        if self.body.children[1:] != shown:
+            self.body.children = [self.facts, *shown]
         if drawing.span != self._span:
             self._span = drawing.span
             self.first.span(*drawing.span)
-        shown[0].title.text = plain(drawing.facts[0])
+        self.facts.text = escape(drawing.facts[0])
 
 
 class HeatMap(Spectral):
@@ -365,7 +371,7 @@ class HeatMap(Spectral):
         }  # fmt: skip
         self.sheet.y_range.update(start=low, end=high, reset_start=low, reset_end=high)
         self.sheet.yaxis[0].axis_label = f"{plain(shown.name)}\n{shown.y_label}".lstrip()
-        self._bar.title = shown.unit
+        self._bar.title = shown.unit.removeprefix("Level / ")
 
 
 def even(

@@ -75,7 +75,9 @@ class RecordingPage(Page):
     )
 
     def __init__(self, document: Document, opened: Opened) -> None:
-        super().__init__(document, " with ".join(r.label for r in opened.recordings), View, height=20)
+        super().__init__(
+            document, " with ".join(r.label for r in opened.recordings), View, styles={"min-height": "20px"}
+        )
         self.opened = opened
         self.readout = Div(text="", name="readout", sizing_mode="stretch_width")
         self.drawing = self.worker(self._failed)
@@ -107,7 +109,12 @@ class RecordingPage(Page):
             labels=[tab.title for tab in self.tabs.values()],
             active=list(self.tabs).index(view.tab),
             name="tabs",
-            stylesheets=[on_phone("overflow-x: auto;", ".bk-btn-group { width: max-content; }")],
+            stylesheets=[
+                on_phone(
+                    "flex: none !important; height: auto !important;",
+                    ".bk-btn-group { flex-wrap: wrap; height: auto; }",
+                )
+            ],
         )
         self._front.on_change("active", lambda a, old, new: self.change(tab=list(self.tabs)[new]))
         self._waiting = Div(text="", sizing_mode="stretch_both", styles=_CENTRED)
@@ -118,7 +125,7 @@ class RecordingPage(Page):
         self._side = column(self.readout, sizing_mode="stretch_width")
         middle = column(
             self.waveform.sheet, self._front, self._controls, self.status.div, self._body,
-            sizing_mode="stretch_both", styles=_GROWS, stylesheets=[whole_width("820px")],
+            sizing_mode="stretch_both", styles=_GROWS, stylesheets=[whole_width("920px")],
         )  # fmt: skip
         self._right = ScrollBox(
             child=self._side, width=_RIGHT, sizing_mode="stretch_height", styles=PANEL,
@@ -141,7 +148,7 @@ class RecordingPage(Page):
             size=min(max(len(texts), 4), 28), width=_LEFT - 14, name="channels", sizing_mode="stretch_height",
             stylesheets=["select[multiple].bk-input { height: 100% !important; }"],
         )  # fmt: skip
-        search = TextInput(placeholder="Filter channels", width=_LEFT - 14, name="filter")
+        search = TextInput(title="Filter channels", width=_LEFT - 14, name="filter")
         search.js_on_change(
             "value_input", CustomJS(args={"list": self._channels, "all": texts}, code=_FILTER)
         )
@@ -273,7 +280,7 @@ class RecordingPage(Page):
             count = 10 if view.harmonics else 1
             rows = [r for k in range(1, count + 1) for r in tab.at(self.found, k * view.cursor)]
         hint = notice("Click into a figure: the values at that frequency are shown here.")
-        self.readout.text = table(["At the cursor", "Hz", ""], rows) if rows else hint if tab.figures else ""
+        self.readout.text = table(["Cursor", "Hz", ""], rows) if rows else hint if tab.figures else ""
 
     def _told(self, part: float) -> None:
         self.status.go_on(f"{self.tabs[self.view.tab].title}: reading, {100 * part:.0f} %")

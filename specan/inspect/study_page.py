@@ -60,9 +60,7 @@ class StudyPage(Page):
         self.history = Div(text="", name="history", sizing_mode="stretch_width")
         self.heading = Div(text="", name="model", sizing_mode="stretch_width")
         self.verdict = Div(text="", name="verdict", sizing_mode="stretch_width")
-        self.reason = TextInput(
-            title="", placeholder="because (for the history)", width=_SIDE - 14, name="because"
-        )
+        self.reason = TextInput(title="because (for the history)", width=_SIDE - 14, name="because")
         self.accept = Button(
             label="Accept", button_type="primary", disabled=True, name="accept", width=_SIDE - _AS_IT_IS - 24
         )

@@ -70,7 +70,7 @@ def test_each_unit_has_a_figure_and_many_lines_have_few_colours():
     assert len(used) == 3
     assert made[1].source.data["colour"][0] not in used
     plots.draw(replace(drawing, panels=(laser,)))
-    assert plots.body.children == [made[0].sheet]
+    assert plots.body.children == [plots.facts, made[0].sheet]
 
 
 @pytest.mark.long

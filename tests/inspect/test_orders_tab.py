@@ -57,7 +57,7 @@ def test_an_order_stands_at_its_level_and_the_tacho_is_left_out():
     assert curves["x"][0][place] == 24.0
     # an amplitude of 3 m/s^2 re 1 um/s^2 (ISO 1683)
     assert curves["y"][0][place] == pytest.approx(20 * np.log10(3 / np.sqrt(2) / 1e-6), abs=0.05)
-    assert tab.plots.body.children == [tab.plots.first.sheet]
+    assert tab.plots.body.children == [tab.plots.facts, tab.plots.first.sheet]
 
 
 def test_a_cursor_in_hertz_stands_at_its_order_at_the_mean_speed():
@@ -68,7 +68,7 @@ def test_a_cursor_in_hertz_stands_at_its_order_at_the_mean_speed():
     assert speed == pytest.approx(mean, rel=0.01)
     ((_, hertz, text),) = tab.at(found, 24.02 * speed)
     assert float(hertz) == pytest.approx(24 * mean, rel=0.01)
-    assert text.startswith("order 24, 3")
+    assert text.startswith("order 24\n3")
     figure = tab.figures[0]
     figure.cursor(24 * speed, False)
     assert figure.sheet.select_one({"name": "cursor-line"}).location == pytest.approx(24.0)

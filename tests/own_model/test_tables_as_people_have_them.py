@@ -227,7 +227,9 @@ def test_a_sheet_of_a_workbook_with_lines_above_the_header(tmp_path, monkeypatch
 
 def test_a_title_that_is_nearly_as_wide_as_the_table(tmp_path):
     path = tmp_path / "bench.csv"
-    path.write_text("Pump bench;12 May;\nflow;speed;head\n[m3/h];[1/min];[m]\n5,0;2900;32,6\n10,0;2900;28,4\n")
+    path.write_text(
+        "Pump bench;12 May;\nflow;speed;head\n[m3/h];[1/min];[m]\n5,0;2900;32,6\n10,0;2900;28,4\n"
+    )
     table = read_table(path)
     assert list(table.frame) == ["flow [m3/h]", "speed [1/min]", "head [m]"]
     assert table.notes == ["lines above the header ignored: Pump bench 12 May"]

@@ -30,7 +30,7 @@ class FftTab(Tab):
         self.number(view, "lines", "Lines", mode="int", placeholder="automatic")
         self.choice(view, "window", "Window", WINDOWS, 130)
         self.number(view, "overlap", "Overlap", 70)
-        self.choice(view, "scaling", "Scaling", SCALINGS)
+        self.choice(view, "scaling", "Scaling", SCALINGS, 125)
         averages = ["linear", "exponential", ("max", "max hold"), ("min", "min hold")]
         self.choice(view, "spectrum_averaging", "Averaging", averages)
         self.number(view, "blocks", "of blocks", 70, mode="int")
@@ -48,7 +48,7 @@ class FrfTab(Tab):
         "phase_deg": "{:.2f} degrees",
         "coherence": "coherence {:.4f}",
         "u_total_percent": "u {:.2g} %",
-        "u_total_phase_deg": "{:.2g} degrees",
+        "u_total_phase_deg": "u {:.2g} degrees",
     }
 
     def add_controls(self, view: View) -> None:
@@ -56,7 +56,7 @@ class FrfTab(Tab):
         self.channel_choice(view, "over", "Reference", "the vibrometer")
         self.choice(view, "estimator", "Estimator", ["H1", "H2", "Hv", "H3c"], 90)
         self.channel_choice(view, "instrument", "of H3c", "the generator", 150)
-        self.choice(view, "unwrapped", "Phase", [("False", "-180 to 180"), ("True", "unwrapped")], 120)
+        self.choice(view, "unwrapped", "Phase", [("False", "-180 to 180"), ("True", "unwrapped")], 130)
         self.number(view, "lines", "Lines", mode="int", placeholder="automatic")
         self.number(view, "overlap", "Overlap", 70)
 

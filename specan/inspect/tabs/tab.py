@@ -131,7 +131,7 @@ class Tab:
                     if found is not None
                 ]
                 hertz = axis[line] / self.per_hertz(r)
-                rows.append((self.opened.text(number, name), f"{hertz:.6g}", ", ".join(filter(None, said))))
+                rows.append((self.opened.text(number, name), f"{hertz:.6g}", "\n".join(filter(None, said))))
         return rows
 
     def line(self, result: Any, axis: Any, frequency: float) -> int | None:
