@@ -16,6 +16,7 @@ from specan.analysis.insertion import CalibrationSettings, Heard, Insertion, eva
 from specan.data.calibration import VERDICTS, Calibration, ChannelCalibration, Contribution, Verdict
 from specan.data.channel import PhaseCalibration
 from specan.data.recording import Recording
+from specan.dsp.welch import student_factor
 from specan.errors import InputError
 
 
@@ -182,29 +183,27 @@ def chain_phases(insertions: Sequence[Insertion], declared_deg: float = 0.0) -> 
         Channel name to its phase; the reference itself has 0 +- 0.
     """
     found: dict[str, ChainedPhase] = {}
-    for group in _connected(insertions):
-        found |= _adjust(group, declared_deg)
+    waiting = [insertion for insertion in insertions if insertion.heard]
+    while waiting:
+        group, rough = [], dict[str, float]()
+        tied: Insertion | None = waiting[0]
+        while tied is not None:
+            waiting.remove(tied)
+            group.append(tied)
+            tie = next((h for h in tied.heard if h.channel in rough), tied.heard[0])
+            for h in tied.heard:
+                rough.setdefault(h.channel, rough.get(tie.channel, 0.0) + h.phase_deg - tie.phase_deg)
+            tied = next((i for i in waiting if any(h.channel in rough for h in i.heard)), None)
+        found |= _adjust(group, rough, declared_deg)
     return found
 
 
-def _connected(insertions: Sequence[Insertion]) -> list[list[Insertion]]:
-    """Insertions in groups that hang together by shared channels, in the order given."""
-    groups: list[tuple[set[str], list[Insertion]]] = []
-    for insertion in insertions:
-        names = {h.channel for h in insertion.heard}
-        if not names:
-            continue
-        touching = [g for g in groups if g[0] & names]
-        members = [i for g in touching for i in g[1]]
-        groups = [g for g in groups if not g[0] & names]
-        groups.append((names.union(*(g[0] for g in touching)), [*members, insertion]))
-    return [members for _, members in groups]
-
-
-def _adjust(insertions: Sequence[Insertion], declared_deg: float) -> dict[str, ChainedPhase]:
-    """Least squares over one connected group; the reference is its first channel as people count."""
-    reference = min((h.channel for insertion in insertions for h in insertion.heard), key=natural)
-    rough = _rough(insertions, reference)
+def _adjust(
+    insertions: Sequence[Insertion], rough: dict[str, float], declared_deg: float
+) -> dict[str, ChainedPhase]:
+    """Least squares over one connected group about rough phases; the reference is its first channel as people count."""
+    reference = min(rough, key=natural)
+    rough = {name: phase - rough[reference] for name, phase in rough.items()}
     unknown = [name for name in rough if name != reference]
     columns = {name: i for i, name in enumerate(unknown)}
     seen = [(j, h) for j, insertion in enumerate(insertions) for h in insertion.heard]
@@ -234,19 +233,6 @@ def _adjust(insertions: Sequence[Insertion], declared_deg: float) -> dict[str, C
         inserted, noise = u * np.sqrt(weights.sum()), np.sqrt(weights @ windows)
         found[name] = ChainedPhase(phase, float(inserted), float(noise), dof, reference)
     return found
-
-
-def _rough(insertions: Sequence[Insertion], reference: str) -> dict[str, float]:
-    """Phases along one path from the reference to each channel."""
-    rough = {reference: 0.0}
-    waiting = list(insertions)
-    while waiting:
-        insertion = next(i for i in waiting if any(h.channel in rough for h in i.heard))
-        waiting.remove(insertion)
-        tie = next(h for h in insertion.heard if h.channel in rough)
-        for h in insertion.heard:
-            rough.setdefault(h.channel, rough[tie.channel] + h.phase_deg - tie.phase_deg)
-    return rough
 
 
 def natural(name: str) -> list[tuple[int, int | str]]:
@@ -325,12 +311,10 @@ def repeatability(squares: float, dof: int, windows: float, declared: float) -> 
     >>> repeatability(0.0, 0, 0.0, 0.5)
     (0.5, None)
     """
-    from scipy.special import stdtrit
-
     found = math.sqrt(max(squares / dof - windows, 0.0)) if dof > 0 else 0.0
     if dof < ENOUGH:
         return max(found, declared), None
-    return found * float(stdtrit(dof, 0.975) / stdtrit(math.inf, 0.975)), dof
+    return found * float(student_factor(dof)), dof
 
 
 def calibrate(recordings: Sequence[Recording], settings: CalibrationSettings | None = None) -> Calibration:
@@ -369,25 +353,9 @@ def join_insertions(
         )
     tones = _tones(insertions)
     # Without clipped channels: their harmonics, folded back by sampling, may fall on the tone.
-    clean = [replace(i, heard=tuple(h for h in i.heard if not h.clipped)) for i in insertions]
-    chained = [
-        chain_phases([i for i in clean if i.frequency_hz in tone], settings.u_insertion_deg) for tone in tones
-    ]
+    phases, parts, doubts, notes = _phases(insertions, tones, settings)
     names = sorted({h.channel for i in insertions for h in i.heard}, key=natural)
-    phases: dict[str, PhaseCalibration] = {}
-    parts: dict[str, list[ChainedPhase]] = {}
-    doubts: dict[str, str] = {}
-    notes: list[str] = []
-    for channel in names:
-        if any(channel in chain for chain in chained):
-            phases[channel], parts[channel], dropped = _phase(channel, tones, chained, settings)
-            notes += dropped
-    groups = sorted({phase.group for phase in phases.values()}, key=natural)
-    if len(groups) > 1:
-        notes.append(_separate(groups, phases))
     notes += _left_out(insertions, set(names))
-    for group in groups:
-        _correct_polarity(group, phases, doubts)
     heard = {name: [(i, h) for i in insertions for h in i.heard if h.channel == name] for name in names}
     common, levels = _Common.of(heard, settings), {insertion.level_dB for insertion in insertions}
     return Calibration(
@@ -403,6 +371,29 @@ def join_insertions(
         notes=tuple(notes),
         source="calibrator recordings",
     )
+
+
+def _phases(
+    insertions: Sequence[Insertion], tones: Sequence[Sequence[float]], settings: CalibrationSettings
+) -> tuple[dict[str, PhaseCalibration], dict[str, list[ChainedPhase]], dict[str, str], list[str]]:
+    """Phases of the channels, what each is chained of, doubts about channels, and notes."""
+    clean = [replace(i, heard=tuple(h for h in i.heard if not h.clipped)) for i in insertions]
+    chained = [
+        chain_phases([i for i in clean if i.frequency_hz in tone], settings.u_insertion_deg) for tone in tones
+    ]
+    phases: dict[str, PhaseCalibration] = {}
+    parts: dict[str, list[ChainedPhase]] = {}
+    doubts: dict[str, str] = {}
+    notes: list[str] = []
+    for channel in sorted(set().union(*chained), key=natural):
+        phases[channel], parts[channel], dropped = _phase(channel, tones, chained, settings)
+        notes += dropped
+    groups = sorted({phase.group for phase in phases.values()}, key=natural)
+    if len(groups) > 1:
+        notes.append(_separate(groups, phases))
+    for group in groups:
+        _correct_polarity(group, phases, doubts)
+    return phases, parts, doubts, notes
 
 
 def _decided(insertions: Sequence[Insertion]) -> tuple[str, ...]:

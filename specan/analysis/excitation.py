@@ -6,6 +6,7 @@ Decisions: docs/decisions/recognition.md.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -95,20 +96,15 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
     claimed = said or (stated.kind if stated is not None else None)
     # What is said to be noise is only contradicted by a tone, and one look shows whether there can be one.
     seen = _NOT_LOOKED if claimed == "noise" and not _may_be_a_tone(recording) else _from_channels(recording)
+    if claimed is None:
+        return seen
+    sine = stated.frequency_hz if stated is not None and stated.kind == "sine" else None
+    frequency = _agreed(sine, seen.frequency_hz if seen.kind == "sine" else None)
     if said is not None:
-        frequency = seen.frequency_hz if seen.kind == "sine" else None
-        if stated is not None and stated.kind == "sine":
-            frequency = _agreed(stated.frequency_hz, frequency)
-        kind = SAYABLE[said]
-        claim = Excitation(kind, frequency if kind == "sine" else None, "said by the user")
+        claim = Excitation(SAYABLE[said], frequency if said == "sine" else None, "said by the user")
         return _confronted(claim, [part for part in (stated, seen) if part is not None])
-    if stated is not None:
-        if stated.kind == "sine" and seen.kind == "sine":
-            agreed = _agreed(stated.frequency_hz, seen.frequency_hz)
-            claim = Excitation("sine", agreed, stated.reason)
-            return _confronted(claim, [seen] if agreed == stated.frequency_hz else [])
-        return _confronted(stated, [seen])
-    return seen
+    assert stated is not None
+    return _confronted(replace(stated, frequency_hz=frequency) if stated.kind == "sine" else stated, [seen])
 
 
 def _agreed(stated_hz: float | None, seen_hz: float | None) -> float | None:
