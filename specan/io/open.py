@@ -31,10 +31,13 @@ class Found:
     label : str
         Its name in results: relative to the directory, forward slashes, prefixed by the name of the
         directory where several were named.
+    root : Path
+        The directory that was named.
     """
 
     path: Path
     label: str
+    root: Path = Path()
 
 
 def open_recording(
@@ -125,7 +128,7 @@ def find_recordings(directories: Sequence[Path | str]) -> list[Found]:
         if not os.path.isdir(directory):  # Path.is_dir raises where a name is too long
             what = "is a file" if os.path.exists(directory) else "does not exist"
             raise RequestError(f"the directory {directory} {what}", remedy="name a directory of recordings")
-        found += [Found(path, prefix + below) for path, below in _below(directory, endings)]
+        found += [Found(path, prefix + below, directory) for path, below in _below(directory, endings)]
     return sorted(found, key=lambda f: f.label)
 
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 from specan.analysis.batch.inputs import Input
+from specan.analysis.batch.one_file import open_headers
 from specan.analysis.batch.result import FileResult
 from specan.analysis.excitation import CALIBRATOR_WORDS, stated_excitation
 from specan.analysis.insertion import CalibrationSettings
-from specan.data.recording import Recording
 from specan.errors import SpecanError, unforeseen
 from specan.io.calibration_file import FILE_NAME, calibration_beside, read_calibration, write_calibration
 from specan.io.tdms_headers import metadata_of
@@ -31,8 +31,14 @@ class Assigned:
     calibrators: list[FileResult]
     header: list[str]
 
+    @property
+    def said(self) -> tuple[str, ...]:
+        """The lines of the header as a sentence has them."""
+        said = (line.removeprefix("calibration: ") for line in self.header)
+        return tuple("none, nominal sensitivities" if line == "none" else line for line in said)
 
-def _is_calibrator(entry: Input, open_headers: Callable[[Input], Recording]) -> bool:
+
+def _is_calibrator(entry: Input) -> bool:
     """Whether a file says so; one that cannot be opened will be opened again for its own sake, and then says why."""
     try:
         stated = stated_excitation(open_headers(entry)) if _may_be_calibrator(entry.path) else None
@@ -46,12 +52,11 @@ def assign_calibrations(
     given: Path | None,
     out: Path,
     settings: CalibrationSettings,
-    open_headers: Callable[[Input], Recording],
-    known: Callable[[Input], bool] = lambda _: False,
+    known: Collection[str] = (),
 ) -> Assigned:
     """Give each file its calibration; calibrator recordings become results of their own.
 
-    Files that are `known` not to be calibrator recordings are not opened.
+    Files whose labels are `known` not to be those of calibrator recordings are not opened.
 
     The first that there is counts: the calibration that was given; a `calibration.toml` in the file's
     directory or in one above it, up to the directory of the batch; the calibrator recordings of that
@@ -64,27 +69,13 @@ def assign_calibrations(
     """
     calibrators, others = list[Input](), list[Input]()
     for entry in inputs:
-        (calibrators if not known(entry) and _is_calibrator(entry, open_headers) else others).append(entry)
+        (calibrators if entry.label not in known and _is_calibrator(entry) else others).append(entry)
     if given is not None:
         read_calibration(given)
         aside = [FileResult(entry.label, "aside", _UNUSED) for entry in calibrators]
         line = f"calibration: {given.name} ({fingerprint(given)}), given"
         return Assigned([replace(e, calibration=str(given)) for e in others], aside, [line])
-    results: list[FileResult] = []
-    made: dict[str, Path] = {}
-    header: dict[str, None] = {}
-    roots = list(dict.fromkeys(entry.root for entry in inputs))
-    for root in roots:
-        target = out / (FILE_NAME if len(roots) == 1 else f"calibration-{Path(root).resolve().name}.toml")
-        mine = [entry for entry in calibrators if entry.root == root]
-        outcome, notes = _calibrate(mine, target, settings, open_headers)
-        results += outcome
-        if notes is not None:
-            made[root] = target
-            header[
-                f"calibration: {target.name} ({fingerprint(target)}), from {len(mine)} calibrator recordings"
-            ] = None
-            header |= dict.fromkeys(f"calibration: {note}" for note in notes)
+    results, made, header = _made(inputs, calibrators, out, settings)
     nearest, fault_of = cache(_nearest), cache(_fault_of)  # looked for once: files may be very many
     assigned: list[Input] = []
     for entry in others:
@@ -98,6 +89,27 @@ def assign_calibrations(
         chosen = beside or made.get(entry.root)
         assigned.append(entry if chosen is None else replace(entry, calibration=str(chosen)))
     return Assigned(assigned, results, list(header) or ["calibration: none"])
+
+
+def _made(
+    inputs: Sequence[Input], calibrators: Sequence[Input], out: Path, settings: CalibrationSettings
+) -> tuple[list[FileResult], dict[str, Path], dict[str, None]]:
+    """Results of the calibrator recordings, the calibration of each root that has any, and lines on these."""
+    results: list[FileResult] = []
+    made: dict[str, Path] = {}
+    header: dict[str, None] = {}
+    roots = list(dict.fromkeys(entry.root for entry in inputs))
+    for root in roots:
+        target = out / (FILE_NAME if len(roots) == 1 else f"calibration-{Path(root).resolve().name}.toml")
+        mine = [entry for entry in calibrators if entry.root == root]
+        outcome, notes = _calibrate(mine, target, settings)
+        results += outcome
+        if notes is not None:
+            made[root] = target
+            count = f"from {len(mine)} calibrator recordings"
+            lines = (f"{target.name} ({fingerprint(target)}), {count}", *notes)
+            header |= dict.fromkeys(f"calibration: {line}" for line in lines)
+    return results, made, header
 
 
 def _fault_of(calibration: Path) -> str:
@@ -132,7 +144,6 @@ def _calibrate(
     entries: Sequence[Input],
     target: Path,
     settings: CalibrationSettings,
-    open_headers: Callable[[Input], Recording],
 ) -> tuple[list[FileResult], tuple[str, ...] | None]:
     """Results of the calibrator recordings, and the notes of the calibration if there is one."""
     if not entries:

@@ -64,16 +64,11 @@ def find_inputs(directories: Sequence[Path]) -> list[Input]:
     InputError
         There is no recording at all.
     """
-    found = []
-    roots: dict[tuple[str, int], str] = {}
-    for recording in find_recordings(directories):
-        below = recording.label if len(directories) == 1 else recording.label.split("/", 1)[1]
-        # Absolute: in a message such a path is found again, where "in" or "." would be parts of words.
-        path = os.path.abspath(recording.path)
-        place = os.path.dirname(path), below.count("/")
-        if place not in roots:
-            roots[place] = os.path.abspath(recording.path.parents[place[1]])
-        found.append(Input(path, recording.label, roots[place], _size(path)))
+    # Absolute: in a message such a path is found again, where "in" or "." would be parts of words.
+    found = [
+        Input(path := os.path.abspath(one.path), one.label, os.path.abspath(one.root), _size(path))
+        for one in find_recordings(directories)
+    ]
     if not found:
         listed = ", ".join(str(directory) for directory in directories)
         raise InputError(

@@ -24,7 +24,7 @@ from specan.analysis.batch.inputs import (
     is_of_a_batch,
     remember_own,
 )
-from specan.analysis.batch.one_file import Outcome, Task, analyse_unchanged, open_headers
+from specan.analysis.batch.one_file import Outcome, Task, analyse_unchanged
 from specan.analysis.batch.pool import spread
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 STORE = ".specan"
 # Below this many bytes of recordings another process costs more than it gains.
 WORTH_A_PROCESS = 100_000_000
-Progress = Callable[[int, int, float], None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -108,6 +107,48 @@ class BatchReport(Result):
         return tuple(r for r in self.results if r.kind == kind)
 
 
+@dataclass(frozen=True)
+class Means:
+    """How a batch is worked off.
+
+    Attributes
+    ----------
+    jobs : int
+        Number of processes; by default one for each core, but no more than the recordings are worth.
+    cluster : str
+        Address of a dask scheduler whose workers analyse the files in place of processes here.
+    verify : bool
+        Hash every byte of the recordings to find out whether a kept result holds, in place of size, time and samples.
+    progress : callable
+        Called with the number of files done, of all files, and an estimate of the seconds that remain.
+    warn : callable
+        Called with what the user should know while the work goes on.
+    """
+
+    jobs: int | None = None
+    cluster: str | None = None
+    verify: bool = False
+    progress: Callable[[int, int, float], None] | None = None
+    warn: Callable[[str], None] = lambda _: None
+
+    def __post_init__(self) -> None:
+        if self.jobs is not None and self.jobs < 1:
+            raise RequestError(f"the number of processes is {self.jobs}", expected="1 or more")
+        if self.jobs is not None and self.cluster is not None:
+            raise RequestError(
+                "--jobs and --cluster are both given", expected="--jobs or --cluster, not both"
+            )
+
+    def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Outcome]]:
+        """Position and outcome of every file, in the order in which they are ready; processes here keep it."""
+        if self.cluster is not None:
+            from specan.analysis.batch.cluster import spread_over_cluster
+
+            return spread_over_cluster(self.cluster, tasks, self.warn)
+        worth = sum(task.entry.size for task in tasks) // WORTH_A_PROCESS
+        return spread(tasks, _one, self.jobs or max(1, min(os.cpu_count() or 1, worth)), _lost)
+
+
 def run_batch(
     directories: Sequence[Path],
     out: Path,
@@ -115,11 +156,7 @@ def run_batch(
     *,
     calibration: Path | None = None,
     channel_table: Path | None = None,
-    jobs: int | None = None,
-    cluster: str | None = None,
-    verify: bool = False,
-    progress: Progress | None = None,
-    warn: Callable[[str], None] = lambda _: None,
+    **means: Any,
 ) -> BatchReport:
     """Analyse every recording below `directories` and write the tables into `out`.
 
@@ -132,16 +169,8 @@ def run_batch(
     ----------
     calibration, channel_table : Path, optional
         For all files, in place of what the directories hold.
-    jobs : int, optional
-        Number of processes; by default one for each core, but no more than the recordings are worth.
-    cluster : str, optional
-        Address of a dask scheduler whose workers analyse the files in place of processes here.
-    verify : bool
-        Hash every byte of the recordings to find out whether a kept result holds, in place of size, time and samples.
-    progress : callable, optional
-        Called with the number of files done, of all files, and an estimate of the seconds that remain.
-    warn : callable, optional
-        Called with what the user should know while the work goes on.
+    **means
+        How the work is done: fields of `Means`.
 
     Raises
     ------
@@ -151,40 +180,25 @@ def run_batch(
     InputError
         There is no recording.
     """
-    if jobs is not None and jobs < 1:
-        raise RequestError(f"the number of processes is {jobs}", expected="1 or more")
-    if jobs is not None and cluster is not None:
-        raise RequestError("--jobs and --cluster are both given", expected="--jobs or --cluster, not both")
+    work = Means(**means)
     settings = (settings or BatchSettings()).completed()
     inputs = _inputs(directories, settings, channel_table)
     certain = tuple(name for name in COLUMNS if name not in OPTIONAL or settings.orders is not None)
     with claim(out, certain):
         store = Store(out / STORE)
         begun = store.holds_results()
-        earlier = {entry.label: unchanged(entry, store, verify=verify) if begun else None for entry in inputs}
-        assigned = assign_calibrations(
-            inputs,
-            calibration,
-            store.place,
-            settings.calibration,
-            open_headers,
-            lambda entry: earlier[entry.label] is not None,
-        )
+        earlier = {e.label: one for e in inputs if begun and (one := unchanged(e, store, verify=work.verify))}
+        assigned = assign_calibrations(inputs, calibration, store.place, settings.calibration, earlier)
         for made in store.place.glob("*.toml"):
             check_own(out / made.name, store.place, made)
         made_from = context_of(settings)
-        of_inputs = {e.label: (one, e) for e in assigned.inputs if (one := earlier[e.label]) is not None}
-        kept = {label: one for label, (one, e) in of_inputs.items() if one.context == made_from(e)}
-        resumed = len(kept)
-        read = cache(read_calibration)
-        tasks = [
-            Task(entry, settings, read(entry.calibration) if entry.calibration else None, verify)
-            for entry in assigned.inputs
-            if entry.label not in kept
+        known = [
+            e for e in assigned.inputs if e.label in earlier and earlier[e.label].context == made_from(e)
         ]
-        watched = _watched(tasks, _outcomes(tasks, jobs, cluster, warn), len(kept), progress)
+        kept = {e.label: earlier[e.label] for e in known}
         failed = []
-        for entry, outcome in watched:
+        todo = [entry for entry in assigned.inputs if entry.label not in kept]
+        for entry, outcome in _worked_off(todo, settings, work, len(kept)):
             if outcome.identity is None:
                 failed.append(outcome.result)
             else:
@@ -197,12 +211,14 @@ def run_batch(
         written = write_tables(store.place, header, results, kept, settings.decimal)
         _publish(store.place, out, written)
         store.keep_only(kept)
-    tables = tuple(out / name for name in written)
-    said = [line.removeprefix("calibration: ") for line in assigned.header]
-    inputs = [_published(entry, store.place, out) for entry in assigned.inputs]
-    applied = tuple("none, nominal sensitivities" if line == "none" else line for line in said)
-    rows = tuple(written.values())
-    return BatchReport(tuple(results), tables, rows, resumed, applied, tuple(inputs))
+    return BatchReport(
+        results=tuple(results),
+        tables=tuple(out / name for name in written),
+        rows=tuple(written.values()),
+        resumed=len(known),
+        calibration=assigned.said,
+        inputs=tuple(_published(entry, store.place, out) for entry in assigned.inputs),
+    )
 
 
 def _published(entry: Input, place: Path, out: Path) -> Input:
@@ -222,34 +238,21 @@ def _inputs(directories: Sequence[Path], settings: BatchSettings, channel_table:
     return [replace(e, channel_table=table, sampling_rate=settings.sampling_rate) for e in inputs]
 
 
-def _watched(
-    tasks: Sequence[Task],
-    outcomes: Iterator[tuple[int, Outcome]],
-    before: int,
-    progress: Progress | None,
+def _worked_off(
+    todo: Sequence[Input], settings: BatchSettings, work: Means, before: int
 ) -> Iterator[tuple[Input, Outcome]]:
-    """The outcomes with their inputs; tells the progress of each."""
-    begin, total, done = time.monotonic(), max(sum(task.entry.size for task in tasks), 1), 0
-    with closing(outcomes):  # type: ignore[type-var]
+    """Files and their outcomes as they are ready; tells the progress of each."""
+    read = cache(read_calibration)
+    calibrations = [read(entry.calibration) if entry.calibration else None for entry in todo]
+    tasks = [Task(e, settings, found, work.verify) for e, found in zip(todo, calibrations, strict=True)]
+    begin, total, done = time.monotonic(), max(sum(entry.size for entry in todo), 1), 0
+    with closing(work.outcomes(tasks)) as outcomes:  # type: ignore[type-var]
         for count, (position, outcome) in enumerate(outcomes, before + 1):
-            entry = tasks[position].entry
-            yield entry, outcome
-            done += entry.size
-            if progress is not None:
+            yield todo[position], outcome
+            done += todo[position].size
+            if work.progress is not None:
                 remaining = (time.monotonic() - begin) * (total - done) / max(done, 1)
-                progress(count, before + len(tasks), remaining)
-
-
-def _outcomes(
-    tasks: Sequence[Task], jobs: int | None, cluster: str | None, warn: Callable[[str], None]
-) -> Iterator[tuple[int, Outcome]]:
-    """Position and outcome of every file, in the order in which they are ready; processes here keep it."""
-    if cluster is not None:
-        from specan.analysis.batch.cluster import spread_over_cluster
-
-        return spread_over_cluster(cluster, tasks, warn)
-    worth = sum(task.entry.size for task in tasks) // WORTH_A_PROCESS
-    return spread(tasks, _one, jobs or max(1, min(os.cpu_count() or 1, worth)), _lost)
+                work.progress(count, before + len(tasks), remaining)
 
 
 def _publish(ready: Path, out: Path, written: Collection[str]) -> None:
