@@ -75,11 +75,10 @@ def command(
         emit_json(found.to_dict())
     elif not to_standard_output(output, plot):
         _print(study, found)
-        receivers = study.model.receivers
         recorded = study.frf_errors()
         for one in recorded:
             click.echo("")
-            show_sheets([study_sheets.bands(one, receivers.plural if receivers else "channels")])
+            show_sheets([study_sheets.bands(one, one.plural)])
         if recorded:
             click.echo(
                 "(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)"

@@ -7,7 +7,7 @@ scales or joins some of them. See `specan.models.effect.effect` for how to write
 from specan.models.check import check_effect, conditions_over_limits
 from specan.models.effect import Effect, Parameter, Use, effect
 from specan.models.evaluation import Evaluation, varying
-from specan.models.measurement_kinds import Completed, Receivers, TableFault, TableRules
+from specan.models.measurement_kinds import Completed, TableFault, TableRules
 from specan.models.model import Assembly, Model, Nuisance, Words
 from specan.models.quantity import (
     Condition,
@@ -25,7 +25,7 @@ from specan.models.rates import Signal, State
 
 __all__ = [
     "Assembly", "Completed", "Condition", "Effect", "Evaluation", "Frf", "Model", "Nuisance", "Observable",
-    "Parameter", "Quantity", "Reading", "Receivers", "RigStatement", "SettingError", "Signal", "State", "TableFault",
+    "Parameter", "Quantity", "Reading", "RigStatement", "SettingError", "Signal", "State", "TableFault",
     "TableRules", "Use", "Words", "check_effect", "conditions_over_limits", "constant", "effect", "quantity",
     "rig_statement", "varying",
 ]  # fmt: skip

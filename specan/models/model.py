@@ -13,7 +13,7 @@ from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
 from specan.models.from_function import PREFIX, as_declared, fields_from_functions, name_of, title_of
 from specan.models.groups import check_groups, with_groups
-from specan.models.measurement_kinds import Receivers, TableRules
+from specan.models.measurement_kinds import TableRules
 from specan.models.quantity import Condition, Observable, Quantity, RigStatement, rig_statement
 from specan.models.rates import Rates, State, fields_from_rates
 
@@ -84,8 +84,6 @@ class Model:
         What the model calls its own things.
     table_rules : TableRules, optional
         What its tables obey, and which of their columns follow from others.
-    receivers : Receivers, optional
-        Where it predicts transfer functions: the channels and their places.
     for_kinds : mapping
         What it tells a kind of measurement of its own: ``{kind: statement}``, which only that kind's module reads.
     settings : mapping
@@ -119,7 +117,6 @@ class Model:
     rig: RigStatement = field(default_factory=RigStatement)
     words: Words = field(default_factory=Words)
     table_rules: TableRules | None = None
-    receivers: Receivers | None = None
     for_kinds: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     law: str = ""

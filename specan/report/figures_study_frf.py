@@ -61,9 +61,8 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
     octave_axis(grid[-1, 0], *drawings[0].span)
     legend_below(figure, grid[0, 0])
     figure.align_ylabels(grid[:, 0])
-    plural = study.model.receivers.plural if study.model.receivers else "channels"
     which = (
-        f"{len(chosen)} of {len(found.channels)} {plural}, the largest errors first"
+        f"{len(chosen)} of {len(found.channels)} {observation.plural}, the largest errors first"
         if channel is None
         else channel
     )

@@ -6,6 +6,7 @@ import pytest
 from specan.errors import RequestError
 from specan.models.catalogue import load_model
 from specan.room.model import EXAMPLE_RIG
+from specan.room.model.receivers import receivers_of
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},
@@ -22,7 +23,7 @@ def room(**uncertainty):
 
 
 def response(model, frequency, shifts, uses=(), values=None):
-    given = {**(values or {}), **model.receivers.shifts.named(shifts)}
+    given = {**(values or {}), **receivers_of(model).shifts.named(shifts)}
     return model.assemble(uses).evaluate({"frequency": frequency}, given)["field"]
 
 
@@ -67,7 +68,7 @@ def test_a_shifted_mode_is_that_of_the_closed_form():
 )
 def test_columns_are_derivatives(frequency, uses, values, poles):
     model = room(mode_frequency_percent=0.1)
-    shifts = model.receivers.shifts
+    shifts = receivers_of(model).shifts
     here = np.random.default_rng(3).standard_normal(2 * shifts.size)
     at = {**values, **shifts.named(here)}
     known = model.assemble(uses).evaluate({"frequency": frequency}, at, wanted=shifts.reads)
@@ -83,9 +84,9 @@ def test_columns_are_derivatives(frequency, uses, values, poles):
 
 def test_nothing_declared_changes_nothing():
     plain, declared = room(), room(mode_frequency_percent=0.1)
-    assert plain.receivers.shifts is None
+    assert receivers_of(plain).shifts is None
     assert "mode" not in plain.axes
-    unshifted = response(declared, DENSE, np.zeros(2 * declared.receivers.shifts.size))
+    unshifted = response(declared, DENSE, np.zeros(2 * receivers_of(declared).shifts.size))
     assert np.array_equal(unshifted, plain.assemble().evaluate({"frequency": DENSE})["field"])
 
 
@@ -96,8 +97,8 @@ def test_a_large_natural_frequency_percent_means_each_mode():
     )
     both = [m.quantities["mode_shift_sd"]() for m in (one, other)]
     assert np.array_equal(*both)
-    assert one.receivers.errors.detuning == other.receivers.errors.detuning == pytest.approx(5e-5)
-    assert room(natural_frequency_percent=0.01).receivers.errors.detuning == pytest.approx(1e-4)
+    assert receivers_of(one).errors.detuning == receivers_of(other).errors.detuning == pytest.approx(5e-5)
+    assert receivers_of(room(natural_frequency_percent=0.01)).errors.detuning == pytest.approx(1e-4)
 
 
 def test_the_modes_of_a_mesh_have_no_numbers():

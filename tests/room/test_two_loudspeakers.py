@@ -8,6 +8,7 @@ import pytest
 from specan.errors import RequestError
 from specan.models.catalogue import load_model
 from specan.room.model import EXAMPLE_RIG
+from specan.room.model.receivers import receivers_of
 from truth.room.box import Disc
 from truth.room.field import Room, march, pressure_per_velocity
 from truth.room.layout import at_temperature, draw_layout, rig_file
@@ -40,7 +41,7 @@ def fields():
 
 def predicted(rig, file="other.tdms", values=None):
     model = load_model("room", rig)
-    own = model.receivers.in_recording(file, None, 5.0)
+    own = receivers_of(model).in_recording(file, None, 5.0)
     given = {"frequency": FREQUENCY, **own.conditions}
     uses = ["loudspeaker-ratio@loudspeaker 2"] if values else []
     values = {"wall_admittance.common": ADMITTANCE, **(values or {})}

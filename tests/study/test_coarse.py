@@ -7,7 +7,7 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.room.model.receivers import ReceiverErrors
+from specan.room.model.receivers import ReceiverErrors, receivers_of
 from specan.room.study.field_observation import FieldObservation
 from specan.study.diagnose import diagnose
 from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
@@ -62,7 +62,7 @@ def recorded(model, uses, values):
         conditions_at_nodes=conditions,
         shared=np.empty((*true.shape, 0), dtype=complex),
         kept=np.ones(true.shape, dtype=bool),
-        declared=replace(model.receivers, errors=ReceiverErrors(0.0, 0.1, 0.3, 0.005, 5e-5)),
+        declared=replace(receivers_of(model), errors=ReceiverErrors(0.0, 0.1, 0.3, 0.005, 5e-5)),
     )
 
 

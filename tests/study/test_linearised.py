@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from specan.models.catalogue import load_model
-from specan.room.model.receivers import ReceiverErrors
+from specan.room.model.receivers import ReceiverErrors, receivers_of
 from specan.room.study.field_observation import FieldObservation
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
@@ -51,7 +51,7 @@ def simulated(model, values, uses):
         conditions_at_nodes=conditions,
         shared=np.empty((*true.shape, 0), dtype=complex),
         kept=np.ones(true.shape, dtype=bool),
-        declared=replace(model.receivers, errors=ReceiverErrors(0.003, 0.0, 0.0, 0.0, 0.0)),
+        declared=replace(receivers_of(model), errors=ReceiverErrors(0.003, 0.0, 0.0, 0.0, 0.0)),
     )
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from specan.models.catalogue import load_model
+from specan.room.study.matched_field import EACH_WAY, FROM_EDGE, likely_places
 from specan.study.estimation.fit import describe
 from specan.study.selection.candidates import base_problem, candidates
 from specan.study.selection.refits import Refit
-from specan.study.selection.starting_values import EACH_WAY, FROM_EDGE, likely_places
 from tests.study.test_coarse import RIG, recorded
 
 DIMS = np.array(RIG["room"]["dims_m"])
@@ -60,7 +60,8 @@ def test_a_source_is_found_where_it_is_whatever_it_emits(model, wall, place):
 
 def test_a_model_that_cannot_tell_of_places_gives_none(model):
     problem = base_problem(
-        replace(model, receivers=replace(model.receivers, placed=None)), [recorded(model, [], {})]
+        replace(model, for_kinds={"frf": replace(model.for_kinds["frf"], placed=None)}),
+        [recorded(model, [], {})],
     )
     refit = Refit(frozenset(), problem, describe(problem, problem.start()))
     assert likely_places(refit, candidates(problem)[0]) == {}

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from specan.room.model.receivers import receivers_of
 from specan.study.create import begin
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, LackOfFit
@@ -44,7 +45,7 @@ def test_modes_that_ring_elsewhere_are_no_effect_where_they_are_declared(uneven,
     assert study.held_out.errors[0].rms < before.held_out.errors[0].rms / 2
     assert study.errors[0].rms < 0.7 * before.errors[0].rms  # places of microphones are in both
 
-    shifts = study.problem.assembly.model.receivers.shifts
+    shifts = receivers_of(study.problem.assembly.model).shifts
     found = shifts.of(study.problem.values)[: shifts.size]
     orders = study.problem.assembly.model.quantities["modes_apart"]()
     true = {one.orders: np.sqrt(1 + one.stiffer) - 1 for one in uneven.truth.room.uneven}

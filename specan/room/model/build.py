@@ -102,11 +102,13 @@ def build(rig: Mapping[str, Any]) -> Model:
             **shape.axes,
         },
         words=WORDS,
-        receivers=replace(
-            room_receivers(settings, places, partial(in_recording, settings, log)),
-            shifts=mode_shifts.mode_shifts(modes),
-            usual_shifts=mode_shifts.usual_shifts(settings, modes),
-        ),
+        for_kinds={
+            "frf": replace(
+                room_receivers(settings, places, partial(in_recording, settings, log)),
+                shifts=mode_shifts.mode_shifts(modes),
+                usual_shifts=mode_shifts.usual_shifts(settings, modes),
+            )
+        },
         settings={"rig": settings.model_dump(), "face_areas_m2": shape.areas_m2},
     )
 

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.effect import Parameter
-from specan.models.measurement_kinds import ModeShifts
 from specan.models.model import Model
 from specan.models.quantity import Quantity, constant, quantity
 from specan.room.model.port import Port, point
-from specan.room.model.receivers import UsualShifts, receivers_of
+from specan.room.model.receivers import ModeShifts, UsualShifts, receivers_of
 from specan.room.model.rig import Rig
 from specan.room.model.rigid_modes import numbers, rigid_modes
 
@@ -83,7 +82,7 @@ def usual_shifts(rig: Rig, modes: NDArray[np.intp]) -> UsualShifts | None:
             model,
             quantities={**model.quantities, **{q.name: q for q in quantities(declared, apart)}},
             axes={**model.axes, **axes(apart)},
-            receivers=replace(receivers_of(model), shifts=mode_shifts(apart), usual_shifts=None),
+            for_kinds={"frf": replace(receivers_of(model), shifts=mode_shifts(apart), usual_shifts=None)},
         )
 
     return UsualShifts(with_shifts, f"[uncertainty] mode_frequency_percent = {USUAL_PERCENT:g}")

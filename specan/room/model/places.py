@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.measurement_kinds import PlacedEffects
 from specan.models.model import Model
 from specan.room.model.port import Port, point
 from specan.room.model.receivers import (
     FieldReceivers,
     InRecording,
+    PlacedEffects,
     Places,
     ReceiverErrors,
     SourcePlaces,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.measurement_kinds import Receivers
 from specan.models.model import Model
 
 Array = NDArray[np.float64]
@@ -148,16 +147,91 @@ class InRecording:
     text: str = ""
 
 
+@dataclass(frozen=True, eq=False)
+class PlacedEffects:
+    """Effects that act at one place, and how the receivers hear what is emitted there.
+
+    Whatever such an effect is, it changes the response by one factor a line times the response to a source at
+    its place: a place can be looked for before anything else of the effect is known (matched-field processing:
+    Baggeroer, Kuperman & Mikhalevsky 1993, IEEE J. Oceanic Eng. 18:401).
+
+    Attributes
+    ----------
+    shapes : mapping
+        Effect to the names of the two parameters that are its place, in parts of an element's edges.
+    reads : tuple of str
+        Quantities of the model that `patterns` needs.
+    patterns : callable
+        ``patterns(quantities, element, places) -> complex array (places, receivers, lines)``: response to a source
+        at each of `places` (n, 2), to any scale.
+    """
+
+    shapes: Mapping[str, tuple[str, str]]
+    reads: tuple[str, ...]
+    patterns: Callable[[Mapping[str, Any], str, Array], NDArray[np.complex128]]
+
+
+@dataclass(frozen=True, eq=False)
+class NamedModes:
+    """Modes of a field by name, so that a failure near one can be told by it.
+
+    Attributes
+    ----------
+    reads : tuple of str
+        Quantities of the model that `names` needs.
+    names : callable
+        ``names(quantities, f_max_hz) -> [(natural frequency, name), ...]``, the lowest first.
+    """
+
+    reads: tuple[str, ...]
+    names: Callable[[Mapping[str, Any], float], list[tuple[float, str]]]
+
+
+@dataclass(frozen=True, eq=False)
+class ModeShifts:
+    """Shifts of single modes, of which only a standard uncertainty is known: a fit finds them beside everything else.
+
+    They are parameters of the model that no one names, in standard uncertainties.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Full names of the two parameters, vectors over the modes: natural frequency, damping.
+    size : int
+        Number of modes.
+    reads : tuple of str
+        Quantities of the model that `columns` needs.
+    columns : callable
+        ``columns(quantities) -> iterator`` over the modes of (derivative by the mode's pole, array (receivers,
+        frequencies); what one standard uncertainty of either parameter moves the pole).
+    """
+
+    parameters: tuple[str, str]
+    size: int
+    reads: tuple[str, ...]
+    columns: Callable[[Mapping[str, Any]], Iterator[tuple[NDArray[np.complex128], tuple[complex, complex]]]]
+
+    def of(self, values: Mapping[str, Any]) -> Array:
+        """Shifts out of the values of parameters, array (2 modes,)."""
+        return np.concatenate(
+            [np.broadcast_to(np.asarray(values.get(n, 0.0), float), (self.size,)) for n in self.parameters]
+        )
+
+    def named(self, shifts: Array) -> dict[str, Array]:
+        """The parameters, from shifts (2 modes,)."""
+        return {self.parameters[0]: shifts[: self.size], self.parameters[1]: shifts[self.size :]}
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FieldReceivers(Receivers):
+class FieldReceivers:
     """Microphones at places in a field, compared with a reference channel.
 
     Attributes
     ----------
     axis : str
         The model's axis that names them.
-    noun : str
-        What one is called in sentences.
+    noun, plural : str
+        What they are called in sentences.
     role, reference_role : str
         Roles of their channels and of the reference channel in a recording.
     band_hz : tuple of float
@@ -167,6 +241,16 @@ class FieldReceivers(Receivers):
         Effect that acts at one receiver and moves it by the parameters `along`, m.
     errors : ReceiverErrors
     wave_number : WaveNumberStep
+    groups : callable
+        ``groups(channels) -> {name: numbers of some channels}`` at which a failure is looked for together.
+    group_label, group_words : str
+        Key of a group in results, and the words that stand before its name.
+    placed : PlacedEffects, optional
+        Effects at one place, if the model can tell how a place is heard.
+    modes : NamedModes, optional
+        Names of the field's modes, if the model knows any.
+    shifts : ModeShifts, optional
+        Shifts of single modes, if any are declared.
     places : Places, optional
         Where further receivers can stand, if the model can tell.
     source : SourcePlaces, optional
@@ -187,6 +271,7 @@ class FieldReceivers(Receivers):
 
     axis: str
     noun: str
+    plural: str
     role: str
     reference_role: str
     band_hz: tuple[float, float]
@@ -195,6 +280,12 @@ class FieldReceivers(Receivers):
     along: tuple[str, str, str]
     errors: ReceiverErrors
     wave_number: WaveNumberStep
+    groups: Callable[[Sequence[str]], Mapping[str, list[int]]]
+    group_label: str
+    group_words: str
+    placed: PlacedEffects | None = None
+    modes: NamedModes | None = None
+    shifts: ModeShifts | None = None
     places: Places | None = None
     source: SourcePlaces | None = None
     block_s: float | None = None
@@ -206,5 +297,5 @@ class FieldReceivers(Receivers):
 
 def receivers_of(model: Model) -> FieldReceivers:
     """The receivers of a room's model."""
-    assert isinstance(model.receivers, FieldReceivers)
-    return model.receivers
+    found: FieldReceivers = model.for_kinds["frf"]
+    return found

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.measurement_kinds import NamedModes
+from specan.room.model.receivers import NamedModes
 
 _SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
 

@@ -78,6 +78,7 @@ class FieldObservation(FrfObservation):
     shifts: int = 0
     drift: Drift | None = None
     kind: ClassVar[str] = "frf"
+    plural: ClassVar[str] = "microphones"
 
     def responses(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> list[Complex]:
         """Transfer functions (receivers, lines) as the analysis would see them, for several sets of values."""

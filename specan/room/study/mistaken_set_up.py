@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError
 from specan.room.model.receivers import FieldReceivers, SourcePlaces, receivers_of
 from specan.room.study.field_observation import FieldObservation
+from specan.room.study.matched_field import explained
 from specan.study.estimation.continuation import STAGES, continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import MistakenSetUp
-from specan.study.selection.starting_values import explained
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -260,7 +260,7 @@ def undeclared_shifts(problem: Problem, least: float) -> str:
         return ""
     model = usual.with_shifts(problem.assembly.model)
     seen = [
-        replace(o, declared=replace(o.declared, shifts=model.receivers.shifts))
+        replace(o, declared=replace(o.declared, shifts=receivers_of(model).shifts))
         for o in problem.observations
         if isinstance(o, FieldObservation) and o.declared is not None
     ]

@@ -111,3 +111,9 @@ def knowing_shifts(problem: Problem, unseen: Sequence[Observation]) -> list[Obse
         inner += white.T @ white
     root = np.linalg.inv(np.linalg.cholesky(inner)).T
     return [o.knowing_shifts(root) if isinstance(o, FieldObservation) else o for o in unseen]
+
+
+def mode_shifts(assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Array]:
+    """The shifts among values, which the model holds as constants; none where none may shift."""
+    shifts = receivers_of(assembly.model).shifts
+    return shifts.named(shifts.of(values)) if shifts else {}

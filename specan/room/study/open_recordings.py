@@ -15,11 +15,16 @@ from specan.models import Model
 from specan.room.model.receivers import FieldReceivers, ReceiverErrors, receivers_of
 from specan.room.study.estimate_frf import observe_recording, settling_s
 from specan.room.study.field_observation import FieldObservation
+from specan.room.study.matched_field import likely_places  # noqa: F401
 from specan.room.study.mistaken_set_up import mistaken_set_up, undeclared_shifts  # noqa: F401  see `brought`
-from specan.room.study.mode_shifts import knowing_shifts, with_mode_shifts  # noqa: F401
+from specan.room.study.mode_shifts import knowing_shifts, mode_shifts, with_mode_shifts  # noqa: F401
 from specan.room.study.receiver_places import explore_places, propose_places  # noqa: F401
 from specan.study.data.recordings import doubts, put_aside, reads  # noqa: F401  a recording is one by its content
-from specan.study.localisation.by_band_and_channel import curve_errors, localise  # noqa: F401
+from specan.study.estimation.fit import Fit
+from specan.study.estimation.problem import Problem
+from specan.study.localisation import by_band_and_channel
+from specan.study.localisation.by_band_and_channel import curve_errors  # noqa: F401
+from specan.study.localisation.localise import Localisation
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
 
 TITLE = "a recording"
@@ -57,6 +62,25 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         statements=(*statements, _of_receivers(receivers.noun, given, wanted.calibration)),
         discrepancy_percent=100 * given.discrepancy,
     )
+
+
+def localise(problem: Problem, best: Fit) -> Localisation:
+    """Where a room's model fails: also near walls, and by the names of modes."""
+    receivers = receivers_of(problem.assembly.model)
+    groups = by_band_and_channel.Groups(receivers.groups, receivers.group_label, receivers.group_words)
+    named = receivers.modes
+
+    def modes_of(observation: FieldObservation) -> list[tuple[float, str]]:
+        if named is None:
+            return []
+        values = problem.seen_by(observation, problem.values_at(best.theta))
+        found = problem.assembly.evaluate(observation.conditions_at_nodes, values, wanted=list(named.reads))
+        quantities = {name: found[name] for name in named.reads}
+        return named.names(
+            quantities, (1 + by_band_and_channel.NEAR_MODE) * float(observation.frequency_hz[-1])
+        )
+
+    return by_band_and_channel.localise(problem, best, groups, modes_of)
 
 
 def _of_receivers(noun: str, given: ReceiverErrors, calibration: Path | None) -> str:

@@ -17,7 +17,6 @@ from typing import Any
 
 from specan.errors import ComputationError
 from specan.models import Assembly
-from specan.models.measurement_kinds import ModeShifts
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, best_screened, descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, brought
@@ -149,7 +148,7 @@ def about(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Pr
 
 def with_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Mapping[str, Any]:
     """The values with the most probable shifts of modes, where any are declared."""
-    find = None if shifts_of(assembly) is None else brought(problem.observations, "with_mode_shifts")
+    find = brought(problem.observations, "with_mode_shifts")
     return values if find is None else find(problem, assembly, values)
 
 
@@ -158,15 +157,5 @@ def _linear_about(problem: Problem, assembly: Assembly, values: Mapping[str, Any
     found = problem.over(
         [o.about(assembly, problem.seen_by(o, values), placed=placed) for o in problem.observations]
     )
-    shifts = shifts_of(assembly)
-    return (
-        found
-        if shifts is None
-        else replace(found, values={**found.values, **shifts.named(shifts.of(values))})
-    )
-
-
-def shifts_of(assembly: Assembly) -> ModeShifts | None:
-    """What the model declares of shifts of single modes."""
-    receivers = assembly.model.receivers
-    return None if receivers is None else receivers.shifts
+    shifts = brought(problem.observations, "mode_shifts")
+    return replace(found, values={**found.values, **shifts(assembly, values)}) if shifts else found

@@ -7,7 +7,7 @@ is off there and whether that place stands out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +23,7 @@ NEAR_MODE = (
     0.03  # of its frequency: about what an error of 10 K or an unmodelled soft boundary moves a mode by
 )
 
+Modes = Callable[[Any], list[tuple[float, str]]]
 Cells = tuple[Sequence[int], Sequence[int]]  # numbers of channels and of third octaves
 
 
@@ -51,9 +52,9 @@ class Failure:
 class _Errors:
     """The errors of all recordings, their third octaves and receivers."""
 
-    def __init__(self, problem: Problem, best: Fit) -> None:
+    def __init__(self, problem: Problem, best: Fit, modes_of: Modes) -> None:
         seen = list(zip(problem.observations, problem.plain(best.theta), strict=True))
-        self._each = [(curve_errors(o, p), _named_modes(problem, o, best.theta)) for o, p in seen]  # type: ignore[arg-type]
+        self._each = [(curve_errors(o, p), modes_of(o)) for o, p in seen]  # type: ignore[arg-type]
         self.bands: Array = np.unique(np.concatenate([one.bands for one, _ in self._each]))
         used = [name for one, _ in self._each for name, m in zip(one.channels, one.measured) if m.any()]
         self.channels = tuple(dict.fromkeys(used))
@@ -94,17 +95,6 @@ class _Errors:
         return f"most at {frequency:.0f} Hz{f' ({mode})' if mode else ''}"
 
 
-def _named_modes(problem: Problem, observation: Any, theta: Array) -> list[tuple[float, str]]:
-    receivers = problem.assembly.model.receivers
-    named = None if receivers is None else receivers.modes
-    if named is None:
-        return []
-    values = problem.seen_by(observation, problem.values_at(theta))
-    found = problem.assembly.evaluate(observation.conditions_at_nodes, values, wanted=list(named.reads))
-    quantities = {name: found[name] for name in named.reads}
-    return named.names(quantities, (1 + NEAR_MODE) * float(observation.frequency_hz[-1]))
-
-
 def _near_mode(frequency_hz: float, modes: Sequence[tuple[float, str]]) -> str:
     if not modes:
         return ""
@@ -114,11 +104,31 @@ def _near_mode(frequency_hz: float, modes: Sequence[tuple[float, str]]) -> str:
     return f"below the first mode, {modes[0][0]:.0f} Hz" if frequency_hz < modes[0][0] else "between modes"
 
 
-def localise(problem: Problem, best: Fit) -> Localisation:
-    """Find third octaves, receivers and groups of them at which a fitted model of transfer functions fails."""
-    errors, known = _Errors(problem, best), problem.assembly.model.receivers
-    near = dict(known.groups(errors.channels)) if known else {}
-    label, words = (known.group_label, known.group_words) if known else ("group", "channels")
+@dataclass(frozen=True)
+class Groups:
+    """Channels that are looked at together: by name their numbers, the key of a name in results, words before it."""
+
+    of: Callable[[Sequence[str]], Mapping[str, list[int]]] = lambda channels: {}
+    label: str = "group"
+    words: str = "channels"
+
+
+def localise(
+    problem: Problem, best: Fit, groups_of: Groups = Groups(), modes_of: Modes = lambda observation: []
+) -> Localisation:
+    """Find third octaves, receivers and groups of them at which a fitted model of transfer functions fails.
+
+    Parameters
+    ----------
+    problem : Problem
+    best : Fit
+    groups_of : Groups, optional
+        Channels that are looked at together.
+    modes_of : callable, optional
+        ``modes_of(observation) -> [(natural frequency, name), ...]``, so that a failure near one can be told by it.
+    """
+    errors = _Errors(problem, best, modes_of)
+    near, label, words = groups_of.of(errors.channels), groups_of.label, groups_of.words
     variables = {**problem.observations[0].variables, label: Variable(words, before=True)}
     observable = str(problem.observations[0].observable[0])  # type: ignore[attr-defined]
     unit = problem.assembly.model.observables[observable].unit
@@ -139,7 +149,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
         for block, (_, cells) in zip(tested(blocks), places, strict=True)
     ]
     groups: list[tuple[str, Sequence[int]]] = [
-        (f"all {known.plural if known else 'channels'}", range(len(errors.channels)))
+        (f"all {problem.observations[0].plural}", range(len(errors.channels)))  # type: ignore[attr-defined]
     ]
     groups += [(f"{words} {group}", inside) for group, inside in near.items()]
     groups += [(name, [m]) for m, name in enumerate(errors.channels)]

@@ -384,7 +384,8 @@ def brought(observations: Sequence[Observation], name: str) -> Callable[..., Any
 
     ``localise(problem, best)``, ``curve_errors(observation, predicted)``, ``mistaken_set_up(problem)``,
     ``undeclared_shifts(problem, least)``, ``propose_places(rivals, weights, count)``, ``explore_places(problem,
-    block)``, ``with_mode_shifts(problem, assembly, values)``, ``knowing_shifts(problem, unseen)``.
+    block)``, ``with_mode_shifts(problem, assembly, values)``, ``mode_shifts(assembly,
+    values)``, ``likely_places(refit, candidates)``, ``knowing_shifts(problem, unseen)``.
     """
     kinds = {o.kind for o in observations}
     kind = kinds.pop() if len(kinds) == 1 else ""

@@ -166,6 +166,7 @@ class FrfObservation(KeptLines):
     notes: tuple[str, ...] = ()
     kind: ClassVar[str] = "transfer"
     level_of: ClassVar[str] = "third-octave levels"
+    plural: ClassVar[str] = "channels"
     cells: ClassVar[tuple[str, ...]] = ("third_octave_hz", "channel")
 
     @property

@@ -3,9 +3,7 @@
 A resonator declared at 150 Hz does not find its own resonance at 230 Hz by going downhill. What is new is
 therefore tried over the range of its shapes first, as a candidate of a diagnosis is.
 
-Where an effect that acts at one place may sit is known before anything else of it: whatever acts at a place changes
-every receiver's line by the response to a source there, times one factor a line that all receivers share. With that
-factor free at every line, what a place can explain of a residual follows in closed form.
+Of an effect that acts at one place, the kind of measurement may tell where that is likely before anything else of it.
 """
 
 from __future__ import annotations
@@ -14,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +19,11 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
-from specan.models.measurement_kinds import PlacedEffects
 from specan.study.estimation.continuation import JACOBIANS, about, continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.problem import Problem
-from specan.study.observation.frf import FrfObservation
+from specan.study.observation import brought
 from specan.study.processes import each
 from specan.study.selection.candidates import Candidate, candidates, grid, without
 from specan.study.selection.refits import Refit, start_from
@@ -47,13 +43,19 @@ WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side 
 
 Array = NDArray[np.float64]
 
-EACH_WAY = 11  # places along an edge, corners among them: a sixth of a wavelength where an edge holds two
-FROM_EDGE = 0.04  # of an edge
-LEAST_SHARE = 0.7  # share of what the best place explains, below which another is no place to begin
 
+@dataclass(frozen=True)
+class Found:
+    """A place and the part of the residual's chi-square that a source there could explain.
 
-# A search asks for some of the candidates at a time.
-_SHARES: WeakKeyDictionary[Refit, dict[str, Array]] = WeakKeyDictionary()
+    Attributes
+    ----------
+    shapes : mapping
+        Values of the two parameters that are the place.
+    """
+
+    shapes: dict[str, float]
+    share: float
 
 
 def starting_values(
@@ -118,7 +120,7 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
         return {}
     points = shape_grid(refit.problem, refit.fit, list(found.values()), known)
     scored = best_of_each(_scored(refit, list(found.values()), points, known))
-    places = likely_places(refit, list(found.values()))
+    places = _likely_places(refit, list(found.values()))
 
     def peaks(use: Use) -> list[Scored]:
         optima = _coordinate_optima(refit, found[use], scored[use][0], known)
@@ -133,7 +135,7 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
 
 def planned_points(refit: Refit, found: Sequence[Candidate], known: Known) -> dict[Use, list[Point]]:
     """Points at which candidates are to be tried, for those that act at one place the likeliest of each element too."""
-    places = likely_places(refit, found)
+    places = _likely_places(refit, found)
     points = shape_grid(refit.problem, refit.fit, found, known)
     for candidate in found:
         if candidate.use in places:
@@ -163,7 +165,7 @@ def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
     if len(places) < 3 or candidate.without_prior:
         return []
     usual: Point = {name: default_value(candidate, name) for name in candidate.shapes}
-    along = [float(part) for part in np.linspace(2 * FROM_EDGE, 1 - 2 * FROM_EDGE, EACH_EDGE)]
+    along = [float(part) for part in np.linspace(0.08, 0.92, EACH_EDGE)]  # parts of an edge
     points: list[Point] = [
         {**usual, **dict(zip(places, place, strict=True)), candidate.amplitudes[0]: size}
         for size in _sizes(candidate)
@@ -296,98 +298,7 @@ def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dic
     return found
 
 
-@dataclass(frozen=True)
-class Found:
-    """A place and the part of the residual's chi-square that a source there could explain.
-
-    Attributes
-    ----------
-    shapes : mapping
-        Values of the two parameters that are the place.
-    """
-
-    shapes: dict[str, float]
-    share: float
-
-
-def likely_places(refit: Refit, found: Sequence[Candidate]) -> dict[Use, list[Found]]:
-    """Places of the candidates that act at one, best first; empty for a model that does not look for places.
-
-    Places that explain less than `LEAST_SHARE` of what the best of all does are left out, but the best of each
-    element.
-    """
-    receivers = refit.problem.assembly.model.receivers
-    placed = None if receivers is None else receivers.placed
-    if placed is None:
-        return {}
-    mine = [c for c in found if c.use.name in placed.shapes and c.use.at]
-    shares = _SHARES.setdefault(refit, {})
-    shares |= _shares(refit, placed, sorted({str(c.use.at) for c in mine} - {*shares}))
-    if not shares:
-        return {}
-    best = max(float(share.max()) for share in shares.values())
-    grid, out = _grid(), {}
-    for candidate in mine:
-        names = [f"{candidate.use}.{name}" for name in placed.shapes[candidate.use.name]]
-        share = shares[str(candidate.use.at)]
-        peaks = [p for k, p in enumerate(_peaks(share)) if k == 0 or share[p] >= LEAST_SHARE * best]
-        out[candidate.use] = [
-            Found(
-                dict(zip(names, (float(grid[i]), float(grid[j])), strict=True)),
-                float(share[i, j]),
-            )
-            for i, j in peaks[:BEST]
-        ]
-    return out
-
-
-def _grid() -> Array:
-    return np.linspace(FROM_EDGE, 1 - FROM_EDGE, EACH_WAY)
-
-
-def _peaks(share: Array) -> list[tuple[int, int]]:
-    """Places than which no neighbour explains more, best first."""
-    wide = np.pad(share, 1, constant_values=-np.inf)
-    around = [np.roll(wide, (a, b), (0, 1))[1:-1, 1:-1] for a in (-1, 0, 1) for b in (-1, 0, 1)]
-    top = np.argwhere(share >= np.max(around, axis=0))
-    return sorted(((int(i), int(j)) for i, j in top), key=lambda p: -share[p])
-
-
-def _shares(refit: Refit, placed: PlacedEffects, elements: Sequence[str]) -> dict[str, Array]:
-    """Share of the residual's chi-square that a source at each place of the grid could explain, by element."""
-    if not elements:
-        return {}
-    problem = refit.problem
-    seen = [o for o in problem.observations if isinstance(o, FrfObservation)]
-    across, along = (axis.ravel() for axis in np.meshgrid(_grid(), _grid(), indexing="ij"))
-    places = np.column_stack([across, along])
-    total = 0.0
-    by_element = {element: np.zeros(len(places)) for element in elements}
-    for observation in seen:
-        own = problem.seen_by(observation, problem.values_at(refit.fit.theta))
-        quantities = problem.assembly.evaluate(
-            observation.conditions_at_nodes, own, wanted=list(placed.reads)
-        )
-        gap = observation.response - observation.responses(problem.assembly, [own])[0]
-        weight = observation.kept / observation.noise
-        total += float(np.sum(np.abs(gap * weight) ** 2))
-        for element in elements:
-            by_element[element] += explained(gap * weight, placed, quantities, element, places, observation)
-    return {e: x.reshape(EACH_WAY, EACH_WAY) / total for e, x in by_element.items()} if total else {}
-
-
-def explained(
-    white: NDArray[np.complex128],
-    placed: PlacedEffects,
-    quantities: Any,
-    element: str,
-    places: Array,
-    observation: FrfObservation,
-) -> Array:
-    """Chi-square that a source at each place explains, its strength free at every line."""
-    weight = observation.kept / observation.noise
-    pattern = np.stack([observation.folding(p) for p in placed.patterns(quantities, element, places)])
-    pattern = pattern * weight
-    along = np.abs(np.sum(pattern.conj() * white, axis=1)) ** 2
-    size = np.sum(np.abs(pattern) ** 2, axis=1)
-    return np.asarray(np.sum(along / np.maximum(size, 1e-300), axis=1))
+def _likely_places(refit: Refit, found: Sequence[Candidate]) -> Mapping[Use, Sequence[Found]]:
+    """Places of the candidates that act at one, best first; empty where the kind of measurement tells none."""
+    look = brought(refit.problem.observations, "likely_places")
+    return look(refit, found) if look else {}
