@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # for type checkers and editors: the same names as in `_PLACE
     from specan.api.recordings import octave as octave
     from specan.api.recordings import orders as orders
     from specan.api.recordings import read as read
+    from specan.api.recordings import read_functions as read_functions
     from specan.api.recordings import rms as rms
     from specan.api.recordings import spectrogram as spectrogram
     from specan.api.recordings import srs as srs
@@ -43,7 +44,7 @@ __version__ = "0.2.0"
 _PLACES = {
     "specan.api.recordings": (
         "read", "octave", "fft", "spectrogram", "frf", "impulse", "decay", "rms", "tones", "orders", "srs", "calibrate",
-        "batch",
+        "batch", "read_functions",
     ),
     "specan.api.drawing": ("plot",),
     "specan.api.models": ("load_model",),

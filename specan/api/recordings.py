@@ -16,6 +16,8 @@ from specan.io.calibration_file import calibration_beside
 from specan.io.open import open_recording
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from specan.analysis.batch.run import BatchReport
     from specan.data.band_levels import BandLevels
     from specan.data.calibration import Calibration
@@ -97,6 +99,32 @@ def read(
         path, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )
     return found if quantity is None else found.in_quantity(quantity)
+
+
+def read_functions(path: str | Path) -> pd.DataFrame:
+    """Functions of frequency of a universal file: spectra, densities, transfer functions, coherences.
+
+    Parameters
+    ----------
+    path : str or Path
+        Data sets 58, ASCII or binary, as ``specan frf -o NAME.uff`` and ``specan fft -o NAME.uff`` write them, and other
+        programs.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each line: ``function``, ``response``, ``reference``, ``frequency_hz``, ``value`` and ``unit``.
+    """
+    import pandas as pd
+
+    from specan.io.uff import FUNCTIONS, read_uff
+
+    names = ("function", "response", "reference", "frequency_hz", "value", "unit")
+    parts = [
+        pd.DataFrame(dict(zip(names, (FUNCTIONS[s.kind], s.response, s.reference, s.x, s.values, s.unit))))
+        for s in read_uff(Path(path), tuple(FUNCTIONS))
+    ]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=names)
 
 
 def octave(recording: Source, fraction: int | str = 3, **settings: Any) -> BandLevels:

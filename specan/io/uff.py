@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,10 @@ SUFFIXES = (".uff", ".unv")
 
 # Function types of data set 58, record 6, field 1.
 TIME_RESPONSE, TRANSFER_FUNCTION, COHERENCE = 1, 4, 6
+FUNCTIONS = {
+    2: "auto spectrum", 3: "cross spectrum", 4: "transfer function", 6: "coherence", 9: "power spectral density",
+    12: "spectrum",
+}  # fmt: skip
 # Specific data types of record 9 and the SI unit of each; a file may use other units, which its labels then say.
 QUANTITIES = {8: "m", 9: "N", 11: "m/s", 12: "m/s^2", 13: "N", 15: "Pa"}
 _DIRECTIONS = {0: "", 1: "X", 2: "Y", 3: "Z", 4: "RX", 5: "RY", 6: "RZ"}
@@ -153,11 +158,14 @@ def open_recording(
     """
     sets = read_uff(path, (TIME_RESPONSE,))
     if not sets:
-        others = len(read_uff(path, (TRANSFER_FUNCTION,)))
+        held = Counter(FUNCTIONS[one.kind] for one in read_uff(path, tuple(FUNCTIONS)))
+        holds = ", ".join(f"{kind} ({n})" for kind, n in held.items())
         raise NoSignalError(
             f"{label} is a universal file without a time response"
-            + (f"; it holds {others} transfer functions" if others else ""),
-            remedy="give transfer functions to a study: specan study new" if others else "",
+            + (f"; it holds: {holds}" if holds else ""),
+            remedy="read it in Python with specan.read_functions; a study takes transfer functions"
+            if holds
+            else "",
         )
     names = [one.title or one.response for one in sets]
     names = [

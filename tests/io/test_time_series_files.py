@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from specan.errors import InputError
 from specan.io import mat
 from specan.io import open as opening
+from specan.io.export_file import write_result
 from specan.io.open import open_recording
 from specan_cli.main import main
 
@@ -260,3 +261,31 @@ def test_damaged_files_are_said_to_be(tmp_path, ending):
     path.write_bytes(starts[ending])
     with pytest.raises(InputError, match=rf"run\.{ending}"):
         open_recording(path)
+
+
+def test_densities_and_transfer_functions_come_back_from_a_universal_file(tmp_path, monkeypatch):
+    pytest.importorskip("pyuff")
+    import specan
+
+    monkeypatch.chdir(tmp_path)
+    rate, noise = 4096, np.random.default_rng(3).standard_normal(40960)
+    source = specan.Recording.from_arrays(
+        {"Force": noise, "Acc 1": 2 * noise}, rate, units={"Force": "N", "Acc 1": "m/s^2"}
+    )
+    found = specan.fft(source, scaling="psd", lines=400)
+    write_result(found, tmp_path / "density.uff")
+    table = specan.read_functions("density.uff")
+    force = table[table.response == "Force"]
+    assert set(table.function) == {"power spectral density"}
+    assert force.value.to_numpy() == pytest.approx(found.density[0])
+    assert set(force.unit) == {"N^2/Hz"}
+    assert force.frequency_hz.to_numpy() == pytest.approx(found.frequency_hz)
+    write_result(specan.frf(source, "Force", channels="Acc 1", lines=400), tmp_path / "frf.uff")
+    table = specan.read_functions("frf.uff")
+    ratio = table[table.function == "transfer function"]
+    assert set(table.function) == {"transfer function", "coherence"}
+    assert ratio.value.to_numpy() == pytest.approx(2.0, abs=1e-9)  # what was made
+    assert set(ratio.reference) == {"Force"}
+    result = CliRunner().invoke(main, ["info", "density.uff"])
+    assert result.exit_code != 0
+    assert "power spectral density (2)" in str(result.exception)
