@@ -9,17 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import json_option, opt
-from specan_cli.output import (
-    OutputFile,
-    Verb,
-    draw,
-    emit_json,
-    plot_option,
-    say,
-    say_written,
-    show_sheets,
-    to_standard_output,
-)
+from specan_cli.output import Delivery, OutputFile, Verb, delivered, plot_option, say, show_sheets
 from specan_cli.recording_verb import expand, given, left_out
 
 if TYPE_CHECKING:
@@ -54,14 +44,13 @@ if TYPE_CHECKING:
 @opt("--budget", bool, "Print where each uncertainty comes from.")
 @plot_option("sensitivities and phases")
 @json_option
+@delivered
 def command(
     files: tuple[Path, ...],
-    output: Path,
+    deliver: Delivery,
     u_insertion: tuple[float, float],
     channel_table: Path | None,
     budget: bool,
-    plot: Path | None,
-    as_json: bool,
     **options: Any,
 ) -> int:
     """Find sensitivity and phase of every microphone from recordings of a calibrator.
@@ -79,18 +68,20 @@ def command(
 
     insertion = dict(zip(("u_insertion_dB", "u_insertion_deg"), u_insertion))
     settings = parse(CalibrationSettings, given(**options, **insertion), "calibrate")
+    output = deliver.output
+    assert output is not None  # it has a default
     check_directory(output)
     insertions, failures = _insertions([found.path for found in expand(files)], settings, channel_table)
     calibration = join_insertions(insertions, settings)
     write_calibration(calibration, output)
-    draw(calibration, plot)
-    if as_json:
-        emit_json({**calibration.to_dict(), "failures": failures, "output": str(output)})
-    elif not to_standard_output(output, plot):
+    deliver.draw(calibration)
+
+    def show() -> None:
         show_sheets(calibration.sheets(budget))
         for note in calibration.notes:
             say(f"Note: {note}.")
-        say_written(output)
+
+    deliver.put_out({**calibration.to_dict(), "failures": failures, "output": str(output)}, show)
     failed = any(c.verdict == "failed" for c in calibration.channels)
     return 1 if failures or failed else 0
 

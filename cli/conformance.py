@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -11,15 +10,14 @@ import click
 from specan_cli.options import EXCEEDED, json_option, opt
 from specan_cli.output import (
     TABLES,
+    Delivery,
     OutputFile,
     Verb,
     decimal_option,
-    emit_json,
+    delivered,
     is_quiet,
     say,
-    say_written,
     table,
-    to_standard_output,
 )
 
 if TYPE_CHECKING:
@@ -33,7 +31,8 @@ if TYPE_CHECKING:
 @opt("-o --output", OutputFile(*TABLES), "Write the table.")
 @decimal_option()
 @json_option
-def command(rate: float, output: Path | None, decimal: str, as_json: bool) -> int:
+@delivered
+def command(rate: float, deliver: Delivery) -> int:
     """Try what IEC 61260-1, IEC 61672-1 and IEEE 1057 ask of an analyser.
 
     Signals are made and analysed as recordings are. The exit code is 5 where a requirement is not met. Microphones
@@ -49,7 +48,7 @@ def command(rate: float, output: Path | None, decimal: str, as_json: bool) -> in
         found.append(check)
         if not is_quiet() and not check.passed:
             say(f"Not met: {check.standard}, {check.clause}: {check.what}.")
-    if output is not None:
+    if deliver.output is not None:
         import pandas as pd
 
         from specan.io.export_file import write_frame
@@ -57,18 +56,19 @@ def command(rate: float, output: Path | None, decimal: str, as_json: bool) -> in
         rows = [{**asdict(check), "met": "yes" if check.passed else "no"} for check in found]
         write_frame(
             pd.DataFrame(rows).rename(columns={"what": "requirement"}),
-            output,
+            deliver.output,
             ["conformance", f"at {rate:g} Hz"],
-            decimal,
+            deliver.decimal,
         )
-    if as_json:
-        emit_json({"sampling_rate_hz": rate, "checks": [{**asdict(c), "passed": c.passed} for c in found]})
-    elif not to_standard_output(output):
+
+    def show() -> None:
         for standard in dict.fromkeys(check.standard for check in found):
             header = ["clause", "requirement", "expected", "found", "limits", "", ""]
             table(standard, header, [_row(c) for c in found if c.standard == standard])
         click.echo(f"{sum(check.passed for check in found)} of {len(found)} requirements are met.")
-        say_written(output)
+
+    checked = [{**asdict(c), "passed": c.passed} for c in found]
+    deliver.put_out({"sampling_rate_hz": rate, "checks": checked}, show)
     return 0 if all(check.passed for check in found) else EXCEEDED
 
 

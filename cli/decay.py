@@ -6,7 +6,7 @@ from typing import Any
 
 from specan_cli.options import opt, section_options
 from specan_cli.output import plot_option
-from specan_cli.recording_verb import Delivery, Source, given, recording_verb
+from specan_cli.recording_verb import ResultDelivery, Source, given, recording_verb
 
 
 @recording_verb("decay")
@@ -19,7 +19,7 @@ from specan_cli.recording_verb import Delivery, Source, given, recording_verb
 @opt("--fmax", float, "To this band.  [default: 4000; 5000 for thirds]", "HZ")
 @section_options
 @plot_option()
-def command(source: Source, deliver: Delivery, **options: Any) -> int:
+def command(source: Source, deliver: ResultDelivery, **options: Any) -> int:
     """Find reverberation times, clarity, definition and centre time (ISO 3382-1).
 
     FILE holds impulse responses (a shot, a balloon, what `specan impulse` wrote), or noise or a sweep together

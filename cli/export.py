@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,13 @@ import click
 from specan_cli.options import json_option, opening_options, opt, section_options
 from specan_cli.output import (
     SAMPLES,
+    Delivery,
     OutputFile,
     Verb,
     decimal_option,
-    draw,
-    emit_json,
+    delivered,
     plot_option,
     refuse_unsafe,
-    say_written,
-    to_standard_output,
 )
 from specan_cli.recording_verb import opened_with, say_notes
 
@@ -35,14 +34,8 @@ from specan_cli.recording_verb import opened_with, say_notes
 @opening_options
 @plot_option("what was written")
 @json_option
-def command(
-    file: Path,
-    output: Path | None,
-    decimal: str,
-    plot: Path | None,
-    as_json: bool,
-    **options: Any,
-) -> int:
+@delivered
+def command(file: Path, deliver: Delivery, **options: Any) -> int:
     """Write the samples of a recording, in SI units, for other programs.
 
     Sensitivities of a calibration are applied. Phase and delay corrections apply to transfer functions only; the verb
@@ -53,25 +46,25 @@ def command(
     """
     from specan.errors import RequestError
 
-    target = output or Path(f"{file.stem}.csv")
-    if decimal != "." and target.suffix.lower() not in ("", ".csv"):
+    target = deliver.output or Path(f"{file.stem}.csv")
+    if deliver.decimal != "." and target.suffix.lower() not in ("", ".csv"):
         raise RequestError(f"--decimal is for CSV, not for {target.suffix}", remedy="leave it out")
     refuse_unsafe(target)
     source, section = opened_with(file, options)
     recording = source.open()
-    about, said, notes = _samples(recording, target, decimal, plot, **section)
+    deliver = replace(deliver, output=target)
+    about, said, notes = _samples(recording, target, deliver, **section)
     say_notes(notes, {"the file": recording.flags})
-    if as_json:
-        emit_json({"output": str(target), **about})
-    elif not to_standard_output(target, plot):
-        names = [channel["name"] for channel in about["channels"]]
-        click.echo(f"{said}.\nCalibration: {recording.calibration_of(names)}.")
-        say_written(target, plot)
+    names = [channel["name"] for channel in about["channels"]]
+    calibration = recording.calibration_of(names)
+    deliver.put_out(
+        {"output": str(target), **about}, lambda: click.echo(f"{said}.\nCalibration: {calibration}.")
+    )
     return 0
 
 
 def _samples(
-    recording: Any, target: Path, decimal: str, plot: Path | None, **section: Any
+    recording: Any, target: Path, deliver: Delivery, **section: Any
 ) -> tuple[dict[str, Any], str, tuple[str, ...]]:
     """Write samples; what JSON and the screen say of them, and notes."""
     from specan.analysis.section import aligned, of_one_rate
@@ -84,8 +77,8 @@ def _samples(
     excerpt = Excerpt(
         recording, chosen, *samples_of(recording, chosen, section["start_s"], section["stop_s"])
     )
-    write_excerpt(excerpt, target, decimal)
-    draw(recording, plot, **{**section, "channels": chosen})
+    write_excerpt(excerpt, target, deliver.decimal)
+    deliver.draw(recording, **{**section, "channels": chosen})
     corrected = [c.label for c in chosen if c.phase is not None or c.delay_s]
     late = [
         f"{name} carries a phase or delay correction, which samples in time do not show" for name in corrected

@@ -11,8 +11,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import limit_option, opt, quantity_option, section_options, weighting_option
-from specan_cli.output import plot_option, say_written, show_sheets, to_standard_output
-from specan_cli.recording_verb import UFF, Delivery, Source, given, recording_verb, say_calibration, say_notes
+from specan_cli.output import plot_option, show_sheets
+from specan_cli.recording_verb import (
+    UFF,
+    ResultDelivery,
+    Source,
+    given,
+    recording_verb,
+    say_calibration,
+    say_notes,
+)
 
 if TYPE_CHECKING:
     from specan.data.recording import Recording
@@ -51,7 +59,7 @@ if TYPE_CHECKING:
 @plot_option()
 def command(
     source: Source,
-    deliver: Delivery,
+    deliver: ResultDelivery,
     peaks: int,
     spectrogram: bool,
     columns: int | None,
@@ -86,7 +94,7 @@ def command(
     return deliver(analyses.spectrogram(recording, **wanted), shown={"peaks": peaks})
 
 
-def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: Delivery) -> int:
+def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: ResultDelivery) -> int:
     """A single block, which may be the whole recording: shown and written channel by channel."""
     from specan.analysis.spectrum import FourierSpectrum, chosen, single_blocks
     from specan.data.calibration import stated
@@ -119,9 +127,11 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: 
         labels, units = tuple(c.label for c in channels), tuple(c.target_unit for c in channels)
         found = replace(about[0], channels=labels, units=units)
         write_result(found, output, chain([first], blocks), deliver.decimal)
-    if not to_standard_output(output):
+
+    def show() -> None:
         show_sheets([sheets[0]._replace(rows=[row for sheet in sheets for row in sheet.rows])])
         say_calibration(about[0])
-        say_written(output)
+
+    deliver.put_out({}, show)
     say_notes(about[0].notes, {part.channels[0]: part.flags[0] for part in about})
     return 0

@@ -6,7 +6,7 @@ from typing import Any
 
 from specan_cli.options import opt, quantity_option, section_options
 from specan_cli.output import plot_option
-from specan_cli.recording_verb import UFF, Delivery, Source, given, recording_verb
+from specan_cli.recording_verb import UFF, ResultDelivery, Source, given, recording_verb
 
 
 @recording_verb("frf", "all lines", *UFF)
@@ -33,14 +33,7 @@ from specan_cli.recording_verb import UFF, Delivery, Source, given, recording_ve
 @plot_option()
 @opt("--unwrap", bool, "Draw the phase without jumps.")
 def command(
-    source: Source,
-    deliver: Delivery,
-    no_align: bool,
-    fmin: float,
-    fmax: float,
-    at_hz: tuple[float, ...],
-    unwrap: bool,
-    **options: Any,
+    source: Source, deliver: ResultDelivery, at_hz: tuple[float, ...], unwrap: bool, **options: Any
 ) -> int:
     """Find the transfer functions of microphones and accelerometers over the vibrometer, or over --reference.
 
@@ -52,8 +45,9 @@ def command(
     from specan.api.recordings import frf
     from specan.errors import RequestError
 
-    found = frf(source.open(options.pop("quantity")), align=not no_align, **given(**options))
-    found = found.between(fmin, fmax)
+    recording = source.open(options.pop("quantity"))
+    low, high, align = options.pop("fmin"), options.pop("fmax"), not options.pop("no_align")
+    found = frf(recording, align=align, **given(**options)).between(low, high)
     if outside := [f"{f:g}" for f in at_hz if not found.frequency_hz[0] <= f <= found.frequency_hz[-1]]:
         raise RequestError(
             f"--at {', '.join(outside)} Hz is outside the lines",

@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
 from specan_cli.options import json_option, opening_options, opt, section_options
-from specan_cli.output import (
-    SAMPLES,
-    OutputFile,
-    Verb,
-    draw,
-    emit_json,
-    plot_option,
-    refuse_unsafe,
-    say_written,
-    to_standard_output,
-)
+from specan_cli.output import SAMPLES, Delivery, OutputFile, Verb, delivered, plot_option, refuse_unsafe
 from specan_cli.recording_verb import given, opened_with, say_calibration, say_notes
 
 
@@ -40,7 +31,8 @@ from specan_cli.recording_verb import given, opened_with, say_calibration, say_n
 @plot_option("the responses")
 @json_option
 @opening_options
-def command(file: Path, output: Path | None, plot: Path | None, as_json: bool, **options: Any) -> int:
+@delivered
+def command(file: Path, deliver: Delivery, **options: Any) -> int:
     """Find impulse responses of microphones and accelerometers to the excitation, and write them.
 
     Maximum length sequences, sweeps and impulses are deconvolved; of noise, the averaged transfer function is
@@ -52,18 +44,19 @@ def command(file: Path, output: Path | None, plot: Path | None, as_json: bool, *
     from specan.api.recordings import impulse
     from specan.io.export_file import Excerpt, write_excerpt
 
-    target = output or Path(f"{file.stem}_impulse.wav")
+    target = deliver.output or Path(f"{file.stem}_impulse.wav")
     refuse_unsafe(target)
     source, own = opened_with(file, options)
     found = impulse(source.open(), **given(**own))
     responses = found.recording()
     write_excerpt(Excerpt(responses, responses.channels, 0, found.samples.shape[1]), target)
-    draw(found, plot)
-    if as_json:
-        emit_json({"output": str(target), **found.to_dict()})
-    elif not to_standard_output(target, plot):
+    deliver = replace(deliver, output=target)
+    deliver.draw(found)
+
+    def show() -> None:
         click.echo(f"{found.summary()}.")
         say_calibration(found)
-        say_written(plot, target)
+
+    deliver.put_out({"output": str(target), **found.to_dict()}, show)
     say_notes(found.notes, {})
     return 0

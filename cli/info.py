@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opening_options, opt
-from specan_cli.output import Verb, draw, emit_json, plot_option, show_sheets, table, to_standard_output
+from specan_cli.output import Delivery, Verb, delivered, plot_option, show_sheets, table
 from specan_cli.recording_verb import expand, left_out, opened_with
 
 if TYPE_CHECKING:
@@ -25,9 +25,8 @@ if TYPE_CHECKING:
 @opt("--all show_all", bool, "Every channel and the whole of every property.")
 @plot_option("the waveforms of one recording")
 @opt("--json as_json", bool, "Everything, as JSON.")
-def command(
-    files: tuple[Path, ...], levels: bool, show_all: bool, plot: Path | None, as_json: bool, **opening: Any
-) -> int:
+@delivered
+def command(files: tuple[Path, ...], levels: bool, show_all: bool, deliver: Delivery, **opening: Any) -> int:
     """Show groups, channels, roles, rates, units, excitation, notes and integrity of recordings.
 
     Only headers are read, and a few seconds of one channel to tell sine from noise. A directory stands for all
@@ -42,10 +41,10 @@ def command(
     from specan.report.contents import sheets
 
     seen: list[dict[str, Any]] = []
-    short: list[list[Any]] = []
+    opened: list[tuple[Recording, Excitation, dict[int, tuple[float, Quality]]]] = []
     failures: list[dict[str, str]] = []
     found = expand(files)
-    if plot is not None and len(found) > 1:
+    if deliver.plot is not None and len(found) > 1:
         raise RequestError(f"--plot draws one recording, and there are {len(found)}", remedy="name one")
     for item in found:
         with left_out(item.label, failures, len(found) > 1):
@@ -54,24 +53,31 @@ def command(
             excitation = recognise(recording)
             quality = rms_and_quality(recording) if levels else {}
             seen.append(_content(recording, source.file, excitation, quality))
-            if len(found) > 1 and not show_all:
-                short.append(_row(recording, excitation))
-            elif not as_json and not to_standard_output(plot):
-                click.echo("\n".join(_lines(recording, seen[-1]["size_bytes"], excitation)))
-                for sheet in sheets(recording, quality, show_all):
-                    click.echo()
-                    show_sheets([sheet])
-            draw(recording, plot)
+            opened.append((recording, excitation, quality))
+            deliver.draw(recording)
     if not seen:
         raise InputError("no file could be read", remedy="see the reasons above")
-    if as_json:
-        emit_json({"files": seen, "failures": failures})
-    elif short:
-        same = len({row[-1] for row in short}) == 1
-        header = ["file", "excitation", "tone", "channels", "s", "Hz", "", "calibration"]
-        table("", header[: len(header) - same], [row[: len(header) - same] for row in short])
-        click.echo(f"Calibration: {short[0][-1]}." if same else "", nl=same)
+
+    def show() -> None:
+        if len(found) > 1 and not show_all:
+            _print_rows([_row(recording, excitation) for recording, excitation, _ in opened])
+            return
+        for content, (recording, excitation, quality) in zip(seen, opened, strict=True):
+            click.echo("\n".join(_lines(recording, content["size_bytes"], excitation)))
+            for sheet in sheets(recording, quality, show_all):
+                click.echo()
+                show_sheets([sheet])
+
+    deliver.put_out({"files": seen, "failures": failures}, show)
     return 1 if failures else 0
+
+
+def _print_rows(rows: list[list[Any]]) -> None:
+    """A line for each recording; one calibration of all stands below them."""
+    same = len({row[-1] for row in rows}) == 1
+    header = ["file", "excitation", "tone", "channels", "s", "Hz", "", "calibration"]
+    table("", header[: len(header) - same], [row[: len(header) - same] for row in rows])
+    click.echo(f"Calibration: {rows[0][-1]}." if same else "", nl=same)
 
 
 def _row(recording: Recording, excitation: Excitation) -> list[Any]:

@@ -15,7 +15,7 @@ from specan_cli.options import (
     weighting_option,
 )
 from specan_cli.output import plot_option
-from specan_cli.recording_verb import Delivery, Source, given, recording_verb
+from specan_cli.recording_verb import ResultDelivery, Source, given, recording_verb
 
 
 @recording_verb("octave", "all levels")
@@ -47,7 +47,7 @@ from specan_cli.recording_verb import Delivery, Source, given, recording_verb
 @opt("--history", bool, "Draw the first channel against time.")
 def command(
     source: Source,
-    deliver: Delivery,
+    deliver: ResultDelivery,
     background: Path | None,
     limit: Path | None,
     history: bool,

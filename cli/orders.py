@@ -8,7 +8,7 @@ import click
 
 from specan_cli.options import QUANTITIES, opt, section_options
 from specan_cli.output import plot_option, say
-from specan_cli.recording_verb import Delivery, Source, given, recording_verb
+from specan_cli.recording_verb import ResultDelivery, Source, given, recording_verb
 
 if TYPE_CHECKING:
     from specan.data.orders import OrderSpectrum
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 @plot_option()
 def command(
     source: Source,
-    deliver: Delivery,
+    deliver: ResultDelivery,
     envelope: str | None,
     kurtosis: bool,
     peaks: int,

@@ -13,6 +13,8 @@ import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import wraps
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -289,18 +291,6 @@ def decimal_option(what: str = "text") -> Callable[[Any], Any]:
     return opt("--decimal", [".", ","], text, default=".")
 
 
-def to_standard_output(*targets: Path | None) -> bool:
-    """Whether a file goes to standard output, which then holds nothing else."""
-    return _STANDARD_OUTPUT in targets
-
-
-def say_written(*targets: Path | None) -> None:
-    """Which files were written."""
-    for target in targets:
-        if target not in (None, _STANDARD_OUTPUT):
-            click.echo(f"Written to {target}.")
-
-
 def _paths(value: Any) -> Iterator[Path]:
     if isinstance(value, Path):
         yield value
@@ -324,19 +314,53 @@ def plot_option(what: str = "") -> Callable[[Any], Any]:
     return opt("--plot", OutputFile(), text, "FILE", callback=_checked)
 
 
-def draw(found: Result, plot: Path | None, **options: Any) -> None:
-    """The figure of a result, where one was asked for; see `specan.plot` for the options."""
-    if plot is not None:
-        import specan
+@dataclass(frozen=True)
+class Delivery:
+    """Where a result goes: into a figure, into a file, and to standard output, to read or as JSON."""
 
-        specan.plot(found, plot, **options)
+    plot: Path | None = None
+    output: Path | None = None
+    as_json: bool = False
+    decimal: str = "."
+
+    def put_out(self, content: Any, show: Callable[[], object]) -> None:
+        """Print JSON; or what `show` prints, unless standard output is that of a file, and which files were written."""
+        targets = (self.plot, self.output)
+        if self.as_json:
+            emit_json(content)
+        elif _STANDARD_OUTPUT not in targets:
+            show()
+            for target in filter(None, targets):
+                click.echo(f"Written to {target}.")
+
+    def draw(self, found: Result, **options: Any) -> None:
+        """The figure of a result, where one was asked for; see `specan.plot` for the options."""
+        if self.plot is not None:
+            import specan
+
+            specan.plot(found, self.plot, **options)
+
+    def draw_beside(self, found: Result) -> None:
+        """The figure of a result that is printed as well: where there is nothing to draw, a line says so."""
+        from specan.errors import RequestError
+
+        try:
+            self.draw(found)
+        except RequestError as fault:
+            say(f"No figure: {fault}")
 
 
-def draw_beside(found: Result, plot: Path | None) -> None:
-    """The figure of a result that is printed as well: where there is nothing to draw, a line says so."""
-    from specan.errors import RequestError
+def delivered(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator above the options of a verb: where its result goes reaches it as `deliver`."""
 
-    try:
-        draw(found, plot)
-    except RequestError as fault:
-        say(f"No figure: {fault}")
+    @wraps(function)
+    def gathered(
+        plot: Path | None = None,
+        output: Path | None = None,
+        as_json: bool = False,
+        decimal: str = ".",
+        **options: Any,
+    ) -> Any:
+        return function(deliver=Delivery(plot, output, as_json, decimal), **options)
+
+    return gathered

@@ -21,17 +21,16 @@ import click
 from specan_cli.options import EXCEEDED, opening_options, opt
 from specan_cli.output import (
     TABLES,
+    Delivery,
     OutputFile,
     Verb,
     collecting,
     decimal_option,
-    draw,
+    delivered,
     emit_json,
     is_quiet,
     say,
-    say_written,
     show_sheets,
-    to_standard_output,
 )
 
 if TYPE_CHECKING:
@@ -175,14 +174,8 @@ class Source:
         return Shown.of(read(self.file, quantity=quantity, **self.opening))
 
 
-@dataclass(frozen=True)
-class Delivery:
-    """Where a result goes: into a figure, into a file, and to standard output, to read or as JSON."""
-
-    plot: Path | None
-    output: Path | None
-    as_json: bool
-    decimal: str = "."
+class ResultDelivery(Delivery):
+    """The same of what a verb finds in a recording."""
 
     @property
     def wants_whole(self) -> bool:
@@ -209,14 +202,13 @@ class Delivery:
         from specan.io.limit_file import read_limits
 
         kept = [] if limit is None else found.keeps(read_limits(limit))
-        draw(found, self.plot, **drawn)
+        self.draw(found, **drawn)
         if self.output is not None:
             write_result(found, self.output, decimal=self.decimal)
-        if self.as_json:
-            names = ("channel", "passed", "excess_dB", "place", "compared")
-            limits = [{name: getattr(one, name) for name in names} for one in kept]
-            emit_json({**found.to_dict(), **(more or {}), **({"limits": limits} if kept else {})})
-        elif not to_standard_output(self.output, self.plot):
+        names = ("channel", "passed", "excess_dB", "place", "compared")
+        limits = [{name: getattr(one, name) for name in names} for one in kept]
+
+        def show() -> None:
             show_sheets(found.sheets(**(shown or {})))
             say_calibration(found)
             for one in kept:
@@ -225,7 +217,13 @@ class Delivery:
                 label = "" if limit is None else limit.name
                 where = f"the limit at {one.place} ({one.compared} compared)"
                 click.echo(f"Limits {label}: {one.channel}: {text} {where}")
-            say_written(self.plot, self.output)
+
+        content = (
+            {**found.to_dict(), **(more or {}), **({"limits": limits} if kept else {})}
+            if self.as_json
+            else {}
+        )
+        self.put_out(content, show)
         say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
         return 0 if all(one.passed for one in kept) else EXCEEDED
 
@@ -249,17 +247,11 @@ def recording_verb(name: str, what: str = "everything", *more: str) -> Callable[
         @decimal_option()
         @opt("--json as_json", bool, f"Print {what} as JSON.")
         @opening_options
+        @delivered
         @wraps(function)
-        def gathered(
-            file: Path,
-            output: Path | None,
-            decimal: str,
-            as_json: bool,
-            plot: Path | None,
-            **options: Any,
-        ) -> int:
+        def gathered(file: Path, deliver: Delivery, **options: Any) -> int:
             source, own_options = opened_with(file, options)
-            return function(source, Delivery(plot, output, as_json, decimal), **own_options)
+            return function(source, ResultDelivery(**vars(deliver)), **own_options)
 
         gathered.__click_params__ += own
         files = click.argument(

@@ -6,7 +6,7 @@ from typing import Any
 
 from specan_cli.options import opt, section_options, velocity_option, weighting_option
 from specan_cli.output import plot_option
-from specan_cli.recording_verb import Delivery, Source, given, recording_verb
+from specan_cli.recording_verb import ResultDelivery, Source, given, recording_verb
 
 
 @recording_verb("rms")
@@ -19,7 +19,7 @@ from specan_cli.recording_verb import Delivery, Source, given, recording_verb
 @section_options
 @velocity_option
 @plot_option()
-def command(source: Source, deliver: Delivery, **options: Any) -> int:
+def command(source: Source, deliver: ResultDelivery, **options: Any) -> int:
     """Find RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
 
     All but the mean are of the signal about its mean.

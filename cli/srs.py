@@ -6,7 +6,7 @@ from typing import Any
 
 from specan_cli.options import opt, section_options
 from specan_cli.output import plot_option
-from specan_cli.recording_verb import Delivery, Source, given, recording_verb
+from specan_cli.recording_verb import ResultDelivery, Source, given, recording_verb
 
 
 @recording_verb("srs", "all lines")
@@ -22,7 +22,7 @@ from specan_cli.recording_verb import Delivery, Source, given, recording_verb
 @opt("--detrend", bool, "Subtract the mean of the section.")
 @section_options
 @plot_option()
-def command(source: Source, deliver: Delivery, **options: Any) -> int:
+def command(source: Source, deliver: ResultDelivery, **options: Any) -> int:
     """Find shock response spectra of accelerations: largest responses, maximax, positive and negative (ISO 18431-4).
 
     \b

@@ -17,19 +17,7 @@ import click
 
 from specan_cli.main import LazyGroup
 from specan_cli.options import json_option, opt, together
-from specan_cli.output import (
-    OutputFile,
-    Verb,
-    draw,
-    draw_beside,
-    emit_json,
-    is_quiet,
-    plot_option,
-    say,
-    say_written,
-    show_sheets,
-    to_standard_output,
-)
+from specan_cli.output import Delivery, OutputFile, Verb, delivered, is_quiet, plot_option, say, show_sheets
 
 if TYPE_CHECKING:
     from specan.study.processes import Progress
@@ -161,7 +149,8 @@ def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
 @click.argument("directory", type=click.Path(path_type=Path), metavar="DIR")
 @plot_option("the staircase of errors")
 @opt("--json as_json", bool, "Print the steps as JSON.")
-def history(directory: Path, plot: Path | None, as_json: bool) -> None:
+@delivered
+def history(directory: Path, deliver: Delivery) -> None:
     """Show every step of DIR with its error on fitted and on held-out data.
 
     \b
@@ -176,22 +165,23 @@ def history(directory: Path, plot: Path | None, as_json: bool) -> None:
     for line in found.ignored:
         say(f"Warning: {line}.")
     steps = found.steps
-    if as_json:
-        emit_json([step.as_dict() for step in steps])
-    else:
+
+    def show() -> None:
         names = steps[-1].of_each("fit") if steps else ()
-        show_sheets(
-            [study_sheets.history(steps, f"{directory}: RMS" + (f" of {', '.join(names)}" if names else ""))]
-        )
+        title = f"{directory}: RMS" + (f" of {', '.join(names)}" if names else "")
+        show_sheets([study_sheets.history(steps, title)])
         if steps:
             click.echo("\nModel: " + (", ".join(steps[-1].model_effects) or "no effects"))
-    draw(found, plot)
+
+    deliver.draw(found)
+    deliver.put_out([step.as_dict() for step in steps], show)
 
 
 @click.command("next", cls=Verb)
 @study_options
 @plot_option("what each explanation predicts")
-def next_measurement(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None) -> None:
+@delivered
+def next_measurement(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> None:
     """Propose the measurements, within the rig's limits, that best distinguish the possible explanations.
 
     For a room: microphone positions inside it, away from its walls and from the microphones in use.
@@ -202,21 +192,24 @@ def next_measurement(directory: Path, effects: tuple[Path, ...], as_json: bool, 
     study = open_study(directory, effects)
     study.require_uncertainty("next")
     found = study.diagnose(progress=told()).next()
-    if as_json:
-        emit_json(found.to_dict())
-    elif found.rows:
-        show_next(found.rows)
-    else:
+
+    def show() -> None:
+        if found.rows:
+            show_next(found.rows)
+            return
         click.echo(f"{found.summary()[:1].upper()}{found.summary()[1:]}.")
         if study.model.words.what_else:
             click.echo(study.model.words.what_else.format(study=directory))
-    draw_beside(found, plot)
+
+    deliver.draw_beside(found)
+    deliver.put_out(found.to_dict(), show)
 
 
 @click.command("report", cls=Verb)
 @study_options
 @opt("-o --output", OutputFile(".html", ".htm"), "HTML file to write.", required=True)
-def report(directory: Path, effects: tuple[Path, ...], as_json: bool, output: Path) -> None:
+@delivered
+def report(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> None:
     """Write a report of DIR on one page: figures, verdict, history, assumptions.
 
     The page needs no network and no other file.
@@ -227,11 +220,10 @@ def report(directory: Path, effects: tuple[Path, ...], as_json: bool, output: Pa
     from specan.io.output_file import check_directory, text_file
     from specan.report.study_report import study_report
 
+    output = deliver.output
+    assert output is not None  # it is required
     check_directory(output)
     page = study_report(open_study(directory, effects))
     with text_file(output) as file:
         file.write(page)
-    if as_json:
-        emit_json({"report": str(output)})
-    elif not to_standard_output(output):
-        say_written(output)
+    deliver.put_out({"report": str(output)}, lambda: None)

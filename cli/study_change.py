@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from specan_cli.options import opt, together
-from specan_cli.output import Verb, draw, emit_json, plot_option, show_sheets
+from specan_cli.output import Delivery, Verb, delivered, plot_option, show_sheets
 from specan_cli.study import open_study, study_options
 
 if TYPE_CHECKING:
@@ -20,12 +20,15 @@ change_options = together(
     click.argument("effect_name", metavar="EFFECT"),
     opt("--because", None, "Reason, kept in the history.", "TEXT", default=""),
     plot_option("measurement and changed model"),
+    delivered,
 )
 
 
 @click.command("add", cls=Verb)
 @change_options
-def add(directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, **shown: Any) -> None:
+def add(
+    directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, deliver: Delivery
+) -> None:
     """Add EFFECT to the model of DIR and refit: errors before and after, on fitted and on held-out data.
 
     EFFECT is a name (specan model show NAME lists them), with its place where it acts at one
@@ -36,12 +39,14 @@ def add(directory: Path, effect_name: str, effects: tuple[Path, ...], because: s
     """
     from specan.study.edit import add_effect
 
-    _show(add_effect(open_study(directory, effects), effect_name, because), **shown)
+    _show(add_effect(open_study(directory, effects), effect_name, because), deliver)
 
 
 @click.command("drop", cls=Verb)
 @change_options
-def drop(directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, **shown: Any) -> None:
+def drop(
+    directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, deliver: Delivery
+) -> None:
     """Remove EFFECT from the model of DIR and refit. The history keeps the earlier steps.
 
     EFFECT may also be an effect file of the study (my_effect.py): it is then no longer a candidate.
@@ -52,24 +57,24 @@ def drop(directory: Path, effect_name: str, effects: tuple[Path, ...], because: 
     from specan.study.edit import drop_effect, drop_effect_file
 
     if not effect_name.endswith(".py"):
-        _show(drop_effect(open_study(directory, effects), effect_name, because), **shown)
+        _show(drop_effect(open_study(directory, effects), effect_name, because), deliver)
         return
     dropped = drop_effect_file(directory, effect_name)
-    if shown["as_json"]:
-        emit_json({"dropped": dropped})
-    else:
-        click.echo(f"{dropped} is removed from the study; the file itself is kept.")
+    text = f"{dropped} is removed from the study; the file itself is kept."
+    deliver.put_out({"dropped": dropped}, lambda: click.echo(text))
 
 
-def _show(change: Change, as_json: bool, plot: Path | None) -> None:
-    """Errors before and after, parameters, remarks; a figure where one was asked for."""
-    draw(change, plot)
-    before, after = change.before, change.after
-    if as_json:
-        emit_json(change.to_dict())
-        return
+def _show(change: Change, deliver: Delivery) -> None:
+    """What the step did, and a figure where one was asked for."""
+    deliver.draw(change)
+    deliver.put_out(change.to_dict() if deliver.as_json else {}, lambda: _print(change))
+
+
+def _print(change: Change) -> None:
+    """Errors before and after, parameters, remarks."""
     from specan.report import study_sheets
 
+    before, after = change.before, change.after
     first = [remark for remark in change.remarks if remark == "the error on held-out data rises"]
     for remark in first:  # before all that looks like success
         click.echo(f"Note: {remark}")

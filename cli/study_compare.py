@@ -10,16 +10,14 @@ import click
 from specan_cli.options import opt
 from specan_cli.output import (
     TABLES,
+    Delivery,
     OutputFile,
     Verb,
     decimal_option,
-    draw,
-    emit_json,
+    delivered,
     plot_option,
     say,
-    say_written,
     show_sheets,
-    to_standard_output,
 )
 from specan_cli.study import open_study, probability, study_options
 
@@ -41,15 +39,9 @@ BLOCKS = 8  # of conditions where it fails
 @decimal_option()
 @opt("--channel", None, "Recordings: the channel whose curves --plot shows.", "NAME")
 @opt("--accept-changes", bool, "Continue although measured files have changed.")
+@delivered
 def command(
-    directory: Path,
-    effects: tuple[Path, ...],
-    as_json: bool,
-    plot: Path | None,
-    output: Path | None,
-    decimal: str,
-    channel: str | None,
-    accept_changes: bool,
+    directory: Path, effects: tuple[Path, ...], deliver: Delivery, channel: str | None, accept_changes: bool
 ) -> None:
     """Fit the parameters of DIR's model and show where it fails.
 
@@ -59,31 +51,22 @@ def command(
     specan study compare my_study --plot compare.png -o rows.csv
     specan study compare my_room --plot mic_7.png --channel "Mic 7"
     """
-    from specan.report import study_sheets
-
     study = open_study(directory, effects, accept_changes)
     found = study.compare()
     kept = study.record_changes()
     if kept is not None:
         say(f"The study was changed since its last step: kept as step {kept.step}.")
-    draw(found, plot, channel=channel)
-    if output is not None:
+    deliver.draw(found, channel=channel)
+    if deliver.output is not None:
         from specan.io.export_file import write_frame
 
-        write_frame(found.residuals, output, [f"compare {study.directory.name}"], decimal)
-    if as_json:
-        emit_json(found.to_dict())
-    elif not to_standard_output(output, plot):
+        write_frame(found.residuals, deliver.output, [f"compare {study.directory.name}"], deliver.decimal)
+
+    def show() -> None:
         _print(study, found)
-        recorded = study.frf_errors()
-        for one in recorded:
-            click.echo("")
-            show_sheets([study_sheets.bands(one, one.plural)])
-        if recorded:
-            click.echo(
-                "(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)"
-            )
-        say_written(plot, output)
+        _print_bands(study)
+
+    deliver.put_out(found.to_dict() if deliver.as_json else {}, show)
 
 
 def _print(study: Study, found: Comparison) -> None:
@@ -116,6 +99,18 @@ def _print(study: Study, found: Comparison) -> None:
         show_sheets([study_sheets.blocks(where.fails_at[:BLOCKS])])
     if found.fit.p_value <= FITS:
         click.echo(f"\nNext: specan study diagnose {study.directory}")
+
+
+def _print_bands(study: Study) -> None:
+    """Of transfer functions: errors by third octaves."""
+    from specan.report import study_sheets
+
+    recorded = study.frf_errors()
+    for one in recorded:
+        click.echo("")
+        show_sheets([study_sheets.bands(one, one.plural)])
+    if recorded:
+        click.echo("(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)")
 
 
 def _print_fit(study: Study, best: Fit) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.options import opt
-from specan_cli.output import Verb, draw_beside, emit_json, plot_option, show_sheets
+from specan_cli.output import Delivery, Verb, delivered, plot_option, show_sheets
 from specan_cli.study import open_study, probability, show_next, study_options, told
 
 if TYPE_CHECKING:
@@ -33,13 +33,8 @@ BY_PROBABILITY = (
     "Number of processes for transfer functions, on Linux; the result is the same.", default=1,
     show_default=True,
 )  # fmt: skip
-def command(
-    directory: Path,
-    effects: tuple[Path, ...],
-    as_json: bool,
-    plot: Path | None,
-    jobs: int,
-) -> None:
+@delivered
+def command(directory: Path, effects: tuple[Path, ...], deliver: Delivery, jobs: int) -> None:
     """Find the effect that the model of DIR lacks. Held-out data are not used.
 
     \b
@@ -47,11 +42,8 @@ def command(
     """
     study = open_study(directory, effects)
     found = study.diagnose(progress=told(), jobs=jobs)
-    if as_json:
-        emit_json(found.to_dict())
-    else:
-        _print(found, directory)
-    draw_beside(found, plot)
+    deliver.draw_beside(found)
+    deliver.put_out(found.to_dict() if deliver.as_json else {}, lambda: _print(found, directory))
 
 
 def _print(found: Diagnosis, directory: Path) -> None:

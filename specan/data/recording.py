@@ -155,7 +155,7 @@ class Recording(Result):
         return self.channel(name)
 
     def __contains__(self, name: object) -> bool:
-        return name in self.channels or name in (c.name for c in self.channels)
+        return name in (*self.channels, *(c.name for c in self.channels))
 
     def summary(self) -> str:
         """What it is, on one line.

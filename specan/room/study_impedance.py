@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.output import Verb, draw, plot_option
+from specan_cli.output import Delivery, Verb, delivered, plot_option
 from specan_cli.study import study_options, told
 
 if TYPE_CHECKING:
@@ -21,13 +21,9 @@ if TYPE_CHECKING:
 @click.option("--accuracy", default=0.1, show_default=True, metavar="ALPHA",
               help="Half-width of the 95 % interval up to which absorption counts as determined.")  # fmt: skip
 @plot_option("impedance and absorption")
+@delivered
 def command(
-    directory: Path,
-    effects: tuple[Path, ...],
-    as_json: bool,
-    wall: str | None,
-    accuracy: float,
-    plot: Path | None,
+    directory: Path, effects: tuple[Path, ...], deliver: Delivery, wall: str | None, accuracy: float
 ) -> None:
     """Surface impedance and absorption of every wall of a room, per third octave, with 95 % intervals.
 
@@ -40,7 +36,6 @@ def command(
     """
     from specan.room.wall_impedance.advice import advise
     from specan.room.wall_impedance.surface_impedance import study_impedance
-    from specan_cli.output import emit_json
     from specan_cli.study import open_study
 
     progress = told()
@@ -50,11 +45,9 @@ def command(
     if progress:
         progress("what would determine the rest")
     advice = advise(shown)
-    if as_json:
-        emit_json({**shown.to_dict(), "advice": [one.as_dict() for one in advice]})
-    else:
-        _print(shown, advice)
-    draw(shown, plot)
+    deliver.draw(shown)
+    content = {**shown.to_dict(), "advice": [one.as_dict() for one in advice]}
+    deliver.put_out(content, lambda: _print(shown, advice))
 
 
 def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:
