@@ -107,8 +107,8 @@ def read_functions(path: str | Path) -> pd.DataFrame:
     Parameters
     ----------
     path : str or Path
-        Data sets 58, ASCII or binary, as ``specan frf -o NAME.uff`` and ``specan fft -o NAME.uff`` write them, and other
-        programs.
+        Data sets 58, ASCII or binary, of other programs or as ``specan frf -o NAME.uff`` and ``specan fft -o NAME.uff``
+        write them.
 
     Returns
     -------
