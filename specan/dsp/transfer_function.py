@@ -21,8 +21,6 @@ ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
 _SIDE = 7  # lines to either side over which noise is smoothed
 # Standard deviation of a phase that may be anything, 360 / sqrt(12) degrees.
 U_PHASE_UNKNOWN_DEG = 360.0 / np.sqrt(12.0)
-# Lines of responses that are worked on together: temporary arrays stay small, and few responses take few calls.
-_TOGETHER = 1 << 18
 
 
 class Estimate(NamedTuple):
@@ -117,23 +115,28 @@ def estimate(
     >>> complex(found.response[0]), float(found.coherence[0]), round(float(found.u_relative[0]), 4)
     ((2+0j), 0.8, 0.0358)
     """
-    step = max(1, _TOGETHER * len(cross) // max(cross.size, 1))
-    if cross.ndim > 1 and len(cross) > step and auto_response.shape == cross.shape:
-        parts = []
-        for rows in (slice(first, first + step) for first in range(0, len(cross), step)):
-            of_rows = None if instrument is None else instrument._replace(response=instrument.response[rows])
-            parts.append(
-                estimate(
-                    estimator, auto_reference, auto_response[rows], cross[rows], n_effective,
-                    instrument=of_rows, line_correlation=line_correlation,
-                )
-            )  # fmt: skip
-        return Estimate(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+    if cross.ndim > 1:  # one response after the other: what is between is as large as all spectra
+        responses = np.broadcast_to(auto_response, cross.shape)
+        through = (
+            [None] * len(cross)
+            if instrument is None
+            else [instrument._replace(response=r) for r in instrument.response]
+        )
+        found = [
+            estimate(
+                estimator,
+                auto_reference,
+                own,
+                over,
+                n_effective,
+                instrument=mine,
+                line_correlation=line_correlation,
+            )
+            for own, over, mine in zip(responses, cross, through, strict=True)
+        ]
+        return Estimate(*map(np.stack, zip(*found, strict=True)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        strength = np.abs(cross) ** 2
-        coherence = strength / (auto_reference * auto_response)
-        # 0/0 where a channel is dead: nothing is known, NaN. Rounding may pass 1 by an ulp.
-        coherence = np.minimum(coherence, 1.0)
+        coherence = np.minimum(np.abs(cross) ** 2 / (auto_reference * auto_response), 1.0)
         if estimator == "H3c":
             if instrument is None:
                 raise ValueError("H3c needs the spectra of an instrument")
@@ -144,12 +147,10 @@ def estimate(
         else:
             response = _two_channel(estimator, auto_reference, auto_response, cross)
             left = (1 - coherence) * auto_response
-            # 1 / (|H1|^2 S_xx)
-            gain = auto_reference / strength
+            gain = auto_reference / np.abs(cross) ** 2
         if n_effective <= 1:  # one block says nothing about its own scatter
             nothing = np.full(coherence.shape, np.nan)
             return Estimate(response, coherence, nothing, np.zeros(coherence.shape))
-        # Rounding leaves this much of a response without noise.
         left = np.maximum(left, np.finfo(float).eps * auto_response)
         relative, degrees = _random_error(left, gain, n_effective - 1, line_correlation)
     return Estimate(response, coherence, relative, degrees)
