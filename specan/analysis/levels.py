@@ -13,7 +13,7 @@ from specan.analysis.accumulator import read_through
 from specan.analysis.quality import QualityAccumulator, quality_flags
 from specan.analysis.section import SectionSettings, joined, of_one_rate, section, slices, slow_part
 from specan.data.band_levels import apart
-from specan.data.levels import SignalLevels, level
+from specan.data.levels import Quality, SignalLevels, level
 from specan.data.recording import Recording
 from specan.dsp.band_history import SETTLING_TIME_CONSTANTS, BandHistoryAccumulator, weighting_filter
 from specan.dsp.statistics import exceeded
@@ -21,7 +21,12 @@ from specan.dsp.weighting import FAST, SLOW, WEIGHTINGS, Weighting
 from specan.units import level_reference
 
 # Readings of the time-weighted level: five in a time constant, but no more of them than this.
+Real = NDArray[np.float64]
 READINGS_PER_TIME_CONSTANT, READINGS = 5, 200_000
+_SETTLING = (
+    "about the mean; what A, B and C make of the cut at the start of the section is taken off; percentiles and minimum "
+    f"leave out the first {SETTLING_TIME_CONSTANTS:g} time constants after 0.09 s"
+)
 
 
 class Levels(SectionSettings):
@@ -127,73 +132,58 @@ class LevelsAccumulator:
     def result(self) -> SignalLevels:
         """What was found; call it once."""
         quality = self._quality.result()
-        with np.errstate(invalid="ignore", over="ignore"):
-            histories = self._history.result()
-            rms = np.sqrt(histories.mean_square[:, self._weightings.index("Z")])
+        low, high = (np.array([getattr(q, name) for q in quality]) for name in ("minimum", "maximum"))
         references = tuple(level_reference(c.unit, self.settings.velocity_reference) for c in self.channels)
         zero = np.array([reference.value**2 for reference in references])
-        low, high = (np.array([getattr(q, name) for q in quality]) for name in ("minimum", "maximum"))
-        mean = self._constant
-        peak = np.maximum(high - mean, mean - low)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            crest = np.where(rms > 0, peak / rms, np.nan)
-        # Column 0 is the weighting's, column 1 that of channels for which there is none.
+        with np.errstate(invalid="ignore", over="ignore"):
+            found = self._history.result()
+            rms = np.sqrt(found.mean_square[:, self._weightings.index("Z")])
         row, column = np.arange(len(self.channels)), np.where(self._pressure, 0, 1)
-        shown = self._named(histories.mean_square, histories.maximum[row, column], histories.peak, zero)
-        highest, mean_square, c_peak = histories.with_cut
-        cut = {
-            name: np.where(self._pressure & apart(shown[name], values), values, np.nan)
-            for name, values in self._named(mean_square, highest[row, column], c_peak, zero).items()
-            if name != "Leq_Z"
-        }
+        shown = self._named(found.mean_square, found.maximum[row, column], found.peak, zero)
+        highest, mean_square, c_peak = found.with_cut
+        with_cut = self._named(mean_square, highest[row, column], c_peak, zero)
         nothing = np.full(len(self.channels), np.nan)
-        equivalent: dict[str, NDArray[np.float64]] = {w: shown.get(f"Leq_{w}", nothing) for w in WEIGHTINGS}
-        percentile = exceeded(
-            level(histories.readings[row, column], zero[:, None]), self.settings.percentiles
-        )
+        percentile = exceeded(level(found.readings[row, column], zero[:, None]), self.settings.percentiles)
         return SignalLevels(
             label=self.recording.label,
             channels=tuple(channel.label for channel in self.channels),
             groups=tuple(channel.group for channel in self.channels),
             units=tuple(channel.unit for channel in self.channels),
             references=references,
-            mean=mean,
+            mean=self._constant,
             minimum=low,
             maximum=high,
             rms=rms,
-            peak=peak,
-            crest_factor=crest,
-            level_dB=level(np.square(rms), zero),
-            equivalent_dB=equivalent,
-            exposure_dB={w: values + 10.0 * np.log10(self.duration) for w, values in equivalent.items()},
-            peak_dB=level(np.square(peak), zero),
+            equivalent_dB={w: shown.get(f"Leq_{w}", nothing) for w in WEIGHTINGS},
             c_peak_dB=shown["C_peak"],
             weighting=self._weighting,
             averaging=self.settings.averaging,
             percentile_dB=dict(zip(self.settings.percentiles, percentile)),
             max_dB=shown["max"],
-            min_dB=level(histories.minimum[row, column], zero),
+            min_dB=level(found.minimum[row, column], zero),
             start_s=self.settings.start_s,
             duration_s=self.duration,
             sampling_rate=self.sampling_rate,
-            settling="about the mean; what A, B and C make of the cut at the start of the section is taken off; "
-            "percentiles and minimum leave out the first "
-            f"{SETTLING_TIME_CONSTANTS:g} time constants after 0.09 s",
-            flags=tuple(
-                (*words, *_edges({name: values[row] for name, values in cut.items()}))
-                for row, words in enumerate(quality_flags(self.channels, self.recording.flags, quality))
-            ),
+            settling=_SETTLING,
+            flags=self._flags(quality, shown, with_cut),
             notes=self.notes,
             settings=self.settings.model_dump(mode="json"),
         )
 
-    def _named(
-        self,
-        mean_square: NDArray[np.float64],
-        maximum: NDArray[np.float64],
-        peak: NDArray[np.float64],
-        zero: NDArray[np.float64],
-    ) -> dict[str, NDArray[np.float64]]:
+    def _flags(
+        self, quality: Sequence[Quality], shown: dict[str, Real], with_cut: dict[str, Real]
+    ) -> tuple[tuple[str, ...], ...]:
+        """Words on the samples, and on levels that would be others had the cut at the section's start counted."""
+        flags = []
+        for row, words in enumerate(quality_flags(self.channels, self.recording.flags, quality)):
+            names = [
+                n for n in shown if n != "Leq_Z" and self._pressure[row] and apart(shown[n], with_cut[n])[row]
+            ]
+            counted = [f"counted-{name}={with_cut[name][row]:.3f}" for name in names]
+            flags.append((*words, *(["edges"] if counted else []), *counted))
+        return tuple(flags)
+
+    def _named(self, mean_square: Real, maximum: Real, peak: Real, zero: Real) -> dict[str, Real]:
         """Levels by their names; what is for sound pressure only is NaN in other channels."""
         found = {f"Leq_{w}": level(mean_square[:, k], zero) for k, w in enumerate(self._weightings)}
         found["C_peak"] = level(np.square(peak), zero)
@@ -201,16 +191,10 @@ class LevelsAccumulator:
         return {**found, "max": level(maximum, zero)}
 
 
-def _edges(with_cut: dict[str, float]) -> list[str]:
-    """Words on levels (NaN: none) that would be others, had the cut at the section's start counted."""
-    words = [f"counted-{name}={value:.3f}" for name, value in with_cut.items() if not np.isnan(value)]
-    return ["edges", *words] if words else []
-
-
 def joined_values(parts: Sequence[SignalLevels]) -> SignalLevels:
     """The values of groups of channels as one result."""
     return joined(
         parts,
-        "channels groups units references mean minimum maximum rms peak crest_factor level_dB equivalent_dB "
-        "exposure_dB peak_dB c_peak_dB percentile_dB max_dB min_dB flags",
+        "channels groups units references mean minimum maximum rms equivalent_dB "
+        "c_peak_dB percentile_dB max_dB min_dB flags",
     )

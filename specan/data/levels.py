@@ -78,18 +78,10 @@ class SignalLevels(RecordingResult):
     references : tuple of LevelReference
         What 0 dB is, for each channel.
     mean, minimum, maximum : arrays (channels,)
-    rms, peak, crest_factor : arrays (channels,)
-        `peak` is the largest magnitude, `crest_factor` peak / rms.
-    level_dB : array (channels,)
-        20 lg(rms / reference).
+    rms : array (channels,)
     equivalent_dB : mapping of str to array (channels,)
         Equivalent levels over the section with the weightings "Z", "A", "B", "C"; A, B and C of sound
         pressure only (NaN otherwise).
-    exposure_dB : mapping of str to array (channels,)
-        Exposure levels, re the square of the reference times 1 s (IEC 61672-1:2013, 3.15): equivalent level plus
-        10 lg(duration / 1 s).
-    peak_dB : array (channels,)
-        20 lg(peak / reference).
     c_peak_dB : array (channels,)
         C-weighted peak sound level (IEC 61672-1:2013, 3.11); of sound pressure only (NaN otherwise).
     weighting, averaging : str
@@ -115,12 +107,7 @@ class SignalLevels(RecordingResult):
     minimum: Real
     maximum: Real
     rms: Real
-    peak: Real
-    crest_factor: Real
-    level_dB: Real
     equivalent_dB: Mapping[str, Real]
-    exposure_dB: Mapping[str, Real]
-    peak_dB: Real
     c_peak_dB: Real
     weighting: str
     averaging: str
@@ -132,6 +119,36 @@ class SignalLevels(RecordingResult):
     sampling_rate: float
     settling: str
     flags: tuple[tuple[str, ...], ...]
+
+    @property
+    def peak(self) -> Real:
+        """Largest magnitude about the mean."""
+        return np.maximum(self.maximum - self.mean, self.mean - self.minimum)
+
+    @property
+    def crest_factor(self) -> Real:
+        """Peak / rms; NaN where there is no signal."""
+        return self.peak / np.where(self.rms > 0, self.rms, np.nan)
+
+    @property
+    def level_dB(self) -> Real:
+        """20 lg(rms / reference)."""
+        return level(np.square(self.rms), self.zero)
+
+    @property
+    def peak_dB(self) -> Real:
+        """20 lg(peak / reference)."""
+        return level(np.square(self.peak), self.zero)
+
+    @property
+    def exposure_dB(self) -> dict[str, Real]:
+        """Exposure levels, re the reference squared times 1 s (IEC 61672-1:2013, 3.15)."""
+        return {w: values + 10.0 * np.log10(self.duration_s) for w, values in self.equivalent_dB.items()}
+
+    @property
+    def zero(self) -> Real:
+        """Mean squares that are 0 dB."""
+        return np.array([reference.value**2 for reference in self.references])
 
     def summary(self) -> str:
         """What it is, on one line."""
