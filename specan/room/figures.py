@@ -110,7 +110,7 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     band = errors.worst_band
     receivers = receivers_of(study.model)
     places = receivers.positions_m
-    dims = np.array(receivers.places.extent_m) if receivers.places else places.max(axis=0)
+    dims = places.max(axis=0) if receivers.box is None else np.array(receivers.box)
     colours: dict[str, Any] = {"cmap": "PuOr_r", "vmin": -reach, "vmax": reach, "edgecolors": "0.3"}
     for name, seen in (("plan", [0, 1]), ("side", [0, 2])):
         axes = panels[name]

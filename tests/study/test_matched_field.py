@@ -60,7 +60,7 @@ def test_a_source_is_found_where_it_is_whatever_it_emits(model, wall, place):
 
 def test_a_model_that_cannot_tell_of_places_gives_none(model):
     problem = base_problem(
-        replace(model, for_kinds={"frf": replace(model.for_kinds["frf"], placed=None)}),
+        replace(model, for_kinds={"frf": replace(model.for_kinds["frf"], box=None)}),
         [recorded(model, [], {})],
     )
     refit = Refit(frozenset(), problem, describe(problem, problem.start()))

@@ -13,7 +13,7 @@ import specan
 import specan.room
 from specan.errors import RequestError
 from specan.room.model.absorption import diffuse_absorption, normal_absorption
-from specan.room.model.places import wall_areas, with_microphones
+from specan.room.model.places import free_places, wall_areas, with_microphones
 from specan.room.model.receivers import receivers_of
 from specan.room.study_impedance import _print
 from specan.room.wall_impedance.surface_impedance import impedance
@@ -222,7 +222,7 @@ def test_further_places_are_free_and_leave_the_microphones_as_they_are():
     from specan.models.catalogue import example_model
 
     model = example_model("room")
-    places = receivers_of(model).places.free()
+    places = free_places(receivers_of(model).rig)
     dims = np.array(model.settings["rig"]["room"]["dims_m"])
     assert len(places) > 20
     assert np.all(places > 0.05)

@@ -8,6 +8,7 @@ import pytest
 from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.room.model import EXAMPLE_RIG
+from specan.room.model.places import free_places, near_walls
 from specan.room.model.receivers import ReceiverErrors, receivers_of
 from specan.room.model.rigid_modes import mode_names
 from specan.room.study.field_observation import FieldObservation
@@ -152,7 +153,7 @@ def test_frac_and_csac_do_not_see_a_gain():
 
 
 def test_walls_without_a_pair_of_microphones_nearby_are_no_group(model):
-    near = receivers_of(model).groups(NAMES)
+    near = near_walls(receivers_of(model), NAMES)
     assert near["y1"] == np.flatnonzero(near_y1()).tolist()
     assert all(2 <= len(group) < 8 for group in near.values())
 
@@ -178,7 +179,7 @@ def test_places_for_the_next_microphone_are_proposed_with_what_is_expected_there
     assert 1 <= len(proposals) <= 3
     first = asdict(proposals[0])
     place = np.array([first["conditions"][k] for k in ("x_m", "y_m", "z_m")])
-    assert np.min(np.linalg.norm(receivers_of(model).places.free() - place, axis=1)) < 1e-9
+    assert np.min(np.linalg.norm(free_places(receivers_of(model).rig) - place, axis=1)) < 1e-9
     assert set(first["predictions"]) == {"wall-impedance@y1", "wall-impedance@y0"}
     assert first["separation_sigma"] >= 2
     assert "wall-impedance@y1 expects" in first["text"]
@@ -188,7 +189,7 @@ def test_places_for_the_next_microphone_are_proposed_with_what_is_expected_there
 
 
 def test_the_proposed_place_is_the_one_that_separates_most(rivals, model):
-    places = receivers_of(model).places.free()
+    places = free_places(receivers_of(model).rig)
     best = propose_places(rivals, np.array([0.5, 0.5]), 1)[0]
     views = _views(rivals, places)
     covariances = [r.fit.covariance * r.dispersion for r in rivals]

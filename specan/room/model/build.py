@@ -16,7 +16,8 @@ from specan.models.effect import Use
 from specan.models.model import Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, Quantity, constant
 from specan.room.model import air, field, instruments, known_walls, mode_shifts
-from specan.room.model.places import in_recording, places_of, room_receivers, wall_areas
+from specan.room.model.places import errors_of, in_recording, places_of, wall_areas
+from specan.room.model.receivers import FieldReceivers
 from specan.room.model.rig import WALLS, Rig, read_rig
 from specan.room.model.shape import RoomShape, mesh_shape
 from specan.room.model.temperature_log import TemperatureLog, read_temperature_log
@@ -103,10 +104,14 @@ def build(rig: Mapping[str, Any]) -> Model:
         },
         words=WORDS,
         for_kinds={
-            "frf": replace(
-                room_receivers(settings, places, partial(in_recording, settings, log)),
-                shifts=mode_shifts.mode_shifts(modes),
-                usual_shifts=mode_shifts.usual_shifts(settings, modes),
+            "frf": FieldReceivers(
+                settings,
+                places,
+                np.concatenate(settings.places),
+                errors_of(settings),
+                partial(in_recording, settings, log),
+                settings.room.dims_m,
+                mode_shifts.mode_shifts(modes),
             )
         },
         settings={"rig": settings.model_dump(), "face_areas_m2": shape.areas_m2},

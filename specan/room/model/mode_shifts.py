@@ -17,7 +17,7 @@ from specan.models.effect import Parameter
 from specan.models.model import Model
 from specan.models.quantity import Quantity, constant, quantity
 from specan.room.model.port import Port, point
-from specan.room.model.receivers import ModeShifts, UsualShifts, receivers_of
+from specan.room.model.receivers import ModeShifts, receivers_of
 from specan.room.model.rig import Rig
 from specan.room.model.rigid_modes import numbers, rigid_modes
 
@@ -69,23 +69,21 @@ def axes(modes: NDArray[np.intp]) -> dict[str, tuple[str, ...]]:
     return {"mode": tuple(map(numbers, modes.tolist()))} if len(modes) else {}
 
 
-def usual_shifts(rig: Rig, modes: NDArray[np.intp]) -> UsualShifts | None:
-    """What built rooms usually have; None where shifts are declared, or the modes have no numbers."""
-    if len(modes) or rig.room.dims_m is None:
+def with_usual_shifts(model: Model) -> Model | None:
+    """The model with what built rooms usually have; None where shifts are declared, or the modes have no numbers."""
+    receivers = receivers_of(model)
+    rig = receivers.rig
+    if receivers.shifts is not None or rig.room.dims_m is None:
         return None
     usual = {"mode_frequency_percent": USUAL_PERCENT}
     declared = rig.model_copy(update={"uncertainty": rig.uncertainty.model_copy(update=usual)})
-
-    def with_shifts(model: Model) -> Model:
-        apart = modes_of(declared)
-        return replace(
-            model,
-            quantities={**model.quantities, **{q.name: q for q in quantities(declared, apart)}},
-            axes={**model.axes, **axes(apart)},
-            for_kinds={"frf": replace(receivers_of(model), shifts=mode_shifts(apart), usual_shifts=None)},
-        )
-
-    return UsualShifts(with_shifts, f"[uncertainty] mode_frequency_percent = {USUAL_PERCENT:g}")
+    apart = modes_of(declared)
+    return replace(
+        model,
+        quantities={**model.quantities, **{q.name: q for q in quantities(declared, apart)}},
+        axes={**model.axes, **axes(apart)},
+        for_kinds={"frf": replace(receivers, shifts=mode_shifts(apart))},
+    )
 
 
 def notes(rig: Rig, modes: NDArray[np.intp]) -> tuple[str, ...]:
@@ -97,7 +95,7 @@ def notes(rig: Rig, modes: NDArray[np.intp]) -> tuple[str, ...]:
     return (f"uncertain: {declared} ([uncertainty])",) if len(modes) else ()
 
 
-def _columns(known: Mapping[str, Any]) -> Iterator[tuple[Complex, tuple[complex, complex]]]:
+def columns(known: Mapping[str, Any]) -> Iterator[tuple[Complex, tuple[complex, complex]]]:
     """Change of the transfer functions with each mode, and how far one standard uncertainty moves it.
 
     Sound that loads give back is not followed: a diaphragm, a resonator hear the mode where it was.
@@ -117,17 +115,13 @@ def _columns(known: Mapping[str, Any]) -> Iterator[tuple[Complex, tuple[complex,
         yield heard * change, (sizes[0] * frequency, sizes[1] * damping)
 
 
+COLUMNS_READ = (
+    "frequency", "room_modes", "modes_apart", "mode_shift_sd", "wall_names", "piston_wall", "source_position",
+    "piston_radius", "further_loudspeakers", "loudspeaker_velocity", "piston_velocity_profile", "density",
+    "receiver_position", "indicated_frf", "field",
+)  # fmt: skip
+
+
 def mode_shifts(modes: NDArray[np.intp]) -> ModeShifts | None:
-    """What a fit needs to find the shifts of all modes; None where none may be shifted."""
-    if not len(modes):
-        return None
-    return ModeShifts(
-        parameters=("mode_shift.frequency", "mode_shift.damping"),
-        size=len(modes),
-        reads=(
-            "frequency", "room_modes", "modes_apart", "mode_shift_sd", "wall_names", "piston_wall", "source_position",
-            "piston_radius", "further_loudspeakers", "loudspeaker_velocity", "piston_velocity_profile", "density",
-            "receiver_position", "indicated_frf", "field",
-        ),
-        columns=_columns,
-    )  # fmt: skip
+    """The shifts of all modes that a fit may find; None where none may be shifted."""
+    return ModeShifts(len(modes)) if len(modes) else None

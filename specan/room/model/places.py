@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,17 +12,8 @@ from numpy.typing import NDArray
 
 from specan.models.model import Model
 from specan.room.model.port import Port, point
-from specan.room.model.receivers import (
-    FieldReceivers,
-    InRecording,
-    PlacedEffects,
-    Places,
-    ReceiverErrors,
-    SourcePlaces,
-    WaveNumberStep,
-)
-from specan.room.model.rig import WALLS, OwnRecording, Rig, left_out
-from specan.room.model.rigid_modes import NAMED
+from specan.room.model.receivers import FieldReceivers, InRecording, ReceiverErrors
+from specan.room.model.rig import WALLS, OwnRecording, Rig
 from specan.room.model.temperature_log import TemperatureLog
 
 Array = NDArray[np.float64]
@@ -34,7 +25,6 @@ APART_M = 0.05
 NEAR = 0.3  # of an edge: within this distance a microphone is near a wall
 # Standard deviation over a recording, below which it moves no mode by a hundredth of its width.
 DRIFT_K = 0.02
-STEP_K = 0.02  # of a difference quotient by the temperature
 
 
 def places_of(rig: Rig, microphones: Sequence[str]) -> tuple[str, ...]:
@@ -68,7 +58,7 @@ def in_recording(
     return InRecording(number * count + np.arange(count), conditions, drift, text)
 
 
-def _errors(rig: Rig) -> ReceiverErrors:
+def errors_of(rig: Rig) -> ReceiverErrors:
     """What the rig file says of the microphones."""
     given, box = rig.uncertainty, rig.room.dims_m is not None
     place = given.position_m
@@ -84,56 +74,6 @@ def _errors(rig: Rig) -> ReceiverErrors:
     )
 
 
-def room_receivers(
-    rig: Rig, names: tuple[str, ...], of_recording: Callable[[str, Any, float], InRecording]
-) -> FieldReceivers:
-    """The microphones of a room, compared with the vibrometer."""
-    nominal_K = rig.air.nominal_temperature_C + 273.15
-    positions = np.concatenate(rig.places)
-    found = FieldReceivers(
-        axis="place",
-        noun="microphone",
-        plural="microphones",
-        role="microphone",
-        reference_role="vibrometer",
-        band_hz=(rig.band.f_min_hz, rig.band.f_max_hz),
-        positions_m=positions,
-        moved_by="microphone-position",
-        along=("dx", "dy", "dz"),
-        errors=_errors(rig),
-        block_s=rig.band.block_s,
-        left_out_hz=left_out(rig.band),
-        background=rig.background.recording,
-        in_recording=of_recording,
-        # k goes as T^(-1/2), and the response as the density besides: dH/d ln k = -2 (T dH/dT + H)
-        wave_number=WaveNumberStep("temperature", "offset", STEP_K, -2 * nominal_K, -2.0),
-        groups=lambda channels: {},
-        group_label="near_wall",
-        group_words="microphones near wall",
-    )
-    dims = rig.room.dims_m
-    if dims is None:
-        return found
-    source = SourcePlaces(
-        faces=WALLS,
-        with_source=lambda model, wall, across, along: _with_source(rig, model, wall, across, along),
-        words=lambda wall, across, along: _source_words(rig, wall, across, along),
-    )
-    return replace(
-        found,
-        groups=lambda channels: near_walls(dims, positions, names, channels),
-        places=Places(
-            free=lambda: free_places(rig),
-            with_receivers=with_microphones,
-            depth=lambda wall, places: _depth(dims, wall, places),
-            extent_m=dims,
-        ),
-        placed=PLACED,
-        modes=NAMED,
-        source=None if rig.loudspeakers else source,
-    )
-
-
 def _on_wall(rig: Rig, wall: str, across: float, along: float) -> Array:
     """Centre of the diaphragm in parts of a wall's edges, the whole of it inside the wall, m."""
     dims, axis = np.array(rig.room.dims_m), "xyz".index(wall[0])
@@ -143,12 +83,15 @@ def _on_wall(rig: Rig, wall: str, across: float, along: float) -> Array:
     return np.asarray(inside)
 
 
-def _with_source(rig: Rig, model: Model, wall: str, across: float, along: float) -> Model:
+def with_source(rig: Rig, model: Model, wall: str, across: float, along: float) -> Model:
+    """The model with its source at a place of a wall, in parts of the wall's edges."""
     there = {"source_position": _on_wall(rig, wall, across, along), "piston_wall": WALLS.index(wall)}
     return model.with_constants(there)
 
 
-def _source_words(rig: Rig, wall: str, across: float, along: float) -> str:
+def source_words(rig: Rig, wall: str, across: float, along: float) -> str:
+    """That the source is elsewhere than the rig file says."""
+
     def said(place: Any) -> str:
         return ", ".join(f"{c:.2f}" for c in place)
 
@@ -159,7 +102,7 @@ def _source_words(rig: Rig, wall: str, across: float, along: float) -> str:
     )
 
 
-def _patterns(quantities: Mapping[str, Any], wall: str, places: Array) -> NDArray[np.complex128]:
+def patterns(quantities: Mapping[str, Any], wall: str, places: Array) -> NDArray[np.complex128]:
     """Sound at the microphones of a source at places of a wall, without its near field."""
     modes, heard = quantities["room_modes"], quantities["indicated_frf"] / quantities["field"]
     ports = [modes.place(wall, across, along, 0.0) for across, along in places.tolist()]
@@ -167,20 +110,19 @@ def _patterns(quantities: Mapping[str, Any], wall: str, places: Array) -> NDArra
     return np.stack([column.T for column in found], axis=1) * heard
 
 
-PLACED = PlacedEffects(
-    shapes=dict.fromkeys(("helmholtz-resonator", "leak", "flanking-source"), ("across", "along")),
-    reads=("room_modes", "receiver_position", "indicated_frf", "field"),
-    patterns=_patterns,
-)
+# Effects that act at one place of a wall, their parameters `across` and `along` in parts of its edges. Such an effect
+# changes the response by one factor a line times the response to a source at its place: a place can be looked for
+# before anything else of the effect is known (matched-field processing: Baggeroer, Kuperman & Mikhalevsky 1993, IEEE J.
+# Oceanic Eng. 18:401).
+PLACED = ("helmholtz-resonator", "leak", "flanking-source")
+PATTERNS_READ = ("room_modes", "receiver_position", "indicated_frf", "field")
 
 
-def near_walls(
-    dims_m: Sequence[float], positions_m: Array, names: Sequence[str], channels: Sequence[str]
-) -> dict[str, list[int]]:
+def near_walls(receivers: FieldReceivers, channels: Sequence[str]) -> dict[str, list[int]]:
     """Numbers of the channels near each wall of a box; at least two, and not all."""
-    place = np.array([positions_m[names.index(c)] for c in channels])
+    place = np.array([receivers.positions_m[receivers.names.index(c)] for c in channels])
     found = {}
-    for axis, edge in enumerate(dims_m):
+    for axis, edge in enumerate(receivers.box or ()):
         for side, distance in (("0", place[:, axis]), ("1", edge - place[:, axis])):
             inside = np.flatnonzero(distance <= NEAR * edge).tolist()
             if 2 <= len(inside) < len(channels):
@@ -211,7 +153,8 @@ def with_microphones(model: Model, places: Array) -> tuple[Model, tuple[str, ...
     return replace(wider, axes=axes), names
 
 
-def _depth(dims_m: Sequence[float], wall: str, places: Array) -> Array:
+def depth(dims_m: Sequence[float], wall: str, places: Array) -> Array:
+    """Distance of places from a wall, m."""
     axis, far = "xyz".index(wall[0]), wall[1] == "1"
     return np.asarray(dims_m[axis] - places[:, axis] if far else places[:, axis])
 

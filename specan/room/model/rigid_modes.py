@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-
-from specan.room.model.receivers import NamedModes
 
 _SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
 
@@ -53,10 +50,3 @@ def _name(orders: Sequence[int]) -> str:
         axis, order = along[0]
         return f"{order}{_SUFFIXES.get(order, 'th')} axial mode along {axis}"
     return f"{'tangential' if len(along) == 2 else 'oblique'} mode {numbers(orders)}"
-
-
-def _of(quantities: Mapping[str, Any], f_max_hz: float) -> list[tuple[float, str]]:
-    return mode_names(quantities["room_dimensions"], float(quantities["sound_speed"]), f_max_hz)
-
-
-NAMED = NamedModes(reads=("room_dimensions", "sound_speed"), names=_of)

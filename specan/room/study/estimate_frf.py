@@ -15,6 +15,7 @@ from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.models import Model
 from specan.room.model.receivers import FieldReceivers, InRecording, receivers_of
+from specan.room.model.rig import left_out
 from specan.room.study.background_noise import background_noise
 from specan.room.study.block_length import block_length
 from specan.room.study.field_observation import Drift, FieldObservation
@@ -63,15 +64,15 @@ def observe_recording(
         No reference channel, fewer receivers than positions or more, a record too short, no coherence.
     """
     receivers = receivers_of(model)
-    reference, channels = _channels_of(recording, receivers)
+    reference, channels = _channels_of(recording)
     rate, band = reference.sampling_rate, (f_min_hz, f_max_hz)
-    block_s = receivers.block_s or _block_length(recording, reference, channels, band)
+    block_s = receivers.rig.band.block_s or _block_length(recording, reference, channels, band)
     settle = settling_s(reference.duration_s, block_s)
-    own = _own(recording, reference, model, receivers, settle)
+    own = _own(recording, reference, receivers, settle)
     if len(channels) != len(own.rows):
         raise InputError(
-            f"{recording.label} has {len(channels)} {receivers.plural}, the rig file {len(own.rows)} positions",
-            expected=f"one position a {receivers.noun} channel, in order",
+            f"{recording.label} has {len(channels)} microphones, the rig file {len(own.rows)} positions",
+            expected="one position a microphone channel, in order",
         )
     settings = TransferFunction(
         reference=reference.label,
@@ -93,7 +94,7 @@ def observe_recording(
     found = estimate_lines(recording, reference, settings, band)
     if not np.any(np.nanmedian(found.coherence, axis=1) > 0.2):
         raise InputError(
-            f"{recording.label}: {receivers.plural} and {receivers.reference_role} have no coherence "
+            f"{recording.label}: microphones and vibrometer have no coherence "
             f"between {f_min_hz:g} and {f_max_hz:g} Hz",
             expected="noise from the source in that band",
             remedy="check the channels or change [band]",
@@ -105,7 +106,7 @@ def observe_recording(
         found = replace(found, density=quiet.beside(found.density))
     density = _density_at(driven, rate, block, reference, folding.nodes)
     conditions: dict[str, Any] = {"frequency": folding.nodes, "velocity_psd": density, **own.conditions}
-    names = model.axes[receivers.axis]
+    names = receivers.names
     noise = _in_rows(own, len(names), found.noise, 1)
     kept = np.zeros(noise.shape, dtype=bool)
     kept[own.rows] = _looked_at(receivers, frequency_hz)
@@ -180,7 +181,7 @@ def settling_s(duration_s: float, block_s: float = 1.0) -> float:
 def _looked_at(receivers: FieldReceivers, frequency_hz: Any) -> Any:
     """Lines outside of the bands that are left out."""
     found = np.ones(len(frequency_hz), dtype=bool)
-    for low, high in receivers.left_out_hz:
+    for low, high in left_out(receivers.rig.band):
         found &= (frequency_hz < low) | (frequency_hz > high)
     if not found.any():
         raise RequestError("all lines of the band are left out", remedy="leave out less, or widen the band")
@@ -196,7 +197,8 @@ def _as_calibrated(
     the calibrator's tone only counts with the mean square of its uncertainty over the band, or as the rig file has it
     where that is more: phases are relative to one receiver, not to the reference channel.
     """
-    given, band, count = receivers.errors, np.linspace(*receivers.band_hz), len(receivers.positions_m)
+    given, limits, count = receivers.errors, receivers.rig.band, len(receivers.positions_m)
+    band = np.linspace(limits.f_min_hz, limits.f_max_hz)
     stated = _in_rows(own, count, np.array([[c.u_gain_percent] for c in channels]), 0.0)
     known = np.array([[np.sqrt(np.mean(c.u_phase_deg(band) ** 2))] for c in channels])
     phase = _in_rows(own, count, known, 0.0)
@@ -225,22 +227,18 @@ def _before_a_fit(receivers: FieldReceivers, plain: FieldObservation) -> dict[st
     return {"noise": np.hypot(plain.noise, percent / 100 * typical), "declared": receivers}
 
 
-def _channels_of(recording: Recording, receivers: FieldReceivers) -> tuple[Channel, tuple[Channel, ...]]:
-    references = recording.by_role(receivers.reference_role)
+def _channels_of(recording: Recording) -> tuple[Channel, tuple[Channel, ...]]:
+    references = recording.by_role("vibrometer")
     if not references:
         raise InputError(
-            f"{recording.label} has no {receivers.reference_role} channel",
-            remedy=f"name one in the channel table (role = {receivers.reference_role!r})",
+            f"{recording.label} has no vibrometer channel",
+            remedy="name one in the channel table (role = 'vibrometer')",
         )
-    return references[0], recording.by_role(receivers.role)
+    return references[0], recording.by_role("microphone")
 
 
-def _own(
-    recording: Recording, reference: Channel, model: Model, receivers: FieldReceivers, settle: float
-) -> InRecording:
+def _own(recording: Recording, reference: Channel, receivers: FieldReceivers, settle: float) -> InRecording:
     """What holds in a recording, from where it is analysed."""
-    if receivers.in_recording is None:
-        return InRecording(np.arange(len(model.axes[receivers.axis])))
     began = reference.properties.get("wf_start_time")
     start = None if began is None else np.datetime64(began, "us") + np.timedelta64(round(1e6 * settle), "us")
     return receivers.in_recording(recording.label, start, reference.duration_s - settle)

@@ -9,14 +9,16 @@ from typing import Any, ClassVar
 import numpy as np
 
 from specan.models import Assembly
-from specan.room.model.receivers import FieldReceivers, receivers_of
+from specan.room.model.mode_shifts import COLUMNS_READ, columns
+from specan.room.model.receivers import FieldReceivers
 from specan.study.observation import Array, Strategy
 from specan.study.observation.frf import Complex, FrfObservation, piecewise_linear_basis
 
 Responses = Callable[[Assembly, Sequence[Mapping[str, Any]]], list[Complex]]
 
 FARTHEST = 3.5  # standard uncertainties that a receiver may be found away
-STEP_M = 1e-3  # of the differences that give slopes of the field
+STEP_M, STEP_K = 1e-3, 0.02  # of the differences that give slopes of the field
+ALONG = ("dx", "dy", "dz")  # parameters that move a microphone
 PLACE = slice(0, 3)  # columns of the three coordinates
 
 
@@ -157,10 +159,10 @@ class FieldObservation(FrfObservation):
         shifts = self.declared.shifts
         if shifts is None:
             return self
-        columns = self.shift_columns(assembly, values)
-        modal = columns if self.modal is None else np.concatenate([self.modal, columns], axis=-1)
-        back = columns @ shifts.of(values)
-        return replace(self, modal=modal, offset=self.offset - back, shifts=columns.shape[-1])
+        own = self.shift_columns(assembly, values)
+        modal = own if self.modal is None else np.concatenate([self.modal, own], axis=-1)
+        back = own @ shifts.of(values)
+        return replace(self, modal=modal, offset=self.offset - back, shifts=own.shape[-1])
 
     def shift_columns(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
         """One standard uncertainty of each mode's natural frequency, then of each mode's damping, where they are."""
@@ -170,9 +172,9 @@ class FieldObservation(FrfObservation):
         many: Sequence[Mapping[str, Any]] = [values]
         if self.moved is not None:
             assembly, many = moved_to(assembly, many, self.moved)
-        known = assembly.evaluate(self.conditions_at_nodes, many[0], wanted=shifts.reads)
+        known = assembly.evaluate(self.conditions_at_nodes, many[0], wanted=COLUMNS_READ)
         out = np.empty((*self.response.shape, 2 * shifts.size), dtype=complex)
-        for k, (column, units) in enumerate(shifts.columns(known.values)):
+        for k, (column, units) in enumerate(columns(known.values)):
             folded = self.folding(column)
             out[..., k], out[..., shifts.size + k] = folded * units[0], folded * units[1]
         return out
@@ -291,36 +293,34 @@ def _with_slopes(
     receivers: FieldReceivers, responses: Responses, assembly: Assembly, values: Mapping[str, Any]
 ) -> tuple[Complex, list[Complex], Complex]:
     """Response; its change a metre along x, y and z (all receivers move at once); its change with ln k."""
-    model, tuned = assembly.model, receivers.wave_number
     places = movers(assembly)
-    whole = model.assemble({*map(str, assembly.uses), *places, tuned.effect})
+    whole = assembly.model.assemble({*map(str, assembly.uses), *places, "temperature"})
     here = {**whole.neutral, **values}
     many = [here]
-    for axis in receivers.along:
+    for axis in ALONG:
         for sign in (1, -1):
             names = [f"{use}.{axis}" for use in places]
             many.append({**here, **{n: here[n] + sign * STEP_M for n in names}})
-    by = f"{tuned.effect}.{tuned.parameter}"
-    many += [{**here, by: here[by] + sign * tuned.step} for sign in (1, -1)]
+    by = "temperature.offset"
+    many += [{**here, by: here[by] + sign * STEP_K} for sign in (1, -1)]
     found = responses(whole, many)
-    steps = ((1, STEP_M), (3, STEP_M), (5, STEP_M), (7, tuned.step))
+    steps = ((1, STEP_M), (3, STEP_M), (5, STEP_M), (7, STEP_K))
     slopes = [(found[k] - found[k + 1]) / (2 * step) for k, step in steps]
-    return found[0], slopes[:3], tuned.slope * slopes[3] + tuned.own * found[0]
+    # k goes as T^(-1/2), and the response as the density besides: dH/d ln k = -2 (T dH/dT + H)
+    nominal_K = receivers.rig.air.nominal_temperature_C + 273.15
+    return found[0], slopes[:3], -2 * nominal_K * slopes[3] - 2.0 * found[0]
 
 
 def movers(assembly: Assembly) -> list[str]:
     """Uses that move each of the model's receivers."""
-    receivers = receivers_of(assembly.model)
-    return [f"{receivers.moved_by}@{name}" for name in assembly.model.axes[receivers.axis]]
+    return [f"microphone-position@{name}" for name in assembly.model.axes["place"]]
 
 
 def moved_to(
     assembly: Assembly, many: Sequence[Mapping[str, Any]], moved: Array
 ) -> tuple[Assembly, list[dict[str, Any]]]:
     """The model with its receivers somewhere else than drawn, on top of what an effect moves them."""
-    receivers, places = receivers_of(assembly.model), movers(assembly)
-    by = {
-        f"{use}.{axis}": moved[m, a] for m, use in enumerate(places) for a, axis in enumerate(receivers.along)
-    }
+    places = movers(assembly)
+    by = {f"{use}.{axis}": moved[m, a] for m, use in enumerate(places) for a, axis in enumerate(ALONG)}
     whole = assembly.model.assemble({*map(str, assembly.uses), *places})
     return whole, [{**values, **{n: values.get(n, 0.0) + d for n, d in by.items()}} for values in many]

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Use
-from specan.room.model.receivers import PlacedEffects, receivers_of
+from specan.room.model.places import PATTERNS_READ, PLACED, patterns
+from specan.room.model.receivers import receivers_of
 from specan.room.study.field_observation import FieldObservation
 from specan.study.observation import Array
 from specan.study.selection.candidates import Candidate
@@ -35,18 +36,17 @@ def likely_places(refit: Refit, found: Sequence[Candidate]) -> dict[Use, list[Fo
     Places that explain less than `LEAST_SHARE` of what the best of all does are left out, but the best of each
     element.
     """
-    placed = receivers_of(refit.problem.assembly.model).placed
-    if placed is None:
+    if receivers_of(refit.problem.assembly.model).box is None:
         return {}
-    mine = [c for c in found if c.use.name in placed.shapes and c.use.at]
+    mine = [c for c in found if c.use.name in PLACED and c.use.at]
     shares = _SHARES.setdefault(refit, {})
-    shares |= _shares(refit, placed, sorted({str(c.use.at) for c in mine} - {*shares}))
+    shares |= _shares(refit, sorted({str(c.use.at) for c in mine} - {*shares}))
     if not shares:
         return {}
     best = max(float(share.max()) for share in shares.values())
     grid, out = _grid(), {}
     for candidate in mine:
-        names = [f"{candidate.use}.{name}" for name in placed.shapes[candidate.use.name]]
+        names = [f"{candidate.use}.{name}" for name in ("across", "along")]
         share = shares[str(candidate.use.at)]
         peaks = [p for k, p in enumerate(_peaks(share)) if k == 0 or share[p] >= LEAST_SHARE * best]
         out[candidate.use] = [
@@ -71,7 +71,7 @@ def _peaks(share: Array) -> list[tuple[int, int]]:
     return sorted(((int(i), int(j)) for i, j in top), key=lambda p: -share[p])
 
 
-def _shares(refit: Refit, placed: PlacedEffects, elements: Sequence[str]) -> dict[str, Array]:
+def _shares(refit: Refit, elements: Sequence[str]) -> dict[str, Array]:
     """Share of the residual's chi-square that a source at each place of the grid could explain, by element."""
     if not elements:
         return {}
@@ -83,20 +83,17 @@ def _shares(refit: Refit, placed: PlacedEffects, elements: Sequence[str]) -> dic
     by_element = {element: np.zeros(len(places)) for element in elements}
     for observation in seen:
         own = problem.seen_by(observation, problem.values_at(refit.fit.theta))
-        quantities = problem.assembly.evaluate(
-            observation.conditions_at_nodes, own, wanted=list(placed.reads)
-        )
+        quantities = problem.assembly.evaluate(observation.conditions_at_nodes, own, wanted=PATTERNS_READ)
         gap = observation.response - observation.responses(problem.assembly, [own])[0]
         weight = observation.kept / observation.noise
         total += float(np.sum(np.abs(gap * weight) ** 2))
         for element in elements:
-            by_element[element] += explained(gap * weight, placed, quantities, element, places, observation)
+            by_element[element] += explained(gap * weight, quantities, element, places, observation)
     return {e: x.reshape(EACH_WAY, EACH_WAY) / total for e, x in by_element.items()} if total else {}
 
 
 def explained(
     white: NDArray[np.complex128],
-    placed: PlacedEffects,
     quantities: Any,
     element: str,
     places: Array,
@@ -104,7 +101,7 @@ def explained(
 ) -> Array:
     """Chi-square that a source at each place explains, its strength free at every line."""
     weight = observation.kept / observation.noise
-    pattern = np.stack([observation.folding(p) for p in placed.patterns(quantities, element, places)])
+    pattern = np.stack([observation.folding(p) for p in patterns(quantities, element, places)])
     pattern = pattern * weight
     along = np.abs(np.sum(pattern.conj() * white, axis=1)) ** 2
     size = np.sum(np.abs(pattern) ** 2, axis=1)

@@ -15,7 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import ComputationError
-from specan.room.model.receivers import FieldReceivers, SourcePlaces, receivers_of
+from specan.room.model.mode_shifts import USUAL_PERCENT, with_usual_shifts
+from specan.room.model.places import PATTERNS_READ, source_words, with_source
+from specan.room.model.receivers import FieldReceivers, receivers_of
+from specan.room.model.rig import WALLS, Rig
 from specan.room.study.field_observation import FieldObservation
 from specan.room.study.matched_field import explained
 from specan.study.estimation.continuation import STAGES, continuation_fit, down_weighted, linearised
@@ -88,14 +91,13 @@ def _hypotheses(problem: Problem, receivers: FieldReceivers) -> Iterator[tuple[_
     """Fits with one mistake undone each, and what the mistake was."""
     place, sign = _assignment(problem)
     if np.any(place != np.arange(len(place))) or np.any(sign < 0):
-        names = problem.assembly.model.axes[receivers.axis]
         used = np.any([o.kept.any(axis=1) for o in problem.observations], axis=0)  # type: ignore[attr-defined]
         fitted = _Fitted.of(_reassigned(problem, place, sign))
-        yield fitted, _words(receivers, names, used, place, sign)
+        yield fitted, _words(receivers.names, used, place, sign)
         if fitted.reduced < 1:
             return
-    if receivers.source is not None:
-        fitted, text = _source_elsewhere(problem, receivers.source)
+    if receivers.box is not None and not receivers.rig.loudspeakers:
+        fitted, text = _source_elsewhere(problem, receivers.rig)
         # Another place, a choice among continuous ones, has to leave less than half of the response: with the modes
         # some per cent elsewhere, as in air 10 K off, the best place left two thirds and was wrong (2 of 18 cases).
         if fitted.percent < 50.0:
@@ -158,20 +160,14 @@ def _reassigned(problem: Problem, place: NDArray[np.intp], sign: Array) -> Probl
     return problem.over(changed)
 
 
-def _words(
-    receivers: FieldReceivers,
-    names: Sequence[str],
-    used: NDArray[np.bool_],
-    place: NDArray[np.intp],
-    sign: Array,
-) -> str:
+def _words(names: Sequence[str], used: NDArray[np.bool_], place: NDArray[np.intp], sign: Array) -> str:
     parts = []
     turned = [name for name, s in zip(names, sign, strict=True) if s < 0]
     if len(turned) == used.sum():
-        parts.append(f"the {receivers.reference_role} has reversed sign")
+        parts.append("the vibrometer has reversed sign")
     elif turned:
         verb = "has" if len(turned) == 1 else "have"
-        parts.append(f"{_listed(turned)} {verb} reversed sign against the {receivers.reference_role}")
+        parts.append(f"{_listed(turned)} {verb} reversed sign against the vibrometer")
     moved = [(m, int(p)) for m, p in enumerate(place) if m != p and used[m]]
     pairs = [(m, p) for m, p in moved if place[p] == m and (m < p or not used[p])]
     others = [(m, p) for m, p in moved if place[p] != m]
@@ -189,13 +185,13 @@ def _listed(names: Sequence[str]) -> str:
 # --- the source somewhere else --------------------------------------------------------------------------
 
 
-def _source_elsewhere(problem: Problem, source: SourcePlaces) -> tuple[_Fitted, str]:
+def _source_elsewhere(problem: Problem, rig: Rig) -> tuple[_Fitted, str]:
     """The source where it suits the data best, over all faces."""
     from scipy.optimize import minimize
 
     grid = np.linspace(0.04, 0.96, 7)  # along each edge
-    misfit = _Misfit(problem, source)
-    _, face, a, b = min((misfit(face, a, b), face, a, b) for face, a, b in misfit.likely(source.faces, grid))
+    misfit = _Misfit(problem, rig)
+    _, face, a, b = min((misfit(face, a, b), face, a, b) for face, a, b in misfit.likely(grid))
     step = float(grid[1] - grid[0]) / 2
     corners = [(a, b), (a + step if a < 0.5 else a - step, b), (a, b + step if b < 0.5 else b - step)]
     met = minimize(
@@ -203,41 +199,38 @@ def _source_elsewhere(problem: Problem, source: SourcePlaces) -> tuple[_Fitted, 
         options={"initial_simplex": corners, "maxfev": 48, "xatol": 1e-3, "fatol": 0.0},
     )  # fmt: skip
     a, b = map(float, met.x)
-    return _Fitted.of(_with_source(problem, source, face, a, b)), source.words(face, a, b)
+    return _Fitted.of(_with_source(problem, rig, face, a, b)), source_words(rig, face, a, b)
 
 
-def _with_source(problem: Problem, source: SourcePlaces, face: str, across: float, along: float) -> Problem:
-    model = source.with_source(problem.assembly.model, face, across, along)
+def _with_source(problem: Problem, rig: Rig, face: str, across: float, along: float) -> Problem:
+    model = with_source(rig, problem.assembly.model, face, across, along)
     return replace(problem, assembly=model.assemble(problem.assembly.uses))
 
 
 class _Misfit:
     """How far recordings are from the model with its source at a place of a face, as declared otherwise."""
 
-    def __init__(self, problem: Problem, source: SourcePlaces) -> None:
-        self._problem, self._source = problem, source
+    def __init__(self, problem: Problem, rig: Rig) -> None:
+        self._problem, self._rig = problem, rig
         self._values = _declared_values(problem)
         self._seen = [o for o, _ in _coarse(problem)]
 
-    def likely(self, faces: Sequence[str], grid: Array) -> list[tuple[str, float, float]]:
-        """Of all places on the faces those that explain most with a strength that is free at every line."""
+    def likely(self, grid: Array) -> list[tuple[str, float, float]]:
+        """Of all places on the walls those that explain most with a strength that is free at every line."""
         places = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
-        everywhere = [(face, float(a), float(b)) for face in faces for a, b in places]
-        placed = receivers_of(self._problem.assembly.model).placed
-        if placed is None:
-            return everywhere
+        everywhere = [(face, float(a), float(b)) for face in WALLS for a, b in places]
         share = np.zeros(len(everywhere))
         for o in self._seen:
             own = self._problem.seen_by(o, self._values)
-            found = self._problem.assembly.evaluate(o.conditions_at_nodes, own, wanted=list(placed.reads))
+            found = self._problem.assembly.evaluate(o.conditions_at_nodes, own, wanted=PATTERNS_READ)
             share += np.concatenate(
-                [explained(o.response * o.kept / o.noise, placed, found, face, places, o) for face in faces]
+                [explained(o.response * o.kept / o.noise, found, face, places, o) for face in WALLS]
             )
         # at the likeliest 40 the source is tried itself: with its near field, and as strong as it is
         return [everywhere[k] for k in np.argsort(-share)[:40]]
 
     def __call__(self, face: str, across: float, along: float) -> float:
-        there = _with_source(self._problem, self._source, face, across, along)
+        there = _with_source(self._problem, self._rig, face, across, along)
         total = 0.0
         for o in self._seen:
             predicted = o.responses(there.assembly, [there.seen_by(o, self._values)])[0]
@@ -255,10 +248,9 @@ def undeclared_shifts(problem: Problem, least: float) -> str:
     least : float
         Probability of its misfit from which a model meets the data.
     """
-    usual = receivers_of(problem.assembly.model).usual_shifts
-    if usual is None or not problem.strategy.linearised_covariance:
+    model = with_usual_shifts(problem.assembly.model) if problem.strategy.linearised_covariance else None
+    if model is None:
         return ""
-    model = usual.with_shifts(problem.assembly.model)
     seen = [
         replace(o, declared=replace(o.declared, shifts=receivers_of(model).shifts))
         for o in problem.observations
@@ -276,5 +268,5 @@ def undeclared_shifts(problem: Problem, least: float) -> str:
     return (
         f"small frequency shifts of single modes would explain it (reduced chi-square "
         f"{met.reduced_chi2:.2f}), as seams, suspensions and cables cause them: declare them by "
-        f"{usual.words}, and diagnose again"
+        f"[uncertainty] mode_frequency_percent = {USUAL_PERCENT:g}, and diagnose again"
     )

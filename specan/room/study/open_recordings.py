@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.models import Model
+from specan.room.model.places import near_walls
 from specan.room.model.receivers import FieldReceivers, ReceiverErrors, receivers_of
+from specan.room.model.rigid_modes import mode_names
 from specan.room.study.estimate_frf import observe_recording, settling_s
 from specan.room.study.field_observation import FieldObservation
 from specan.room.study.matched_field import likely_places  # noqa: F401
@@ -59,7 +62,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     return OpenedData(
         fitted=tuple(fitted),
         held_out=tuple(held_out),
-        statements=(*statements, _of_receivers(receivers.noun, given, wanted.calibration)),
+        statements=(*statements, _of_receivers(given, wanted.calibration)),
         discrepancy_percent=100 * given.discrepancy,
     )
 
@@ -67,23 +70,21 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
 def localise(problem: Problem, best: Fit) -> Localisation:
     """Where a room's model fails: also near walls, and by the names of modes."""
     receivers = receivers_of(problem.assembly.model)
-    groups = by_band_and_channel.Groups(receivers.groups, receivers.group_label, receivers.group_words)
-    named = receivers.modes
+    groups = by_band_and_channel.Groups(partial(near_walls, receivers), "near_wall", "microphones near wall")
 
     def modes_of(observation: FieldObservation) -> list[tuple[float, str]]:
-        if named is None:
+        if receivers.box is None:
             return []
         values = problem.seen_by(observation, problem.values_at(best.theta))
-        found = problem.assembly.evaluate(observation.conditions_at_nodes, values, wanted=list(named.reads))
-        quantities = {name: found[name] for name in named.reads}
-        return named.names(
-            quantities, (1 + by_band_and_channel.NEAR_MODE) * float(observation.frequency_hz[-1])
-        )
+        wanted = ("room_dimensions", "sound_speed")
+        found = problem.assembly.evaluate(observation.conditions_at_nodes, values, wanted=wanted)
+        reach_hz = (1 + by_band_and_channel.NEAR_MODE) * float(observation.frequency_hz[-1])
+        return mode_names(found["room_dimensions"], float(found["sound_speed"]), reach_hz)
 
     return by_band_and_channel.localise(problem, best, groups, modes_of)
 
 
-def _of_receivers(noun: str, given: ReceiverErrors, calibration: Path | None) -> str:
+def _of_receivers(given: ReceiverErrors, calibration: Path | None) -> str:
     """How uncertain each receiver is, and all together."""
     place, level, phase = (
         _range(np.asarray(v))
@@ -91,7 +92,7 @@ def _of_receivers(noun: str, given: ReceiverErrors, calibration: Path | None) ->
     )
     source = f"of {calibration.name}, others " if calibration else ""
     common = (
-        f"every {noun}: place {place} mm, calibration {level} dB and {phase} degrees, model discrepancy "
+        f"every microphone: place {place} mm, calibration {level} dB and {phase} degrees, model discrepancy "
         f"{100 * given.discrepancy:.3g} % ({source}from the rig file or its defaults)"
     )
     shared = [
@@ -106,7 +107,8 @@ def _of_receivers(noun: str, given: ReceiverErrors, calibration: Path | None) ->
 def _observe(
     model: Model, receivers: FieldReceivers, wanted: MeasuredFiles, file: DataFile
 ) -> tuple[FieldObservation, list[str]]:
-    background = Path(receivers.background) if receivers.background else None
+    given, band = receivers.rig.background.recording, receivers.rig.band
+    background = Path(given) if given else None
     from specan.analysis.section import aligned
 
     recording = open_recording(file.path, calibration=wanted.calibration, label=file.name)
@@ -115,30 +117,30 @@ def _observe(
         recording,
         model,
         estimator=file.estimator or "H1",
-        f_min_hz=receivers.band_hz[0],
-        f_max_hz=receivers.band_hz[1],
+        f_min_hz=band.f_min_hz,
+        f_max_hz=band.f_max_hz,
         background=open_recording(background, calibration=wanted.calibration) if background else None,
         u_calibrator_percent=read_calibration(wanted.calibration).u_calibrator_percent
         if wanted.calibration
         else 0.0,
     )
-    block_s = receivers.block_s or 1 / found.line_hz
-    settle = settling_s(recording.by_role(receivers.reference_role)[0].duration_s, block_s)
+    block_s = band.block_s or 1 / found.line_hz
+    settle = settling_s(recording.by_role("vibrometer")[0].duration_s, block_s)
     return found, [
-        f"{file.name}: {int(found.kept.any(axis=1).sum())} {receivers.plural}, {found.frequency_hz.size} lines of "
+        f"{file.name}: {int(found.kept.any(axis=1).sum())} microphones, {found.frequency_hz.size} lines of "
         f"{1 / block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {block_s:.3g} s "
         f"after {settle:.3g} s; "
         "the model filters the recorded velocity and goes through the same blocks",
-        *_sensitivities(recording, receivers),
-        *doubts(recording, recording.by_role(receivers.role), recording.by_role(receivers.reference_role)[0]),
+        *_sensitivities(recording),
+        *doubts(recording, recording.by_role("microphone"), recording.by_role("vibrometer")[0]),
         *found.notes,
     ]
 
 
-def _sensitivities(recording: Recording, receivers: FieldReceivers) -> list[str]:
+def _sensitivities(recording: Recording) -> list[str]:
     """Where sensitivities come from; a receiver of another origin is named."""
     by_source: dict[str, list[str]] = {}
-    for channel in recording.by_role(receivers.role):
+    for channel in recording.by_role("microphone"):
         reason = channel.decisions.get("sensitivity", "")
         by_source.setdefault(reason.partition(": ")[0], []).append(
             f"{channel.name}: {reason.partition(': ')[2]}"

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from specan.room.model.receivers import Places, receivers_of
+from specan.room.model.places import depth, free_places, with_microphones
+from specan.room.model.receivers import receivers_of
 from specan.room.study.field_observation import FieldObservation
 from specan.study.design.operating_points import EXPLORED, SEPARATES, Proposal, name_of
 from specan.study.estimation.linear import chi2_beside, covariance_root
@@ -77,20 +78,19 @@ def spoken_place(place: Array | Sequence[float]) -> str:
     return "(" + ", ".join(f"{x:.2f}" for x in place) + ") m"
 
 
-def _known_places(problem: Problem) -> Places | None:
-    """Where further receivers can stand; None where the model knows no places, or a parameter is a receiver's own."""
+def _free(problem: Problem) -> Array:
+    """Places for further receivers; none where the room is no box, or a parameter is a receiver's own."""
     receivers, axes = receivers_of(problem.assembly.model), problem.assembly.model.axes
-    alike = [axis for axis, names in axes.items() if not set(names).isdisjoint(axes[receivers.axis])]
+    alike = [axis for axis, names in axes.items() if not set(names).isdisjoint(receivers.names)]
     own = any(problem.assembly.parameters[name].per in alike for name in problem.free)
-    return None if own else receivers.places
+    return np.empty((0, 3)) if own or receivers.box is None else free_places(receivers.rig)
 
 
 def propose_places(rivals: Sequence[Refit], weights: Array, count: int) -> list[Proposal]:
     """Free places at which a further receiver would best separate rivals, best first."""
-    known = _known_places(rivals[0].problem)
-    if known is None:
+    places = _free(rivals[0].problem)
+    if not places.size:
         return []
-    places = known.free()
     views = _views(rivals, places)
     covariances = [r.fit.covariance * r.dispersion for r in rivals]
     left, found = set(range(len(places))), []
@@ -121,9 +121,7 @@ def _views(rivals: Sequence[Refit], places: Array) -> list[_View]:
     views, seen = [], None
     for rival in rivals:
         problem = rival.problem
-        known = receivers_of(problem.assembly.model).places
-        assert known is not None
-        model, names = known.with_receivers(problem.assembly.model, places)
+        model, names = with_microphones(problem.assembly.model, places)
         wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
         first = problem.observations[0]
         assert isinstance(first, FieldObservation)
@@ -194,7 +192,7 @@ def _proposal(
     said = ", ".join(f"{name} expects {level:.1f} dB" for name, level in predictions.items())
     unit = model.observables[str(observation.observable[0])].unit
     text = (
-        f"a {receivers_of(model).noun} at {spoken_place(place)}: around {band:g} Hz {said} (re 1 {unit}); sigma "
+        f"a microphone at {spoken_place(place)}: around {band:g} Hz {said} (re 1 {unit}); sigma "
         f"there is {sigma:.2g} dB, one recording over all frequencies separates them by {separation:.1f} sigma"
     )
     return Proposal(text, _coordinates(place), predictions, "dB", sigma, separation)
@@ -213,24 +211,21 @@ def _level_sigma(observation: FieldObservation, mic: int, lines: Any, response: 
 
 def explore_places(problem: Problem, block: Block) -> list[Proposal]:
     """Free places in the corner of a block - near its group or its receiver - far from all receivers."""
-    model, known = problem.assembly.model, _known_places(problem)
-    if known is None:
-        return []
-    receivers = receivers_of(model)
-    places, taken = known.free(), receivers.positions_m
-    group, name = block.where.get(receivers.group_label), block.where.get("channel")
-    if group is not None:
-        depth = known.depth(group, places)
-        places = places[depth <= depth.min() + 1e-9]
-    elif name in model.axes[receivers.axis]:
-        away = np.linalg.norm(places - taken[model.axes[receivers.axis].index(name)], axis=1)
+    receivers = receivers_of(problem.assembly.model)
+    places, taken = _free(problem), receivers.positions_m
+    wall, name = block.where.get("near_wall"), block.where.get("channel")
+    if wall is not None and receivers.box is not None and places.size:
+        away = depth(receivers.box, wall, places)
+        places = places[away <= away.min() + 1e-9]
+    elif name in receivers.names:
+        away = np.linalg.norm(places - taken[receivers.names.index(name)], axis=1)
         places = places[np.argsort(away, kind="stable")[:8]]
     told = f"where the model fails ({block.short_place}: {block.text}) and nothing was measured nearby"
     found = []
     for _ in range(min(EXPLORED, len(places))):
         gap = np.min(np.linalg.norm(places[:, None] - taken[None], axis=2), axis=1)
         place = places[int(np.argmax(gap))]
-        text = f"a {receivers.noun} at {spoken_place(place)}: {told}"
+        text = f"a microphone at {spoken_place(place)}: {told}"
         found.append(Proposal(text, _coordinates(place), {}, "dB", None, None))
         taken = np.vstack([taken, place])
     return found

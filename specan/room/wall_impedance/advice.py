@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from specan.room.model.places import with_microphones
-from specan.room.model.receivers import Places, receivers_of
+from specan.room.model.places import free_places, with_microphones
+from specan.room.model.receivers import receivers_of
 from specan.room.study.receiver_places import (
     by_receiver,
     few_lines,
@@ -88,8 +88,8 @@ def advise(found: Impedance) -> tuple[Advice, ...]:
     problem, theta = found.fit.problem, found.fit.at(found.fit.beta)
     jacobian = problem.jacobian(theta)
     known = jacobian.T @ jacobian
-    places = receivers_of(problem.assembly.model).places
-    further = () if places is None else (_further_microphones(problem, theta, known, goal, places),)
+    box = receivers_of(problem.assembly.model).box
+    further = () if box is None else (_further_microphones(problem, theta, known, goal),)
     return (*further, _covered_wall(found.fit, known, goal))
 
 
@@ -129,11 +129,9 @@ class _Goal:
         return tuple(name for name, ok in zip(self.names, enough, strict=True) if ok)
 
 
-def _further_microphones(
-    problem: WallProblem, theta: Array, known: Array, goal: _Goal, where: Places
-) -> Advice:
+def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal: _Goal) -> Advice:
     """One place after the other, each the best beside those that are taken."""
-    places = where.free()
+    places = free_places(receivers_of(problem.assembly.model).rig)
     each = information_at(problem, theta, places)
     chosen: list[int] = []
     for _ in range(min(MICROPHONES, len(places))):
