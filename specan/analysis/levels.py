@@ -67,15 +67,14 @@ class Levels(SectionSettings):
         """Of the time-weighted level, in s."""
         return {"fast": FAST, "slow": SLOW}[self.averaging]
 
-    def accumulator(self, recording: Recording) -> LevelsAccumulator:
-        """For a pass over the recording that serves several analyses."""
-        return LevelsAccumulator(recording, self)
-
     def __call__(self, recording: Recording) -> SignalLevels:
         """Read the recording (once in 32 channels) and return the values."""
         groups = slices(len(of_one_rate(recording, self.channels)[0]))
-        return joined_values(
-            [read_through(LevelsAccumulator(recording, self, few), recording) for few in groups]
+        parts = [read_through(LevelsAccumulator(recording, self, few), recording) for few in groups]
+        return joined(
+            parts,
+            "channels groups units references mean minimum maximum rms equivalent_dB "
+            "c_peak_dB percentile_dB max_dB min_dB flags",
         )
 
 
@@ -189,12 +188,3 @@ class LevelsAccumulator:
         found["C_peak"] = level(np.square(peak), zero)
         found = {n: v if n == "Leq_Z" else np.where(self._pressure, v, np.nan) for n, v in found.items()}
         return {**found, "max": level(maximum, zero)}
-
-
-def joined_values(parts: Sequence[SignalLevels]) -> SignalLevels:
-    """The values of groups of channels as one result."""
-    return joined(
-        parts,
-        "channels groups units references mean minimum maximum rms equivalent_dB "
-        "c_peak_dB percentile_dB max_dB min_dB flags",
-    )

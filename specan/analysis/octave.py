@@ -18,7 +18,6 @@ from specan.analysis.accumulator import feed
 from specan.analysis.quality import QualityAccumulator, quality_flags
 from specan.analysis.section import SectionSettings, joined, section, slices, slow_part, weightable
 from specan.data.band_levels import BandLevels, LevelHistory, OtherSettling
-from specan.data.channel import Channel
 from specan.data.levels import Quality, level
 from specan.data.recording import Recording
 from specan.divisions import division_name
@@ -198,10 +197,6 @@ class Octave(SectionSettings):
             )
         return found
 
-    def accumulator(self, recording: Recording) -> OctaveAccumulator:
-        """For a pass over the recording that serves several analyses."""
-        return OctaveAccumulator(recording, self)
-
     def __call__(self, recording: Recording) -> BandLevels:
         """Read the recording (once in 32 channels) and return the band levels."""
         parts = []
@@ -210,7 +205,11 @@ class Octave(SectionSettings):
             quality = QualityAccumulator(found.channels, found.start, found.stop)
             feed(recording, [found, quality])
             parts.append(found.result(quality.result()))
-        return joined_levels(parts)
+        return joined(
+            parts,
+            "channels groups units references level_dB overall_dB flags history other percentile_dB "
+            "percentile_overall_dB",
+        )
 
 
 class OctaveAccumulator:
@@ -239,6 +238,12 @@ class OctaveAccumulator:
         self.channels = chosen[few]
         self.sampling_rate = self.channels[0].sampling_rate
         self.bands = settings.bands(self.sampling_rate)
+        self.references = tuple(
+            level_reference(c.target_unit, settings.velocity_reference) for c in self.channels
+        )
+        self._zero = np.array([reference.value**2 for reference in self.references])
+        self._pressure = np.array([channel.target_unit == "Pa" for channel in self.channels])
+        self._derivatives = np.array([channel.derivatives for channel in self.channels])
         self._at_work: BandEnergyAccumulator | BandHistoryAccumulator
         if settings.averaging == "linear":
             self._at_work = BandEnergyAccumulator(
@@ -246,7 +251,7 @@ class OctaveAccumulator:
                 self.sampling_rate,
                 self.stop - self.start,
                 self._slow_part(),
-                weighted=[c.target_unit == "Pa" for c in self.channels],
+                weighted=self._pressure.tolist(),
             )
         else:
             self._at_work = self._history()
@@ -267,7 +272,7 @@ class OctaveAccumulator:
             settings.time_constant,
             IMPULSE_DECAY if settings.averaging == "impulse" else None,
             np.append(self._times, self._duration),
-            [channel.derivatives for channel in self.channels],
+            self._derivatives.tolist(),
             self._slow_part(),
         )
 
@@ -288,52 +293,15 @@ class OctaveAccumulator:
 
     def result(self, quality: Sequence[Quality] | None = None) -> BandLevels:
         """Band levels of what was added; call it once. `quality` gives the channels' flags."""
-        flags = quality_flags(self.channels, self.recording.flags, quality)
-        about = {"label": self.recording.label, "flags": flags, "notes": tuple(self.notes)}
-        found = BandResults(self.channels, self.settings, self.sampling_rate, **about)
         if isinstance(self._at_work, BandEnergyAccumulator):
-            return found.of_spectrum(self.spectrum(self.settings.fraction))
-        with np.errstate(invalid="ignore", over="ignore"):
-            histories = self._at_work.result()
-        return found.of_histories(histories, self._overall, self._times, self._duration)
-
-
-def joined_levels(parts: Sequence[BandLevels]) -> BandLevels:
-    """The band levels of groups of channels as one result."""
-    return joined(
-        parts,
-        "channels groups units references level_dB overall_dB flags history other percentile_dB percentile_overall_dB",
-    )
-
-
-class BandResults:
-    """What mean squares of some channels are as levels.
-
-    Parameters
-    ----------
-    channels : sequence of Channel
-        In the order of the rows of all mean squares.
-    settings : Octave
-        The fraction, weighting and range to use, and what is shown.
-    sampling_rate : float
-        In Hz.
-    **about
-        Label, flags and notes of the result.
-    """
-
-    def __init__(
-        self, channels: Sequence[Channel], settings: Octave, sampling_rate: float, **about: Any
-    ) -> None:
-        self.channels, self.settings, self.sampling_rate = channels, settings, sampling_rate
-        self.bands = settings.bands(sampling_rate)
-        self.references = tuple(level_reference(c.target_unit, settings.velocity_reference) for c in channels)
-        self._about = {"label": "", "flags": ((),) * len(channels), **about}
-        self._zero = np.array([reference.value**2 for reference in self.references])
-        self._pressure = np.array([channel.target_unit == "Pa" for channel in channels])
-        self._derivatives = np.array([channel.derivatives for channel in channels])
+            found = self.of_spectrum(self.spectrum(self.settings.fraction))
+        else:
+            with np.errstate(invalid="ignore", over="ignore"):
+                found = self._of_histories(self._at_work.result())
+        return replace(found, flags=quality_flags(self.channels, self.recording.flags, quality))
 
     def of_spectrum(self, spectrum: EnergySpectrum) -> BandLevels:
-        """A linear average over a section, divided into bands; no sample is read again."""
+        """A linear average over the section, divided into bands; no sample is read again."""
         settings, counts = self.settings, self.settings.settling == "counted"
         duration, width = spectrum.n_samples / self.sampling_rate, self.bands.upper - self.bands.lower
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold anything
@@ -359,64 +327,53 @@ class BandResults:
             other=OtherSettling(self._exchanged, other, with_cut),
         )
 
-    def of_histories(
-        self, histories: Histories, overall: Sequence[str], elapsed: Real, duration: float
-    ) -> BandLevels:
-        """Time-weighted mean squares.
-
-        Parameters
-        ----------
-        histories : Histories
-            Of the bands, then of the weightings `overall` of the whole signal; the last reading is that at
-            the end of the section.
-        elapsed : array
-            When the other readings are, in s from the beginning of the section.
-        """
-        settings, n, zero = self.settings, len(self.bands), self._zero
-
-        def totals(levels_dB: Real) -> dict[str, Real]:
-            """Of levels (channels, filters) or (channels, filters, times), the overall ones.
-
-            A, B and C are of sound pressure. The derivative of a whole signal has no end at high frequencies, its
-            integral none at low ones.
-            """
-            found = {}
-            for k, weighting in enumerate(overall):
-                usable = (self._derivatives == 0) & (self._pressure | (weighting == "Z"))
-                usable = usable.reshape(-1, *[1] * (levels_dB.ndim - 2))
-                found[weighting] = np.where(usable, levels_dB[:, n + k], np.nan)
-            return found
-
+    def _of_histories(self, histories: Histories) -> BandLevels:
+        """Time-weighted mean squares of the bands, then of the weightings of the whole signal."""
+        settings, n, zero, elapsed = self.settings, len(self.bands), self._zero, self._times
         shown, highest, other, settling = _held(histories, settings)
         shown_dB, other_dB, highest_dB = (level(each, zero[:, None]) for each in (shown, other, highest))
         other_dB[:, n:] = level(histories.with_cut[0][:, n:], zero[:, None])  # totals leave the cut out
-        readings_dB = level(histories.readings[:, :, :-1], zero[:, None, None])
+        readings_dB = level(histories.readings[:, :, :-1], zero[:, None, None])  # the last is that at the end
         exceeded_dB = {
             percent: level(values, zero[:, None])
             for percent, values in _exceeded(histories, highest, elapsed, settings.percentiles).items()
         }
-        exchanged = OtherSettling(self._exchanged, other_dB[:, :n], totals(other_dB))
+        exchanged = OtherSettling(self._exchanged, other_dB[:, :n], self._totals_in(other_dB))
         # An exponential average of time constant tau scatters like a linear one over 2 tau.
-        averaged = min(2.0 * settings.time_constant, duration)
+        averaged = min(2.0 * settings.time_constant, self._duration)
         return self._result(
             level_dB=shown_dB[:, :n],
             u_dB=scatter_of_noise(self.bands.upper - self.bands.lower, averaged),
-            overall_dB=totals(shown_dB),
-            duration_s=duration,
+            overall_dB=self._totals_in(shown_dB),
+            duration_s=self._duration,
             settling=settling,
-            unsettled=histories.settled_s[:n] > duration,
+            unsettled=histories.settled_s[:n] > self._duration,
             other=exchanged if settings.hold == "max" else None,
             history=LevelHistory(
                 time_s=settings.start_s + elapsed,
                 level_dB=readings_dB[:, :n],
-                overall_dB=totals(readings_dB),
-                interval_s=settings.reading_interval(duration),
+                overall_dB=self._totals_in(readings_dB),
+                interval_s=settings.reading_interval(self._duration),
                 max_dB=highest_dB[:, :n],
-                overall_max_dB=totals(highest_dB),
+                overall_max_dB=self._totals_in(highest_dB),
             ),
             percentile_dB={p: v[:, :n] for p, v in exceeded_dB.items()} or None,
-            percentile_overall_dB={p: totals(v) for p, v in exceeded_dB.items()} or None,
+            percentile_overall_dB={p: self._totals_in(v) for p, v in exceeded_dB.items()} or None,
         )
+
+    def _totals_in(self, levels_dB: Real) -> dict[str, Real]:
+        """Of levels (channels, filters) or (channels, filters, times), the overall ones.
+
+        A, B and C are of sound pressure. The derivative of a whole signal has no end at high frequencies, its
+        integral none at low ones.
+        """
+        found: dict[str, Real] = {}
+        for k, weighting in enumerate(self._overall, len(self.bands)):
+            usable = (self._derivatives == 0) & (self._pressure | (weighting == "Z"))
+            found[weighting] = np.where(
+                usable.reshape(-1, *[1] * (levels_dB.ndim - 2)), levels_dB[:, k], np.nan
+            )
+        return found
 
     def _result(self, **found: Any) -> BandLevels:
         return BandLevels(
@@ -429,7 +386,9 @@ class BandResults:
             **picked(self.settings, "fraction weighting averaging=averaging_name hold start_s"),
             sampling_rate=self.sampling_rate,
             settings=self.settings.model_dump(mode="json"),
-            **self._about,
+            label=self.recording.label,
+            flags=((),) * len(self.channels),
+            notes=tuple(self.notes),
             **found,
         )
 

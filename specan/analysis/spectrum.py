@@ -93,16 +93,12 @@ class FourierSpectrum(BlockSettings):
     n_exponential: int = Field(default=10, ge=2)
     reference: str | None = None
 
-    def accumulator(self, recording: Recording) -> SpectrumAccumulator:
-        """For a pass over the recording that serves several analyses."""
-        return SpectrumAccumulator(recording, self)
-
     def __call__(self, recording: Recording) -> Spectrum:
         """Read the recording once and return the spectra."""
         if self.whole or self.averaging == "none":
             parts = list(single_blocks(recording, self))
             return joined(parts, "channels units density phase_deg rms flags")
-        return read_through(self.accumulator(recording), recording)
+        return read_through(SpectrumAccumulator(recording, self), recording)
 
 
 class SpectrumAccumulator:

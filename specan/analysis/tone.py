@@ -63,13 +63,9 @@ class Tone(SectionSettings):
     frequency_hz: float | None = Field(default=None, gt=0.0)
     harmonics: int = Field(default=10, ge=1, le=100)
 
-    def accumulator(self, recording: Recording) -> ToneAccumulator:
-        """For a pass over the recording that serves several analyses."""
-        return ToneAccumulator(recording, self)
-
     def __call__(self, recording: Recording) -> ToneTable:
         """Read the recording once and return the tone on every channel."""
-        return read_through(self.accumulator(recording), recording)
+        return read_through(ToneAccumulator(recording, self), recording)
 
 
 class ToneAccumulator:

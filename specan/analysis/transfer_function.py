@@ -91,13 +91,9 @@ class TransferFunction(SectionSettings):
         """`lines`, or 3200."""
         return self.lines or DEFAULT_LINES
 
-    def accumulator(self, recording: Recording) -> TransferFunctionAccumulator:
-        """For a pass over the recording that serves several analyses."""
-        return TransferFunctionAccumulator(recording, self)
-
     def __call__(self, recording: Recording) -> FrequencyResponse:
         """Read the recording once and return the transfer functions."""
-        return read_through(self.accumulator(recording), recording)
+        return read_through(TransferFunctionAccumulator(recording, self), recording)
 
 
 class TransferFunctionAccumulator:

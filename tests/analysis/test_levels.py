@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from specan.analysis.levels import Levels
-from specan.analysis.octave import Octave
+from specan.analysis.levels import Levels, LevelsAccumulator
+from specan.analysis.octave import Octave, OctaveAccumulator
 from specan.data.levels import SignalLevels
 from specan.data.recording import ArraySource, Channel, Recording
 
@@ -108,7 +108,7 @@ def test_many_channels_are_analysed_in_groups_that_change_nothing():
         for k, n in enumerate(lengths)
     )
     source = Recording("r", channels, ArraySource([rng.standard_normal(n) for n in lengths]))
-    single = Levels().accumulator(source)
+    single = LevelsAccumulator(source, Levels())
     single.add(source.read(channels, 0, 7500))
     whole, parts = single.result(), Levels()(source)
     assert parts.channels == whole.channels
@@ -119,7 +119,7 @@ def test_many_channels_are_analysed_in_groups_that_change_nothing():
         assert np.array_equal(getattr(parts, name), getattr(whole, name))
     for averaging, fmin in (("linear", 100), ("fast", 1000)):
         octave = Octave(averaging=averaging, fmin=fmin)
-        at_once = octave.accumulator(source)
+        at_once = OctaveAccumulator(source, octave)
         at_once.add(source.read(channels, 0, 7500))
         found, expected = octave(source), at_once.result()
         assert found.channels == expected.channels

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from specan.analysis.octave import BandResults, Octave
+from specan.analysis.octave import Octave, OctaveAccumulator
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
 from specan.schema import parse
@@ -63,11 +63,11 @@ def test_a_range_and_a_section() -> None:
 
 def test_other_bands_from_the_same_pass() -> None:
     source = recording(("Mic 1", "Pa", np.random.default_rng(0).standard_normal(N)))
-    accumulator = Octave().accumulator(source)
+    accumulator = OctaveAccumulator(source, Octave())
     accumulator.add(source.read(accumulator.channels))
     spectrum = accumulator.spectrum()
     for settings in (Octave(fraction=24, weighting="A"), Octave(fraction=1, fmin=60)):
-        again = BandResults(accumulator.channels, settings, spectrum.sampling_rate).of_spectrum(spectrum)
+        again = OctaveAccumulator(source, settings).of_spectrum(spectrum)
         # A short record is transformed no longer than its widest bands need: equal far below the printed digits.
         np.testing.assert_allclose(again.level_dB, settings(source).level_dB, rtol=0, atol=1e-8)
 

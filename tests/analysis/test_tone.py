@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from specan.analysis.tone import Tone
+from specan.analysis.tone import Tone, ToneAccumulator
 from specan.data.channel import Channel, PhaseCalibration
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError, RequestError
@@ -140,7 +140,7 @@ def test_section_and_pieces():
     source = recording([np.where(T < 2, 5.0, 1.0) * tone(1.0, 33.0)], tone())
     found = Tone(start_s=2.0)(source)
     assert found.tone_rms[0] == pytest.approx(np.sqrt(0.5), rel=1e-4)
-    accumulator = Tone(start_s=2.0).accumulator(source)
+    accumulator = ToneAccumulator(source, Tone(start_s=2.0))
     for samples in source.blocks(accumulator.channels, 1234, accumulator.start, accumulator.stop):
         accumulator.add(samples)
     assert accumulator.result().phase_deg.tobytes() == found.phase_deg.tobytes()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from specan.analysis.transfer_function import TransferFunction, quotient
+from specan.analysis.transfer_function import TransferFunction, TransferFunctionAccumulator, quotient
 from specan.data.channel import Channel, PhaseCalibration
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError, RequestError
@@ -140,7 +140,7 @@ def test_generator_as_instrument_overcomes_a_noisy_vibrometer():
 def test_result_does_not_depend_on_pieces_or_other_channels():
     source = recording([delayed(NOISE, 2.0) + RNG.standard_normal(N) for _ in range(4)])
     whole = LINES(source)
-    accumulator = TransferFunction(lines=400, channels=("Mic 3",)).accumulator(source)
+    accumulator = TransferFunctionAccumulator(source, TransferFunction(lines=400, channels=("Mic 3",)))
     for samples in source.blocks(accumulator.channels, 777):
         accumulator.add(samples)
     assert accumulator.result().response.tobytes() == whole.response[2:3].tobytes()

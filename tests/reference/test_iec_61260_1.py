@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from specan.analysis.octave import BandResults, Octave
+from specan.analysis.octave import Octave, OctaveAccumulator
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.divisions import FRACTIONS
 from specan.dsp import bands
@@ -40,15 +40,14 @@ def worst_excess(tones: np.ndarray, bandwidth: np.ndarray, rate: float, fraction
     for seconds in np.unique(duration):
         chosen = tones[duration == seconds]
         for part in np.array_split(chosen, -(-chosen.size // 16)):
-            accumulator = Octave().accumulator(faded_tones(part, seconds, rate))
-            samples = accumulator.recording.read(accumulator.channels)
+            source = faded_tones(part, seconds, rate)
+            accumulator = OctaveAccumulator(source, Octave())
+            samples = source.read(accumulator.channels)
             accumulator.add(samples)
             spectrum = accumulator.spectrum()
             own = 10 * np.log10(np.mean(samples**2, axis=1) / 4e-10)
             for fraction in fractions:
-                found = BandResults(
-                    accumulator.channels, Octave(fraction=fraction), spectrum.sampling_rate
-                ).of_spectrum(spectrum)
+                found = OctaveAccumulator(source, Octave(fraction=fraction)).of_spectrum(spectrum)
                 attenuation = own[:, None] - found.level_dB
                 low, high = class_1_limits(part[:, None] / found.exact_hz, fraction)
                 above = np.where(np.isinf(high), -np.inf, attenuation - np.minimum(high, 1e9))
