@@ -97,7 +97,7 @@ def _check_alike(levels: BandLevels, background: BandLevels) -> None:
             raise RequestError(f"{background.label} has the {name} {other}", expected=str(mine))
     if levels.averaging != "linear":
         raise RequestError(
-            f"a background cannot be taken off levels with {levels.averaging} averaging",
+            f"a background cannot be subtracted from levels with {levels.averaging} averaging",
             expected="linear averaging, of energies that add up",
         )
     if not np.array_equal(levels.exact_hz, background.exact_hz):

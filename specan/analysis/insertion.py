@@ -336,7 +336,7 @@ def decide_level(
         + (
             f"nominal sensitivities lead to {np.median(levels):.1f} dB"
             if levels
-            else "nothing tells its level"
+            else "its level is not stated"
         ),
         expected="the calibrator's level",
         remedy=f"give --level {PISTONPHONE_DB[0]:g}, or what its certificate says",

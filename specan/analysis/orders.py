@@ -180,7 +180,7 @@ class OrderAccumulator:
         low, high = float(speed.min()), float(speed.max())
         if low <= 0:
             raise InputError(
-                f"{self.recording.label}: the shaft stands still or turns back",
+                f"{self.recording.label}: the shaft stands still or reverses",
                 remedy="choose a section in which it turns",
             )
         return low, float((ends[1] - ends[0]) / (time[-1] - time[0])), high

@@ -113,7 +113,7 @@ class LimitCurve:
         found = [entry for entry in found if not np.isnan(entry[0])]
         if not found:
             raise RequestError(
-                f"the limits in {self.label} hold for nothing that {channel} shows",
+                f"the limits in {self.label} apply to nothing that {channel} shows",
                 expected="frequencies of the bands or lines that are shown",
                 remedy="choose another --fraction or range, or correct the limits",
             )

@@ -153,7 +153,7 @@ class StudyPage(Page):
 
         def show(content: bytes) -> None:
             self.link.save(f"{name}_compare.{kind}", content)
-            self.status.end("The figure shows the model as it is, without what is tried.")
+            self.status.end("The figure shows the model as it is, without the trial.")
 
         self.work.ask(draw, show)
 

@@ -99,7 +99,7 @@ def from_increment(properties: Mapping[str, Any], n_samples: int, names: str = "
         )
     if _SPECTRUM.search(names) and step > 1e-3 and dimension != "t" and not (unit or axis):
         raise NoSignalError(
-            f"it is called a spectrum, and nothing says that its increment {step:g} is a time"
+            f"it is called a spectrum, and no property says that its increment {step:g} is a time"
         )
     if scale is None:
         return f"wf_increment is in {unit!r}, which is not time"

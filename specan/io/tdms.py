@@ -215,7 +215,7 @@ class _Opening:
         tried += [] if axes else ["its group has no time channel of its length"]
         raise _Aside(
             f"no sampling rate for {found.name!r} ({'; '.join(tried)})",
-            remedy="say it with --sampling-rate HZ, or in the channel table",
+            remedy="give it with --sampling-rate HZ, or in the channel table",
         )
 
     def _axes(self, group: str) -> list[tuple[int, Rate | str]]:

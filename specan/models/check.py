@@ -179,7 +179,7 @@ def check_model(model: Model) -> ModelReport:
     if lacking:
         raise RequestError(
             f"the condition {lacking[0]!r} has no limits to check over",
-            remedy="say from where to where it can be set",
+            remedy="give its lowest and highest value",
         )
     conditions = _over(model, _dense_axes(model))
     try_model(model, conditions)

@@ -171,7 +171,7 @@ def predict(chosen: ChosenModel, columns: Mapping[str, NDArray[np.float64]]) -> 
     Raises
     ------
     ComputationError
-        A loop that an effect closes does not settle.
+        A loop that an effect closes does not converge.
     """
     model = chosen.assembly.model
     nodes = [o.quantity for o in model.observables.values()]

@@ -343,12 +343,12 @@ def _check_declaration(made: Effect) -> None:
         )
     if not made.neutral:
         raise RequestError(
-            f"the effect {made.name!r} says nowhere at which values it vanishes", remedy="give neutral={...}"
+            f"the effect {made.name!r} does not state its neutral values", remedy="give neutral={...}"
         )
     for parameter, value in made.neutral.items():
         if parameter not in made.parameters:
             raise RequestError(
-                f"the effect {made.name!r} is neutral in {parameter!r}, which is none of its parameters",
+                f"the effect {made.name!r} is neutral in {parameter!r}, which is not one of its parameters",
                 remedy=nearest(parameter, made.parameters),
             )
         low, high = made.parameters[parameter].domain

@@ -118,7 +118,7 @@ class Evaluator(WithStates):
         Raises
         ------
         ComputationError
-            A loop that an effect closes does not settle.
+            A loop that an effect closes does not converge.
         """
         return next(self.evaluate_many(conditions, [values or {}], wanted))
 
@@ -320,7 +320,7 @@ class Evaluator(WithStates):
 
         if not fixed_point(around, {name: known[name] for name in guessed}):
             raise ComputationError(
-                f"the loop through {', '.join(sorted(loop))} does not settle",
+                f"the loop through {', '.join(sorted(loop))} does not converge",
                 expected="a fixed point within 200 iterations",
                 remedy="reduce the effect that closes it (" + ", ".join(map(str, self.uses)) + ")",
             )

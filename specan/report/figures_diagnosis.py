@@ -46,13 +46,13 @@ def figure_diagnosis(found: Diagnosis) -> Figure:
     name_rows(axes, [*(["model as it is"] if first else []), *(" + ".join(row.names) for row in ranked)])
     axes.set_xlim(0, 1.28 * max([row.error_after for row in ranked] + [now.rms if now else 0.0]))
     what = f"RMS error of {now.observable}" if now else "RMS error"
-    axes.set_xlabel(axis_label(f"{what} that is left", now.unit if now else "1"))
+    axes.set_xlabel(axis_label(f"Remaining {what}", now.unit if now else "1"))
     fit = (
         "" if found.lack_of_fit is None else f"Model as it is: chi²/n {found.lack_of_fit.reduced_chi2:.3g}. "
     )
     heading(
         figure, headline(found),
-        fit + "Dark: named by the verdict. Hatched: with values that are not plausible. Beside each bar: error left, "
+        fit + "Dark: named by the verdict. Hatched: with values that are not plausible. Beside each bar: remaining error, "
         "probability.",
     )  # fmt: skip
     return figure

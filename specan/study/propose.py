@@ -68,7 +68,7 @@ class ProposedLaws(Result):
     Attributes
     ----------
     laws : tuple of ProposedLaw
-        Best first; the data cannot distinguish them. None where noise explains what is left.
+        Best first; the data cannot distinguish them. None where noise explains the residuals.
     p_value : float
         Probability that noise gives any of the laws so large a fall in chi-square.
     tried : int
@@ -102,7 +102,7 @@ class ProposedLaws(Result):
         """How many there are."""
         if not self.laws:
             why = (
-                "noise explains what is left" if self.noise_explains else "none predicts conditions left out"
+                "noise explains the residuals" if self.noise_explains else "none predicts conditions left out"
             )
             return f"no law: {why} (p = {self.p_value:.2g} over {self.tried} laws)"
         return f"{counted(len(self.laws), 'law')} of {self.tried} tried, p = {self.p_value:.1g}"

@@ -384,8 +384,8 @@ class Study:
         unit = "" if error.unit == "1" else f" {error.unit}"
         names = " or ".join(" with ".join(row.names) for row in named)
         reason = (
-            f"{names} would fit, but with it the error on the data held out rises from {error.rms:.3g} to "
-            f"{rises:.3g}{unit}: it is not what is missing there, or its equation is not right"
+            f"{names} would fit, but with it the error on the held-out data rises from {error.rms:.3g} to "
+            f"{rises:.3g}{unit}: another effect is missing there, or its equation is wrong"
         )
         return replace(
             found, verdict="cannot-tell", reason=reason, alternatives=(), at={}, unknown_possible=True
@@ -421,7 +421,7 @@ class Study:
         """Refuse to conclude anything where the uncertainty is unknown."""
         if not self.data.known:
             raise RequestError(
-                f"{verb} needs to know how uncertain the measurement is, and nothing tells",
+                f"{verb} needs the uncertainty of the measurement, which is not stated",
                 expected="repeated conditions (a column 'repeat'), or [uncertainty] in the rig file",
                 remedy="repeat some conditions, setting them anew"
                 + (

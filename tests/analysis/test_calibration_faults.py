@@ -203,7 +203,7 @@ def test_a_pistonphone_is_known_by_its_frequency_and_the_nominal_sensitivities(
 def test_a_pistonphone_without_anything_that_tells_its_level_is_asked_for() -> None:
     bare = insertion("p", (1, 2, 3), level=114.0, hz=250.0, stated={}, nominal=None, scale=0.25)
     with pytest.raises(
-        InputError, match=r"pistonphone \(114 or 124 dB\), and nothing tells its level.*--level 114"
+        InputError, match=r"pistonphone \(114 or 124 dB\), and its level is not stated.*--level 114"
     ):
         calibrate([bare])
     given = calibrate([bare], CalibrationSettings(level_dB=114.0))

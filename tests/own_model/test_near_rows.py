@@ -35,8 +35,7 @@ def test_near_rows_are_not_taken_for_repeats_and_this_is_said(tmp_path):
     data = read_tables(model(), [balls(tmp_path / "balls.csv")])
     said = " ".join(data.statements)
     assert (
-        "and not taken for repeats, since nothing says how well it is set (declare speed_setting_percent"
-        in said
+        "and not treated as repeats: how well it is set is not stated (declare speed_setting_percent" in said
     )
     assert "lines 2, 17, 32" in said  # the three readings near 1 m/s
     assert not data.known  # the difference between the balls is no scatter
@@ -51,7 +50,7 @@ def test_a_declared_uncertainty_is_not_widened_by_near_rows(tmp_path):
 def test_near_rows_are_repeats_where_the_scatter_of_setting_is_declared_and_this_is_said(tmp_path):
     declared = model(uncertainty={"speed_setting_percent": 1.0})
     said = " ".join(read_tables(declared, [balls(tmp_path / "balls.csv")]).statements)
-    assert "taken for repeats, since they differ in speed by no more than the scatter of setting" in said
+    assert "treated as repeats: they differ in speed by no more than the scatter of setting" in said
     assert "lines 2, 17, 32" in said
 
 

@@ -57,7 +57,7 @@ def place(tmp_path, monkeypatch):
 def study(place):
     said = run("study", "new", place / "s", "--model", SPRING, "--rig", place / "rig.toml",
                "--measurement", place / "spring.csv")  # fmt: skip
-    assert "% of the give" in said
+    assert "no model discrepancy is declared" in said
     assert re.search(r"stretch_mm: scatter 0\.000(18|19|2|20|21|22) m from repeats", said)
     assert not FOREIGN.search(said)
     return place / "s"

@@ -103,7 +103,7 @@ def test_chosen_columns_and_those_passed_over(tmp_path):
     named = {"speed_rpm": "n [1/min]", "output_torque_Nm": "M2_Nm [mN*m]", "input_torque_Nm": "M1"}
     again = rows_of(path, gear, columns=named)  # the unit is the user's word
     assert again.conditions["worm_speed"] == pytest.approx(found.conditions["worm_speed"])
-    assert any("'M1' says no unit: taken to be in N*m" in note for note in again.notes)
+    assert any("'M1' states no unit: assumed to be in N*m" in note for note in again.notes)
     with pytest.raises(InputError, match=r"has no column 'M2 \[N m\]'.*did you mean 'M2_Nm'"):
         rows_of(path, gear, columns=columns)
 

@@ -36,7 +36,7 @@ def test_bars_of_a_diagnosis_are_the_errors_that_are_left(story):
     widths = [patch.get_width() for patch in axes.patches]
     assert widths == [found.error.before.rms, *(row.error_after for row in found.ranking)]
     assert axes.get_xscale() == "linear"
-    assert axes.get_xlabel() == "RMS error of input torque that is left / Nm"
+    assert axes.get_xlabel() == "Remaining RMS error of input torque / Nm"
     assert headline(found).startswith("Missing: windage (")
 
 

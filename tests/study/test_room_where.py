@@ -224,7 +224,9 @@ def test_errors_of_both_signs_are_no_direction(model):
     problem, best = located(model, recorded(model, tilted))
     blocks = localise(problem, best).blocks
     assert any(
-        b.text == "model off by as much up as down" for b in blocks if set(b.where) == {"third_octave_hz"}
+        b.text == "model off equally in both directions"
+        for b in blocks
+        if set(b.where) == {"third_octave_hz"}
     )
 
 

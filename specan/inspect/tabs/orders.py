@@ -17,7 +17,7 @@ class OrdersTab(Tab):
     """Levels over the order of a shaft; a cursor in hertz stands at its order at the mean speed."""
 
     name, title, kind = "orders", "Orders", Orders
-    needs, tip, hertz = "a channel that is no tacho", ("order", "dB"), False
+    needs, tip, hertz = "a channel that is not a tacho", ("order", "dB"), False
     readings: ClassVar = {"order": "order {:.6g}", "amplitude": "{:.5g} {unit}", "level_dB": "{:.2f} dB"}
 
     def add_controls(self, view: View) -> None:

@@ -73,7 +73,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     if not known:
         names = ", ".join(o.name for o in model.observables.values() if o.kind == KIND)
         statements.append(
-            f"nothing tells how uncertain {names} is: no column u, no coherence with a number of averages "
+            f"the uncertainty of {names} is not stated: no column u, no coherence with a number of averages "
             "(Frf(..., averages=)), no uncertainty_percent"
         )
     percent = model.rig.discrepancy_percent
@@ -248,7 +248,7 @@ def _sigma_of(
 def _factor(name: str, said: str, unit: str, observable: Observable) -> tuple[float, str]:
     """What turns a file's values into the observable's unit."""
     if not unit:
-        return 1.0, f" (no unit said: taken to be in {observable.unit})"
+        return 1.0, f" (no unit stated: assumed to be in {observable.unit})"
     try:
         fits = is_compatible(unit, observable.unit)
     except SpecanError:

@@ -332,12 +332,12 @@ class SetPoints:
 
         if left:
             return [
-                f"{some(left)}: near each other in {' and '.join(self._exact)}, and not taken for repeats, since "
-                f"nothing says how well it is set (declare {self._exact[0]}_setting_percent, or give a column 'repeat')"
+                f"{some(left)}: near each other in {' and '.join(self._exact)}, and not treated as repeats: how well "
+                f"it is set is not stated (declare {self._exact[0]}_setting_percent, or give a column 'repeat')"
             ]
         if taken and not self._marks:
             return [
-                f"{some(taken)}: taken for repeats, since they differ in {' and '.join(self._moved)} by no more than "
+                f"{some(taken)}: treated as repeats: they differ in {' and '.join(self._moved)} by no more than "
                 "the scatter of setting"
             ]
         return []

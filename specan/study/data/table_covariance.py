@@ -310,7 +310,7 @@ def _noise_of(
             + _anew(model, rows)
         ]
     return Noise(known=False), [
-        f"nothing says how uncertain it is: repeat conditions, or give {column!r} in [uncertainty]"
+        f"its uncertainty is not stated: repeat conditions, or give {column!r} in [uncertainty]"
     ]
 
 

@@ -142,7 +142,7 @@ def _frame_cells(path: Path, raw: bytes, sheet: str) -> tuple[dict[int, list[str
     workbook = raw[:2] == b"PK"
     try:
         if workbook:
-            book = pd.ExcelFile(io.BytesIO(raw))
+            book = pd.ExcelFile(io.BytesIO(raw), engine="openpyxl")
             sheet = sheet or str(book.sheet_names[0])
             frame = (
                 book.parse(sheet, header=None, dtype=object) if sheet in book.sheet_names else pd.DataFrame()

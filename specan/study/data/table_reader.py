@@ -124,7 +124,7 @@ def _check_columns(
         )
     if there.isdisjoint(measurable):
         raise InputError(
-            f"{table.path} holds nothing that the model predicts",
+            f"{table.path} has no column that the model predicts",
             expected="a column " + " or ".join(measurable),
         )
 
@@ -205,7 +205,7 @@ class ColumnNames:
             if column not in table.units and column in self._targets and column not in self.model.groups:
                 unit = _unit_of(self._targets[column])
                 table.notes.append(
-                    f'{header!r} says no unit: taken to be in {unit} (else: --column "{name}={header} [UNIT]")'
+                    f'{header!r} states no unit: assumed to be in {unit} (else: --column "{name}={header} [UNIT]")'
                 )
         if self.passed_over:
             table.notes.append(f"columns ignored: {', '.join(self.passed_over)}")

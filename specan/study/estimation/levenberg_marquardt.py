@@ -63,7 +63,7 @@ class NotSettledError(ComputationError):
 
 def not_settled(reached: Minimum, jacobians: int) -> NotSettledError:
     """The error of a descent that has taken so many Jacobians."""
-    fault = NotSettledError(f"it did not settle within {jacobians} Jacobians")
+    fault = NotSettledError(f"it did not converge within {jacobians} Jacobians")
     fault.reached = reached
     return fault
 
@@ -165,7 +165,7 @@ class _Place:
         inside = np.clip(theta, self.low, self.high)
         try:
             residual = self.problem.residual(inside)
-        except ComputationError:  # a loop of the model that does not settle there: the step was too long
+        except ComputationError:  # a loop of the model that does not converge there: the step was too long
             return inside, None
         return inside, residual if np.all(np.isfinite(residual)) else None
 

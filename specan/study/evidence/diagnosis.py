@@ -70,7 +70,7 @@ class _Telling:
             return find()
         except Exception as fault:
             reason = fault.found if isinstance(fault, SpecanError) else unforeseen(fault)
-            self.failures.append(f"{what} could not be worked out ({reason})")
+            self.failures.append(f"{what} could not be computed ({reason})")
             return otherwise
 
     def refit(self, one: Explanation) -> Refit:
@@ -89,16 +89,16 @@ class _Telling:
         judged, base = self.judged, self.base
         kind, sets = judged.kind, judged.sets
         best = self.refit(self._best.best)
-        pulled = self.try_to("what is off its known value", lambda: pulls(best), ())
+        pulled = self.try_to("values outside their known range", lambda: pulls(best), ())
         fails_at = self.try_to("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
         error = self.try_to("the error", lambda: error_fall(base, best if sets else base), None)
         law = None
         if kind == "unknown-effect":
-            law = self.try_to("a law of what is left", lambda: likeliest_law(base), None)
+            law = self.try_to("a law for the residuals", lambda: likeliest_law(base), None)
         proposals = self.try_to("what to measure next", lambda: self._next(kind, fails_at), ())
         rows = self.try_to("the table of what was tried", self._ranking, ())
         visible = self.try_to(
-            "the smallest visible sizes", lambda: self.explanations.visible(self._best.best), {}
+            "the smallest detectable sizes", lambda: self.explanations.visible(self._best.best), {}
         )
         remarks = self._remarks()
         return Diagnosis(
@@ -268,7 +268,7 @@ class _Telling:
             ("shifts of modes", self._undeclared_shifts),
         ]
         if best.follows_itself:
-            remarks.append(("noise", lambda: "the noise follows itself in time: rows are not independent"))
+            remarks.append(("noise", lambda: "the noise is correlated in time: rows are not independent"))
         return [text for what, find in remarks if (text := self.try_to(what, find, ""))]
 
     def _undeclared_shifts(self) -> str:
@@ -290,7 +290,9 @@ def not_settled(base: Refit) -> str:
     """A sentence where the fit of the model as it is was given up."""
     if base.fit.converged:
         return ""
-    return "the fit of the model as it is did not settle, and may be too poor: give start values or narrower bounds"
+    return (
+        "the fit of the model as it is did not converge and may be poor: give start values or narrower bounds"
+    )
 
 
 def _form(one: Explanation) -> str:

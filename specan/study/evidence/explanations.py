@@ -182,7 +182,7 @@ class Explanations:
         self._order = count()
         self.set_up()
         self._search()
-        progress("what no effect describes, values beyond what is known, noise, faults of the data", SETS)
+        progress("unknown effects, implausible values, noise, faults of the data", SETS)
         self._beyond()
         self._beside_unknown()
         self._noise()

@@ -285,7 +285,7 @@ def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array
     for line, rows in _from_a_row_on(o):
         yield fault("from a row on", f"the {words} differs from {line} on", rows)
     if setting.absolute:
-        text = f"the {words} is not what it was where it acts, as of a sensor in another place"
+        text = f"the {words} that was measured is not the one that acts: its sensor may be in another place"
         for root in _elsewhere(problem, o, x):
             columns = change[:, None] * root
             yield Fault(f"{words} of another place", text, columns, sizes, lambda _: "")

@@ -41,7 +41,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
             if found:
                 low, high, share, source, p_value = found
                 notes.append(
-                    f"{100 * share:.0f} % of what is left of {name} at {low:.3g} to {high:.3g} Hz follows {source}"
+                    f"{100 * share:.0f} % of the residual of {name} at {low:.3g} to {high:.3g} Hz follows {source}"
                 )
                 size = float(np.sqrt(np.mean(gap**2)))
                 where = {"frequency_hz": f"{low:.3g} to {high:.3g} Hz"}
@@ -51,9 +51,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
                 )
             lag = float(gap[1:] @ gap[:-1]) / max(float(gap @ gap), 1e-300)
             if abs(lag) > 4 / np.sqrt(gap.size):
-                notes.append(
-                    f"what is left of {name} follows itself from sample to sample (correlation {lag:.2f})"
-                )
+                notes.append(f"the residual of {name} is correlated from sample to sample ({lag:.2f})")
     return Localisation(tuple(tested(blocks)), (), tuple(notes))
 
 

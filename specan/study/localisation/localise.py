@@ -174,7 +174,7 @@ def level_and_phase(level_dB: float | None, z: float, phase_deg: float | None, z
         parts.append(f"{abs(level_dB):.2g} dB {'high' if level_dB > 0 else 'low'}")
     if z_phase is not None and abs(z_phase) >= CLEAR and phase_deg is not None:
         parts.append(f"{float(f'{abs(phase_deg):.2g}'):g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
-    return "model " + (" and ".join(parts) or "off by as much up as down")
+    return "model " + (" and ".join(parts) or "off equally in both directions")
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ def initial_fit(
 
 def _singles(problem: Problem, progress: Callable[[str, float], None]) -> Refits:
     """Rough fits of the model with single effects, to few, uncertain lines."""
-    text = "looking for a field that is near the measured one"
+    text = "searching for a field close to the measured one"
     progress(text, 0.1)
     values = continuation_fit(problem)
     view = down_weighted(problem, values=values)

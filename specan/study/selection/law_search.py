@@ -93,7 +93,7 @@ class LawSearch:
     Attributes
     ----------
     laws : tuple of Law
-        Best first, at most four, one a family; none where noise explains what is left.
+        Best first, at most four, one a family; none where noise explains the residuals.
     p_value : float
         Probability that noise alone gives so large a fall in chi-square to any of the laws.
     tried : int
@@ -173,11 +173,11 @@ def _variables(start: Refit) -> tuple[dict[str, Array], list[Spread]]:
     observations = start.problem.observations
     if not all(isinstance(o, TableObservation) for o in observations):
         raise ComputationError(
-            "laws are looked for in tables only", expected="a measurement with one row an operating point"
+            "laws are searched for in tables only", expected="a measurement with one row an operating point"
         )
     if start.problem.n_data < LEAST_ROWS:
         raise ComputationError(
-            f"{start.problem.n_data} rows are too few to look for a law", expected=f"at least {LEAST_ROWS}"
+            f"{start.problem.n_data} rows are too few to search for a law", expected=f"at least {LEAST_ROWS}"
         )
     model = start.problem.assembly.model
     shared = set.intersection(*(set(o.conditions) for o in observations))

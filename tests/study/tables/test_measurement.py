@@ -127,7 +127,7 @@ def at(row, value):
         (fault(speed_rpm=None), "column 'speed_rpm' is missing"),
         (fault(speed_rpm="speed_Hz"), "unknown column 'speed_Hz'.*give 'speed_rpm'"),
         (fault(output_torque_Nm="outputtorque_Nm"), "did you mean 'output_torque_Nm'"),
-        (fault(input_torque_Nm=None, efficiency=None), "nothing that the model predicts"),
+        (fault(input_torque_Nm=None, efficiency=None), "no column that the model predicts"),
         (fault(input_torque_Nm=at(2, np.nan), efficiency=at(2, np.nan)), "line 4: fewer than two"),
         (fault(efficiency=lambda c: 100 * c, input_torque_Nm=None), "in percent"),
         (fault(efficiency=at(0, 1.04), input_torque_Nm=None), "line 2: efficiency 1.04"),

@@ -231,7 +231,7 @@ def test_coarse_rounding_is_an_uncertainty_and_fine_rounding_is_none(tables, tmp
     columns["efficiency"] = np.round(columns["efficiency"] + 0.00012, 5)
     _, data = opened(tables, tmp_path, columns)
     assert not data.known
-    assert "nothing says how uncertain it is" in " ".join(data.statements)
+    assert "its uncertainty is not stated" in " ".join(data.statements)
 
 
 def test_the_scatter_of_a_set_torque_goes_over_into_the_reading(tables, tmp_path):
