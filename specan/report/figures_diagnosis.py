@@ -52,8 +52,8 @@ def figure_diagnosis(found: Diagnosis) -> Figure:
     )
     heading(
         figure, headline(found),
-        fit + "Dark: named by the verdict. Hatched: with values that are not plausible. Beside each bar: remaining error, "
-        "probability.",
+        fit + "Dark: named by the verdict. Hatched: with values that are not plausible. Beside each bar: remaining "
+        "error, probability.",
     )  # fmt: skip
     return figure
 

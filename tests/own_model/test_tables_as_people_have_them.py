@@ -85,7 +85,7 @@ def test_a_workbook_without_its_reader_names_the_extra(tmp_path, pump, monkeypat
     def missing(*given, **more):
         raise ImportError
 
-    monkeypatch.setattr(pd, "read_excel", missing)
+    monkeypatch.setattr(pd, "ExcelFile", missing)
     with pytest.raises(InputError, match=r'pip install "specan\[xlsx\]"'):
         rows_of(tmp_path / "t.xlsx", pump)
 
