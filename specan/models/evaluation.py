@@ -12,7 +12,6 @@ from specan.models.effect import Effect, Parameter, ParameterName, Use
 from specan.models.from_function import place_of, users_mistake
 from specan.models.loops import fixed_point, ordered, reached
 from specan.models.quantity import Quantity
-from specan.models.rates import WithStates
 from specan.units import convert
 
 BASE = "base"  # the name of the part of a quantity that is not an effect's
@@ -45,7 +44,7 @@ class _Call:
 
 
 @dataclass(frozen=True)
-class Evaluator(WithStates):
+class Evaluator:
     """What `specan.models.model.Assembly` is, but for the class of its model."""
 
     model: Any
@@ -137,7 +136,7 @@ class Evaluator(WithStates):
             yield from self.pointwise(conditions, many, wanted)
             return
         many = list(many)
-        for values, states in zip(many, self.trajectories(conditions, many), strict=True):
+        for values, states in zip(many, self.model.rates.trajectories(self, conditions, many), strict=True):
             yield next(self.pointwise({**conditions, **states}, [values], wanted))
 
     def pointwise(

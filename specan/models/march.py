@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import inspect
 import types
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models.effect import ParameterName
+from specan.models.loops import reached
 
 Array = NDArray[np.float64]
 Evaluator = Any  # an assembly: its module imports this one
@@ -42,7 +44,8 @@ class Program:
 
     def __init__(self, assembly: Evaluator, switched: bool) -> None:
         self.assembly, self.switched = assembly, switched
-        self.states = assembly.states
+        self.states = assembly.model.rates.states_of(assembly)
+        self.moved = self._moved_by_states()
         self.uses = assembly.uses
         self.parameters: list[str] = []
         self.functions: dict[str, Callable[..., Any]] = {}
@@ -50,10 +53,20 @@ class Program:
         self.drives: list[str] = []
         self._write()
 
+    def _moved_by_states(self) -> set[str]:
+        """Quantities that depend on a state."""
+        readers = defaultdict(list)
+        for name, (base, acting) in self.assembly._calls.items():
+            for call in (base, *(c for *_, c in acting)):
+                for read in call.reads:
+                    readers[read].append(name)
+        return reached([n for n in self.states if readers[n]], readers) - set(self.states)
+
     def _write(self) -> None:
         order = [name for step in self.assembly._plan[0] for name in step]
-        moved = self.assembly.moved_by_states
-        inner = self.assembly.reached_from_rates
+        read = ["d" + name for name, state in self.states.items() if state.rate is None]
+        read += [r for state in self.states.values() for r in state.reads]
+        moved, inner = self.moved, reached(read, self.assembly._reads)
         if set(self.assembly._plan[1]) & moved & inner:
             raise RequestError(
                 "the rates read each other in a circle within one instant",
@@ -100,7 +113,7 @@ class Program:
         names = list(self.states)
         if name in names:
             return f"s[{names.index(name)}]"
-        if name in self.assembly.moved_by_states:
+        if name in self.moved:
             return f"q_{name}"
         if name not in self.drives:
             self.drives.append(name)
@@ -174,16 +187,23 @@ _COMPILED: dict[Any, tuple[Any, Any]] = {}  # by what was compiled: a model that
 
 def _marches(rates: Any, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
     """Runge-Kutta's method and the implicit one over all samples."""
+    between, moved = decorate(_between), decorate(_moved)
+    implicit = _implicit(rates, between, moved, decorate(_solver(moved)))
+    return decorate(_explicit(rates, between, moved)), decorate(implicit)
 
-    def between(drives, i, part, d):
-        for k in range(drives.shape[0]):
-            d[k] = drives[k, i] + (drives[k, i + 1] - drives[k, i]) * part
 
-    def moved(s, h, slope, y):
-        for k in range(s.shape[0]):
-            y[k] = s[k] + h * slope[k]
+def _between(drives, i, part, d):
+    for k in range(drives.shape[0]):
+        d[k] = drives[k, i] + (drives[k, i + 1] - drives[k, i]) * part
 
-    between, moved = decorate(between), decorate(moved)
+
+def _moved(s, h, slope, y):
+    for k in range(s.shape[0]):
+        y[k] = s[k] + h * slope[k]
+
+
+def _explicit(rates, between, moved):
+    """Runge-Kutta's method."""
 
     def explicit(times, steps, drives, p, on, states):
         s, d = states[:, 0].copy(), drives[:, 0].copy()
@@ -205,8 +225,13 @@ def _marches(rates: Any, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
                     s[k] = s[k] + h / 6 * (k1[k] + 2 * k2[k] + 2 * k3[k] + k4[k])
             moved(s, 0.0, s, states[:, i + 1])
 
+    return explicit
+
+
+def _solver(moved):
+    """Gauss's elimination with pivots: numba takes seconds to compile that of LAPACK."""
+
     def solve(matrix, right, found):
-        """Gauss's elimination with pivots: numba takes seconds to compile that of LAPACK."""
         n, a = right.shape[0], matrix.copy()
         moved(right, 0.0, right, found)
         for k in range(n):
@@ -224,7 +249,11 @@ def _marches(rates: Any, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
                 found[i] -= a[i, j] * found[j]
             found[i] /= a[i, i]
 
-    solve = decorate(solve)
+    return solve
+
+
+def _implicit(rates, between, moved, solve):
+    """The method of Rosenbrock."""
 
     def implicit(times, steps, drives, p, on, states):
         n, gamma = states.shape[0], 1 / (2 + np.sqrt(2.0))
@@ -258,7 +287,7 @@ def _marches(rates: Any, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
                     s[k] = s[k] + h * (k1[k] + k2[k])
             moved(s, 0.0, s, states[:, i + 1])
 
-    return decorate(explicit), decorate(implicit)
+    return implicit
 
 
 def _numba() -> Any:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +12,6 @@ import numpy as np
 from specan.errors import RequestError
 from specan.models.effect import Effect, Parameter
 from specan.models.from_function import fields_from_functions
-from specan.models.loops import reached
 from specan.models.quantity import Condition, Observable, Quantity, constant, of_parameter, rig_statement
 from specan.units import is_compatible, scale_to
 
@@ -87,7 +84,7 @@ class Rates:
     tolerances : mapping
         Change of a state that no reading shows.
     solvers : dict
-        Filled when they are needed.
+        Of each model, filled when they are needed.
     """
 
     states: Mapping[str, State]
@@ -103,41 +100,15 @@ class Rates:
             self.solvers[id(model)] = model, Solver(model)
         return self.solvers[id(model)][1]
 
-
-class WithStates:
-    """What an assembly of a model of rates knows of its states."""
-
-    model: Any
-    uses: Any
-    _calls: Any
-    _reads: Any
-
-    @cached_property
-    def states(self) -> dict[str, State]:
+    def states_of(self, assembly: Any) -> dict[str, State]:
         """States of the model and of the effects that are on."""
-        found = dict(self.model.rates.states)
-        for use in self.uses:
-            found |= self.model.effects[use.name].states
+        found = dict(self.states)
+        for use in assembly.uses:
+            found |= assembly.model.effects[use.name].states
         return found
 
-    @cached_property
-    def moved_by_states(self) -> frozenset[str]:
-        """Quantities that depend on a state."""
-        readers = defaultdict(list)
-        for name, (base, acting) in self._calls.items():
-            for call in (base, *(c for *_, c in acting)):
-                for read in call.reads:
-                    readers[read].append(name)
-        return frozenset(reached([n for n in self.states if readers[n]], readers) - set(self.states))
-
-    @cached_property
-    def reached_from_rates(self) -> frozenset[str]:
-        """Quantities that the rates depend on."""
-        read = ["d" + name for name, state in self.states.items() if state.rate is None]
-        return frozenset(reached([*read, *(r for s in self.states.values() for r in s.reads)], self._reads))
-
     def trajectories(
-        self: Any, conditions: Mapping[str, Any], many: Sequence[Mapping[str, Any]]
+        self, assembly: Any, conditions: Mapping[str, Any], many: Sequence[Mapping[str, Any]]
     ) -> list[dict[str, Any]]:
         """States over the times of a recording, for several sets of parameter values."""
         times = np.atleast_1d(np.asarray(conditions[TIME], float))
@@ -146,11 +117,11 @@ class WithStates:
         def drives_of(
             names: Sequence[str], states: Mapping[str, State], many: Sequence[Mapping[str, Any]]
         ) -> tuple[Any, Any]:
-            own = [f"{name}_start" for name in states if name in self.model.rates.states]
-            wanted = [name for name in (*names, *own) if name in self.model.quantities]
+            own = [f"{name}_start" for name in states if name in self.states]
+            wanted = [name for name in (*names, *own) if name in assembly.model.quantities]
             drives = np.zeros((max(len(names), 1), times.size, len(many)))
             starts = np.zeros((len(states), len(many)))
-            for k, found in enumerate(self.pointwise(conditions, many, wanted)):
+            for k, found in enumerate(assembly.pointwise(conditions, many, wanted)):
                 for i, name in enumerate(names):
                     drives[i, :, k] = found[name]
                 for i, (name, state) in enumerate(states.items()):
@@ -159,13 +130,14 @@ class WithStates:
             return drives, starts
 
         if times.size == 1:
-            _, starts = drives_of([], self.states, many)
+            states = self.states_of(assembly)
+            _, starts = drives_of([], states, many)
             return [
-                {name: starts[i, k] if one else starts[i, k : k + 1] for i, name in enumerate(self.states)}
+                {name: starts[i, k] if one else starts[i, k : k + 1] for i, name in enumerate(states)}
                 for k in range(len(many))
             ]
-        solver = self.model.rates.solver(self.model)
-        found, names = solver.march(self, times, drives_of, many), solver.program(self).states
+        solver = self.solver(assembly.model)
+        found, names = solver.march(assembly, times, drives_of, many), solver.program(assembly).states
         return [{name: found[i, :, k] for i, name in enumerate(names)} for k in range(len(many))]
 
 
