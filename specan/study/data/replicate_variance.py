@@ -28,6 +28,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 
+SETTING = "the scatter of setting that the rig declares"
 ASKED_FOR = 9.0  # gain in 2 log-likelihood that takes in a component: p = 0.01 over some four that are tried
 
 
@@ -59,7 +60,6 @@ def pooled(
     groups: NDArray[np.intp],
     slopes: Array,
     components: Mapping[str, Array],
-    declared: str = "",
     instrument: Array | None = None,
     known: Array | None = None,
 ) -> VarianceFunction | None:
@@ -75,12 +75,11 @@ def pooled(
         What readings of one group may differ by without being scattered, most likely first. A linear
         dependence on these is fitted and taken out; the last ones are left out where repeats are few.
     components : mapping
-        Non-negative functions of the condition that the variance may grow with.
-    declared : str
-        The component that is known beforehand, but for its size: what the rig says of setting. It is
-        believed to be there unless the data speak against it; few repeats can tell a size, but no shape.
+        Non-negative functions of the condition that the variance may grow with. `SETTING` is known beforehand, but
+        for its size: it is believed to be there unless the data speak against it; few repeats can tell a size, but no
+        shape.
     instrument : array, optional
-        Variance of a reading by the rig. With it the whole of `declared` and instrument has one free size;
+        Variance of a reading by the rig. With it the whole of setting and instrument has one free size;
         a second one is taken in where the data support it.
     known : array, optional
         Variance of each value that is known and is to be left out of what is returned: what the readings of a
@@ -109,7 +108,7 @@ def pooled(
         variance = np.bincount(index, rest**2)[several] / nu
         best = _likeliest(
             _Variances(variance, nu, share[several]), {name: mean[several] for name, mean in means.items()},
-            declared, None if told is None else told[several], dof,
+            None if told is None else told[several], dof,
         )  # fmt: skip
         found = share + best.at(means, counts.size)
         if not np.all(found > 0):  # repeats that agree to the last digit tell no weights
@@ -156,15 +155,15 @@ class _Variances:
 
 
 def _likeliest(
-    of: _Variances, means: Mapping[str, Array], declared: str, told: Array | None, dof: float
+    of: _Variances, means: Mapping[str, Array], told: Array | None, dof: float
 ) -> VarianceFunction:
     """The form that the variances of the groups ask for: a constant, or with one component."""
     constant = VarianceFunction(of.level(np.ones(of.nu.size)), 0.0, "", dof)
     if constant.level == 0:  # repeats that agree to the last digit have no shape
         return constant
     best, misfit = constant, of.misfit(np.full(of.nu.size, constant.level))
-    if declared and np.any(means[declared] > 0):
-        known, left = _as_declared(of, means[declared], told, declared, dof)
+    if np.any(means.get(SETTING, 0) > 0):
+        known, left = _as_declared(of, means[SETTING], told, dof)
         # 0.1: of a declared variance that must be found for it to be there at all
         if known.share > 0.1 and left - misfit < ASKED_FOR:
             best, misfit = known, left
@@ -179,17 +178,17 @@ def _likeliest(
 
 
 def _as_declared(
-    of: _Variances, setting: Array, instrument: Array | None, name: str, dof: float
+    of: _Variances, setting: Array, instrument: Array | None, dof: float
 ) -> tuple[VarianceFunction, float]:
     """Setting and instrument at one common size, or at two where the data support it; with its misfit."""
     level, share, left = of.with_component(setting)
-    two = VarianceFunction(level, share, name, dof), left
+    two = VarianceFunction(level, share, SETTING, dof), left
     if instrument is None or not np.all(instrument > 0):
         return two
     shape = instrument + setting
     size = of.level(shape)
     left = of.misfit(size * shape)
-    one = VarianceFunction(size * float(np.mean(instrument)), size, name, dof), left
+    one = VarianceFunction(size * float(np.mean(instrument)), size, SETTING, dof), left
     # 3.84: the same for a second size of what is known to be there: p = 0.05
     return two if left - two[1] > 3.84 else one
 

@@ -19,13 +19,18 @@ from numpy.typing import NDArray
 
 from specan.models import Model
 from specan.study.data.operating_table import Rows, check_repeats
-from specan.study.data.replicate_variance import Reference, VarianceFunction, crude, pooled, reference
+from specan.study.data.replicate_variance import (
+    SETTING,
+    Reference,
+    VarianceFunction,
+    crude,
+    pooled,
+    reference,
+)
 from specan.study.data.setpoints import ENOUGH, TIME
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.units import printed_unit
-
-SETTING = "the scatter of setting that the rig declares"
 
 
 @dataclass(frozen=True)
@@ -259,46 +264,53 @@ def declared_setting(model: Model, centre: Reference, rows: Rows) -> Array:
     return variance
 
 
+def _scatter_of(
+    model: Model, centre: Reference, part: Rows, declared: Array, near: Array
+) -> tuple[VarianceFunction | None, VarianceFunction | None]:
+    """What repeats of one observable tell of the scatter of readings, and of set-ups; None where they tell nothing."""
+    rest, grows, slopes = part.measured - near, components(model, centre, part), _slopes(part, near)
+    _, first, index, counts = np.unique(
+        part.setup, return_index=True, return_inverse=True, return_counts=True
+    )
+
+    def mean(column: Array) -> Array:
+        return np.asarray(np.bincount(index, column) / counts)
+
+    told = is_declared(model, str(part.observable[0]))
+    reading = pooled(rest, part.setup, slopes[:, :0], {n: c for n, c in grows.items() if n == "the reading"})
+    reading, instrument, in_means = _usable(reading, told), mean(declared) / counts if told else None, None
+    if reading is not None:  # back-to-back readings tell what an instrument puts into the means
+        in_means, instrument = mean(reading.at(grows, part.n)) / counts, None
+    means = np.stack([mean(c) for c in slopes.T], axis=1) if slopes.shape[1] else np.empty((first.size, 0))
+    grown = {n: mean(c) for n, c in grows.items()}
+    setup = pooled(mean(rest), part.replicate_group[first], means, grown, instrument, in_means)
+    return reading, _usable(setup, told)
+
+
 def _noise_of(
     model: Model, centre: Reference, rows: Rows, mine: NDArray[np.bool_]
 ) -> tuple[Noise, list[str]]:
     part = rows.take(mine)
     predicted = centre.predict(part)
-    rest = part.measured - np.where(np.isfinite(predicted), predicted, part.measured)
-    grows = components(model, centre, part)
-    slopes = _slopes(part, np.where(np.isfinite(predicted), predicted, part.measured))
-    first = np.unique(part.setup, return_index=True)[1]
-    mean = _SetupMeans(part.setup)
-    means = np.stack([mean(c) for c in slopes.T], axis=1) if slopes.shape[1] else np.empty((first.size, 0))
-    declared = declared_reading(model, centre, part)
-    check_repeats(rows, np.flatnonzero(mine), part, rest, declared + grows[SETTING])
-    reading = pooled(rest, part.setup, slopes[:, :0], {n: c for n, c in grows.items() if n == "the reading"})
-    told = is_declared(model, str(part.observable[0]))
-    instrument = mean(declared) / np.bincount(mean.index) if told else None
-    again, in_means = _usable(reading, told), None
-    if again and reading is not None:  # back-to-back readings tell what an instrument puts into the means
-        in_means, instrument = mean(reading.at(grows, part.n)) / np.bincount(mean.index), None
-    grown = {n: mean(c) for n, c in grows.items()}
-    setup = pooled(
-        mean(rest), part.replicate_group[first], means, grown, SETTING, instrument, in_means
-    )  # fmt: skip
+    near = np.where(np.isfinite(predicted), predicted, part.measured)
+    grows, declared = components(model, centre, part), declared_reading(model, centre, part)
+    check_repeats(rows, np.flatnonzero(mine), part, part.measured - near, declared + grows[SETTING])
+    reading, setup = _scatter_of(model, centre, part, declared, near)
     measured = model.observables[str(part.observable[0])]
     column, unit = measured.header, f" {printed_unit(measured.unit)}".rstrip()
-    anew = _usable(setup, told)
-    if anew:
-        assert setup is not None
-        words = _told(setup, rows.setups_from, "set anew", unit, grows)
-        said = [words] + ([_told(reading, rows.setups_from, "back to back", unit, grows)] if again else [])
-        pure = setup.dof + (reading.dof if again and reading is not None else 0.0)
-        return Noise(reading if again else None, setup, setup.dof, pure), said
-    if again:
-        assert reading is not None
+    said = [_told(reading, rows.setups_from, "back to back", unit, grows)] if reading else []
+    if setup is not None:
+        pure = setup.dof + (reading.dof if reading else 0.0)
+        return Noise(reading, setup, setup.dof, pure), [
+            _told(setup, rows.setups_from, "set anew", unit, grows),
+            *said,
+        ]
+    if reading is not None:
         total = reading.at(grows, part.n) + declared_setting(model, centre, part)
         dof = float(np.mean(total) ** 2 / np.mean(reading.at(grows, part.n) ** 2 / reading.dof))
-        said = [_told(reading, rows.setups_from, "back to back", unit, grows)]
         said.append("such repeats do not show what setting a condition anew changes: " + _anew(model, rows))
         return Noise(reading, None, dof, reading.dof), said
-    if told:
+    if is_declared(model, measured.name):
         size, step = np.sqrt(np.median(declared)), np.median(part.steps[""])
         rounding = f", rounding in steps of {step:g}" if step > 0.01 * size else ""
         return Noise(), [f"declared uncertainty {size:.2g}{unit}{rounding}, {_anew(model, rows)}"]
@@ -314,19 +326,10 @@ def _noise_of(
     ]
 
 
-class _SetupMeans:
-    """Mean over the readings of each set-up."""
-
-    def __init__(self, setup: NDArray[np.intp]) -> None:
-        _, self.index, self.counts = np.unique(setup, return_inverse=True, return_counts=True)
-
-    def __call__(self, column: Array) -> Array:
-        return np.bincount(self.index, column) / self.counts
-
-
-def _usable(found: VarianceFunction | None, declared: bool) -> bool:
+def _usable(found: VarianceFunction | None, declared: bool) -> VarianceFunction | None:
     # 3: degrees of freedom below which repeats say nothing
-    return found is not None and found.dof >= (ENOUGH if declared else 3) and found.level > 0
+    known = found is not None and found.dof >= (ENOUGH if declared else 3) and found.level > 0
+    return found if known else None
 
 
 def _slopes(rows: Rows, predicted: Array) -> Array:
@@ -387,8 +390,7 @@ def _about_conditions(model: Model, rows: Rows) -> list[str]:
     return said
 
 
-def _told(found: VarianceFunction | None, how: str, kind: str, unit: str, grows: Mapping[str, Array]) -> str:
-    assert found is not None
+def _told(found: VarianceFunction, how: str, kind: str, unit: str, grows: Mapping[str, Array]) -> str:
     sigma = np.sqrt(found.at(grows, next(iter(grows.values())).size))
     ends = f"{sigma.min():.2g} to {sigma.max():.2g}" if found.component else f"{sigma.mean():.2g}"
     grown = f", growing with {found.component}" if found.component else ""

@@ -7,7 +7,7 @@ import pytest
 
 from specan.errors import InputError
 from specan.study.data.open_tables import read_tables
-from specan.study.data.replicate_variance import pooled
+from specan.study.data.replicate_variance import SETTING, pooled
 from specan.study.estimation.fit import fit
 from specan.study.selection.candidates import base_problem
 
@@ -49,16 +49,16 @@ class TestPooled:
     def test_what_is_declared_is_believed_in_shape_and_fitted_in_size(self):
         declared = np.repeat(np.linspace(0.1, 10, 200), 3)
         values = 2.0 * np.sqrt(0.01 + declared) * np.random.default_rng(3).standard_normal(600)
-        found = pooled(values, self.groups, np.empty((600, 0)), {"rig": declared}, "rig", np.full(600, 0.01))
-        assert found.component == "rig"
+        found = pooled(values, self.groups, np.empty((600, 0)), {SETTING: declared}, np.full(600, 0.01))
+        assert found.component == SETTING
         large = declared > 1
-        np.testing.assert_allclose(found.at({"rig": declared}, 600)[large], 4 * declared[large], rtol=0.3)
+        np.testing.assert_allclose(found.at({SETTING: declared}, 600)[large], 4 * declared[large], rtol=0.3)
 
     def test_a_declared_scatter_that_is_not_there_is_not_believed(self):
         declared = np.repeat(np.linspace(0.1, 10, 200), 3)
         values = 0.3 * np.random.default_rng(4).standard_normal(600)
-        found = pooled(values, self.groups, np.empty((600, 0)), {"rig": declared}, "rig", np.full(600, 0.01))
-        np.testing.assert_allclose(found.at({"rig": declared}, 600), 0.09, rtol=0.25)
+        found = pooled(values, self.groups, np.empty((600, 0)), {SETTING: declared}, np.full(600, 0.01))
+        np.testing.assert_allclose(found.at({SETTING: declared}, 600), 0.09, rtol=0.25)
 
     def test_corrections_do_not_carry_the_scatter_of_large_readings_into_small_ones(self):
         """Linear corrections on pairs whose scatter grows with the reading: variances come out as they were drawn.
