@@ -1,0 +1,129 @@
+"""Effects of the shelf, planted one at a time in recordings of an oscillator: is each named?
+
+    python benchmarks/shelf.py [--seeds 0:1] [--effects NAME ...] [--samples 2048]
+
+The oscillator is driven by noise in a band. Its numbers, the size of the effect and the noise of the channel are drawn
+by the seed. A case is visible where the effect changes the recording by more than the base takes up: `lambda` is the
+chi-square that the refitted base leaves more than the number of its samples.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections import Counter
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import numpy as np  # noqa: E402
+
+from specan import shelf  # noqa: E402
+from specan.models import Model, Signal, State  # noqa: E402
+from specan.study.diagnose import diagnose  # noqa: E402
+from specan.study.estimation.fit import fit  # noqa: E402
+from specan.study.observation.time import TimeObservation  # noqa: E402
+from specan.study.selection.candidates import base_problem  # noqa: E402
+
+NOISE = 0.05  # mm
+VISIBLE = 100.0
+
+
+def dx(v):
+    return v
+
+
+def dv(force, spring, damper, mass):
+    return (force - spring - damper) / mass
+
+
+def spring(x, stiffness):
+    return stiffness * x
+
+
+def damper(v, damping):
+    return damping * v
+
+
+def model(noise: float) -> Model:
+    """The oscillator as a user writes it, with the whole shelf."""
+    return Model.from_rates(
+        dx, dv, spring, damper, states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"},
+        observables={"x": Signal("mm", noise)},
+        parameters={"stiffness": (1e4, 1e3, 1e5, "N/m"), "damping": (20, 1, 200, "N*s/m"), "mass": (1, 0.1, 10, "kg")},
+        units={"spring": "N", "damper": "N"},
+        effects=[
+            *shelf.mechanics(force=("spring", 60, "N"), x=("x", 6e-3, "m"), v=("v", 0.6, "m/s")),
+            *shelf.sensor(of=("x", 6, "mm"), input="force"), *shelf.actuator(of=("force", 30, "N")),
+        ],
+    )  # fmt: skip
+
+
+def recordings(
+    known: Model, name: str, seed: int, samples: int, noise: float
+) -> tuple[TimeObservation, float]:
+    """A recording with one effect at a drawn size, and the standard deviation of what it changes over the noise."""
+    rng = np.random.default_rng([seed, sum(map(ord, name))])
+    clock = np.arange(samples) / 500
+    force = sum(np.cos(2 * np.pi * f * clock + rng.uniform(0, 2 * np.pi)) for f in np.arange(2, 40, 0.33))
+    force *= 30 / np.std(force)
+    truth = {
+        "stiffness": 1e4 * rng.uniform(0.8, 1.2),
+        "damping": 20 * rng.uniform(0.7, 1.3),
+        "mass": rng.uniform(0.9, 1.1),
+    }
+    own = known.effects[name]
+    for part in own.neutral:
+        p = own.parameters[part]
+        grown = p.default * rng.uniform(1, 3)
+        truth[f"{name}.{part}"] = min(grown, p.max)
+    given = {"time": clock, "force_channel": force}
+    read = {effects: known.assemble(effects).evaluate(given, truth, wanted=["x_measured"])["x_measured"]
+            for effects in ((), (name,))}  # fmt: skip
+    measured = read[name,] + noise * rng.standard_normal(samples)
+    rows = np.arange(samples)
+    observation = TimeObservation(
+        name="planted", observable=np.full(samples, "x"), measured=measured, conditions=given,
+        covariance=np.full(samples, noise**2), recordings=("planted",), recording=np.zeros(samples, dtype=np.intp),
+        noise_dof=10.0, available=frozenset(given), series=(given, np.zeros(samples, dtype=np.intp)), position=rows,
+        lines=rows + 1,
+    )  # fmt: skip
+    return observation, float(np.std(read[name,] - read[()]) / noise)
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seeds", default="0:1", metavar="FIRST:END")
+    parser.add_argument("--effects", nargs="+", default=[])
+    parser.add_argument("--samples", type=int, default=2048)
+    asked = parser.parse_args()
+    known, counts, spent = model(NOISE), Counter(), []
+    for seed in range(*map(int, asked.seeds.split(":"))):
+        for name in asked.effects or known.effects:
+            observation, size = recordings(known, name, seed, asked.samples, NOISE)
+            problem = base_problem(known, [observation])
+            left = fit(problem, starts=2).chi2 - problem.n_data
+            began = time.process_time()
+            found = diagnose(problem)
+            spent.append(time.process_time() - began)
+            told = {one for names in found.alternatives for one in names}
+            outcome = (
+                "alone"
+                if told == {name}
+                else "in a group"
+                if (name,) in found.alternatives
+                else found.verdict
+            )
+            outcome = outcome if left > VISIBLE else f"not visible: {outcome}"
+            counts[outcome] += 1
+            print(f"{name:24} seed {seed}: {size:7.1f} sigma, lambda {left:9.0f}, {spent[-1]:5.1f} s  {outcome:16} "
+                  f"{' | '.join('+'.join(names) for names in found.alternatives[:5])}", flush=True)  # fmt: skip
+    print(dict(counts), f"CPU s: median {np.median(spent):.1f}, most {max(spent):.1f}")
+
+
+if __name__ == "__main__":
+    main()
