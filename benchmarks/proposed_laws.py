@@ -19,9 +19,9 @@ from scipy.optimize import least_squares
 
 from specan.models import Model
 from specan.study.estimation.fit import fit
+from specan.study.evidence.law_search import LawSearch, search_laws
 from specan.study.observation.table import TableObservation
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.law_search import LawSearch, search_laws
 from specan.study.selection.refits import Refit
 
 ROWS = (40, 120)

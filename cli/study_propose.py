@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
     """Search the residuals of DIR for laws, and write them as effect files.
 
-    For an effect outside the catalogue: powers, exponentials, saturation, onsets, resonances of the operating
-    variables and their products. Held-out data are not used.
+    For an effect outside the catalogue: powers, exponentials and saturation of one operating variable, and
+    their products with a power of another. Held-out data are not used.
 
     \b
     specan study propose my_study
@@ -36,17 +36,17 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
 
 def show(found: ProposedLaws, directory: Path) -> None:
     """The laws, what they do to the error, and what would distinguish them."""
+    from specan.study.verdict import percent
+
     if not found.laws:
         click.echo(
-            f"No law: noise explains the residuals ({found.tried} laws tried, p = {found.p_value:.2g})."
-            if found.noise_explains
-            else f"No law: none of the {found.tried} laws tried predicts conditions left out of its fit."
+            f"No law: noise explains the residuals ({percent(found.noise)}; {found.tried} laws tried)."
         )
         return
     count = len(found.laws)
     click.echo(
         f"Found in these data: {count} {'law' if count == 1 else 'laws that they cannot distinguish'}; "
-        f"{found.tried} were tried, p = {found.p_value:.1g}."
+        f"{found.tried} were tried."
     )
     if found.more:
         click.echo(f"The data admit {found.more} further families as well: measure more before you choose.")
@@ -54,11 +54,11 @@ def show(found: ProposedLaws, directory: Path) -> None:
     click.echo(f"Error now: {found.error_before:.4g} {found.unit}{before}.")
     table(
         "",
-        ["law", "error after", "left out", "evidence"],
+        ["law", "error after", "left out", "probability"],
         [
             [
                 law.name, f"{law.error_after:.4g}",
-                "" if law.left_out_after is None else f"{law.left_out_after:.4g}", f"{law.delta_bic:.1f}",
+                "" if law.left_out_after is None else f"{law.left_out_after:.4g}", percent(law.probability),
             ]
             for law in found.laws
         ],
@@ -69,9 +69,7 @@ def show(found: ProposedLaws, directory: Path) -> None:
             unit = "" if p["unit"] == "1" else f" {p['unit']}"
             own = name.rpartition(".")[2]
             click.echo(f"  {own} = {p['value']:.4g} ({p['low']:.4g} to {p['high']:.4g}){unit}")
-    click.echo(
-        "(error after: RMS once it is added. left out: RMS on conditions left out in turn. evidence: fall in BIC.)"
-    )
+    click.echo("(error after: RMS once it is added. left out: RMS on conditions left out in turn.)")
     for row in found.next_measurement:
         click.echo(f"To distinguish them: {row['text']}")
     click.echo(f"\nTry it: specan study add {directory} {directory / found.laws[0].file}")

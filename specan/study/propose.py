@@ -19,11 +19,11 @@ from specan.study.estimation.fit import fit
 from specan.study.estimation.left_out import left_out_errors
 from specan.study.estimation.prediction_error import observable_errors
 from specan.study.estimation.problem import Problem
-from specan.study.selection.law_search import LEVEL, Law, search_laws
+from specan.study.evidence.law_search import Law, search_laws
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
 from specan.study.user_effects import LAWS, trust_file, write_beside_older
-from specan.study.verdict import parameters_of
+from specan.study.verdict import parameters_of, percent
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,8 @@ class ProposedLaw:
         What it is added to, or scales.
     parameters : dict
         Values with 95 % intervals in their units, of a refit of the whole model.
-    delta_bic : float
-        Fall in BIC, the number of laws that were tried allowed for; those within 6 of the largest cannot be
-        distinguished.
+    probability : float
+        Beside noise alone and all laws that were tried.
     error_after : float
         RMS error of the observable with most values.
     left_out_after : float or None
@@ -56,7 +55,7 @@ class ProposedLaw:
     text: str
     quantity: str
     parameters: dict[str, dict[str, Any]]
-    delta_bic: float
+    probability: float
     error_after: float
     left_out_after: float | None
 
@@ -69,8 +68,8 @@ class ProposedLaws(Result):
     ----------
     laws : tuple of ProposedLaw
         Best first; the data cannot distinguish them. None where noise explains the residuals.
-    p_value : float
-        Probability that noise gives any of the laws so large a fall in chi-square.
+    noise : float
+        Probability that noise alone explains the residuals.
     tried : int
         How many laws were tried.
     more : int
@@ -83,7 +82,7 @@ class ProposedLaws(Result):
     """
 
     laws: tuple[ProposedLaw, ...]
-    p_value: float
+    noise: float
     tried: int
     more: int
     error_before: float
@@ -93,26 +92,18 @@ class ProposedLaws(Result):
 
     dimensions = ("law",)
 
-    @property
-    def noise_explains(self) -> bool:
-        """Whether noise alone gives so large a fall in chi-square too often for a law to be proposed."""
-        return self.p_value >= LEVEL
-
     def summary(self) -> str:
         """How many there are."""
         if not self.laws:
-            why = (
-                "noise explains the residuals" if self.noise_explains else "none predicts conditions left out"
-            )
-            return f"no law: {why} (p = {self.p_value:.2g} over {self.tried} laws)"
-        return f"{counted(len(self.laws), 'law')} of {self.tried} tried, p = {self.p_value:.1g}"
+            return f"no law: noise explains the residuals ({percent(self.noise)}; {self.tried} laws tried)"
+        return f"{counted(len(self.laws), 'law')} of {self.tried} tried"
 
     def columns(self) -> dict[str, Any]:
         """One row for each law."""
         return {
             "law": [law.name for law in self.laws],
             "formula": [law.text for law in self.laws],
-            "delta_bic": [law.delta_bic for law in self.laws],
+            "probability": [law.probability for law in self.laws],
             "error_after": [law.error_after for law in self.laws],
             "left_out_after": [law.left_out_after for law in self.laws],
             "file": [str(law.file) for law in self.laws],
@@ -121,7 +112,7 @@ class ProposedLaws(Result):
     def to_dict(self) -> dict[str, Any]:
         """Plain values."""
         return {
-            "p_value": self.p_value,
+            "noise": self.noise,
             "tried": self.tried,
             "more": self.more,
             "error_before": self.error_before,
@@ -163,17 +154,19 @@ def propose_laws(study: Study) -> ProposedLaws:
             for name, law in _named(found.laws).items()
             if (one := _fitted(rival, start, law, name, files[name])) is not None
         ]
-    fitted.sort(key=lambda one: -one[0].delta_bic)
+    fitted.sort(key=lambda one: -one[0].probability)
     refits = [refit for _, refit, _ in fitted]
     with np.errstate(all="ignore"):  # a power of a variable that is zero within the limits
-        following = propose_measurements(refits) if len(refits) > 1 else ()
+        following = (
+            propose_measurements(refits, [law.probability for law, *_ in fitted]) if len(refits) > 1 else ()
+        )
     folder = study.directory / LAWS
     for law, _, source in fitted:
         write_beside_older(folder / law.file.name, source.encode())
         trust_file(folder / law.file.name)
     return ProposedLaws(
         laws=tuple(law for law, _, _ in fitted),
-        p_value=found.p_value,
+        noise=found.noise,
         tried=found.tried,
         more=found.more,
         error_before=before.rms,
@@ -216,7 +209,7 @@ def _fitted(
         text=law.text,
         quantity=law.quantity,
         parameters=parameters_of(refit),
-        delta_bic=law.delta_bic,
+        probability=law.probability,
         error_after=_error(refit).rms,
         left_out_after=None if left_out is None else left_out.rms,
     )

@@ -11,10 +11,10 @@ from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.estimation.linear import Projection
+from specan.study.evidence.law_search import likeliest_law
 from specan.study.history import KeptResults
 from specan.study.observation.table import TableObservation
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.law_search import likeliest_law
 from specan.study.selection.pulls import pulls
 from specan.study.selection.refits import Refit, Refits
 from specan.study.verdict import Diagnosis, parameters_of

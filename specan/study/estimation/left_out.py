@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.levenberg_marquardt import descend
-from specan.study.estimation.linear import Projection
 from specan.study.estimation.prediction_error import ObservableError, errors_of
 from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
@@ -26,14 +25,14 @@ def left_out_errors(problem: Problem, fit: Fit) -> list[ObservableError]:
     The model is fitted anew without every block, and predicts it. None where nothing can be left out, where a fit
     without a block fails, and where rows are many. The observable with most values comes first.
     """
-    observation = problem.observations[0]
-    blocks = left_out_blocks(problem)
-    if not blocks or len(problem.observations) > 1 or not isinstance(observation, TableObservation):
+    observation, *others = problem.observations
+    if others or not isinstance(observation, TableObservation):
         return []
-    if problem.strategy.frugal or observation.n > MOST_ROWS:
+    left_out = blocks(observation.labels)
+    if not left_out or problem.strategy.frugal or observation.n > MOST_ROWS:
         return []
     (slopes,), predicted = problem.sensitivities(fit.theta), []
-    for block in blocks:
+    for block in left_out:
         kept = np.ones(observation.n, dtype=bool)
         kept[block] = False
         rest = problem.over([observation.without(block)])
@@ -45,19 +44,10 @@ def left_out_errors(problem: Problem, fit: Fit) -> list[ObservableError]:
         except ComputationError:
             return []
         predicted.append(problem.over([observation.take(~kept)]).predictions(theta)[0])
-    rows = np.concatenate(blocks)
+    rows = np.concatenate(left_out)
     return errors_of(
         problem, observation.observable[rows], np.concatenate(predicted), observation.measured[rows]
     )
-
-
-def left_out_blocks(problem: Problem) -> list[NDArray[np.intp]]:
-    """Rows that cross-validation leaves out together, numbered over all observations."""
-    found, first = [], 0
-    for observation in problem.observations:
-        found += [rows + first for rows in blocks(observation.labels)]
-        first += observation.n
-    return found
 
 
 def blocks(labels: Mapping[str, NDArray[Any]]) -> list[NDArray[np.intp]]:
@@ -74,25 +64,3 @@ def blocks(labels: Mapping[str, NDArray[Any]]) -> list[NDArray[np.intp]]:
         groups = [np.flatnonzero(index == level) for level in np.unique(index)]
         found += groups if len(groups) > 2 else []
     return found
-
-
-def left_out_score(fit: Projection, left_out: Sequence[NDArray[np.intp]], dispersion: float = 1.0) -> float:
-    """Minus twice the log predictive density of all left-out blocks, up to a constant.
-
-    Without block b, linearised, the residual of b is (I - H_bb)^-1 r_b with covariance
-    (I - H_bb)^-1, so that no refit is needed:
-
-        S_b = r_b^T (I - H_bb)^-1 r_b / dispersion - ln det(I - H_bb).
-
-    A direction that only block b determines is given a weak prior instead of an infinite variance.
-    """
-    total = 0.0
-    for rows in left_out:
-        part, residual = fit.basis[rows], fit.residual[rows]
-        values, vectors = np.linalg.eigh(part.T @ part)
-        left = np.clip(1.0 - values, 1e-3, 1.0)
-        along = (part @ vectors).T @ residual
-        total += float(residual @ residual + np.sum(along**2 / left)) / dispersion - float(
-            np.sum(np.log(left))
-        )
-    return total

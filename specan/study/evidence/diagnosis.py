@@ -20,10 +20,10 @@ from specan.study.evidence.judgement import (
     judge,
     without_larger,
 )
+from specan.study.evidence.law_search import likeliest_law
 from specan.study.localisation.localise import localise
 from specan.study.observation import brought
 from specan.study.selection.initial_fit import about_itself
-from specan.study.selection.law_search import likeliest_law
 from specan.study.selection.pulls import TOO_FAR, Pull, pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
 from specan.study.verdict import (

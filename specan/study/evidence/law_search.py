@@ -1,34 +1,34 @@
-"""Laws of the grammar that explain what a model leaves, with the chance of such a find among all laws tried.
+"""Laws of the grammar that explain what a model leaves, and how probable each is.
 
-Every law is scored with the model's parameters free (linearised about the fit) and its shapes on a scan. Three tests:
-the largest fall in chi-square of all laws is compared with that of noise (family-wise, by simulation); a law has to
-predict blocks of conditions that were left out; and laws within a BIC of 6 of the best one are told together, since
-these data cannot distinguish them. See docs/decisions/proposed_laws.md.
+Of every law the evidence is that of `specan.study.evidence.marginal`, the model's own parameters free: over a scan of
+its shapes first, then, of the likeliest, about its fitted shapes. Its amplitude may make it as large as the quantity
+that it acts on; widths are known over a ratio, exponents over a range. See docs/decisions/proposed_laws.md.
 """
 
 from __future__ import annotations
 
-import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp, softmax
 
 from specan.errors import ComputationError
 from specan.models import Effect, Parameter, effect
-from specan.study.estimation.left_out import left_out_blocks, left_out_score
 from specan.study.estimation.linear import Projection
+from specan.study.evidence.explanations import NOTHING, SURE
+from specan.study.evidence.judgement import OF_THE_BEST
+from specan.study.evidence.law_grammar import Formula, Spread, formulas
 from specan.study.observation.table import TableObservation
-from specan.study.selection.law_grammar import Formula, Spread, formulas
 from specan.study.selection.refits import Refit
 
 Array = NDArray[np.float64]
 
-LEVEL = 0.005  # family-wise: of two hundred models that lack nothing, one gets a law
 MOST_LAWS = 4  # that are proposed
-SIMULATIONS = 200  # of data without a law, for the family-wise level
+REFINED = 40  # formulas whose shapes are fitted after the scan
 LEAST_ROWS = 12  # below which no law is looked for
 NAME = "proposed-shift"
 
@@ -46,14 +46,8 @@ class Law:
         Amplitude: in `unit`, or 1 for a law that scales.
     shapes : tuple of float
         In the order of `formula.shapes`.
-    chi2 : float
-        That is left, linearised.
-    price : float
-        What the BIC asks for its parameters, and for the choice among so many laws.
-    held_out_gain : float
-        Gain in blocked cross-validation.
-    delta_bic : float
-        By how much the BIC falls, all laws in units of the same dispersion.
+    probability : float
+        Beside noise alone and all other laws.
     """
 
     formula: Formula
@@ -61,10 +55,7 @@ class Law:
     unit: str
     size: float
     shapes: tuple[float, ...]
-    chi2: float
-    price: float
-    held_out_gain: float
-    delta_bic: float = 0.0
+    probability: float = 0.0
 
     @property
     def text(self) -> str:
@@ -94,8 +85,8 @@ class LawSearch:
     ----------
     laws : tuple of Law
         Best first, at most four, one a family; none where noise explains the residuals.
-    p_value : float
-        Probability that noise alone gives so large a fall in chi-square to any of the laws.
+    noise : float
+        Probability that noise alone explains the residuals.
     tried : int
         Formulas, each with its scan of shapes.
     more : int
@@ -103,7 +94,7 @@ class LawSearch:
     """
 
     laws: tuple[Law, ...]
-    p_value: float
+    noise: float
     tried: int
     more: int = 0
 
@@ -134,8 +125,6 @@ def search_laws(start: Refit) -> LawSearch:
         The data are no table, or too few rows.
     """
     variables, spreads = _variables(start)
-    rest = start.linear.project_out(start.linear.residual)
-    dof = start.linear.residual.size - start.linear.rank
     scans = [
         (target, formula)
         for target in _targets(start)
@@ -143,20 +132,45 @@ def search_laws(start: Refit) -> LawSearch:
             spreads, relative=bool(np.ptp(target.value) > 1e-6 * np.abs(target.value).max())
         )
     ]
-    falls, largest = _scan(start, scans, variables, rest, dof)
-    order = sorted(range(len(scans)), key=lambda k: falls[k][0], reverse=True)
-    best_ratio = max(falls[k][0] for k in order) if order else 0.0
-    p_value = _family_wise(best_ratio, largest, dof)
-    if p_value >= LEVEL:
-        return LawSearch((), p_value, len(scans))
-    alike = {count: sum(len(f.factors) == count for _, f in scans) for count in (1, 2)}
-    # 40: formulas whose shapes are fitted after the scan
-    found = [
-        _Refined(start, *scans[k], variables, rest).law(falls[k][1], alike[len(scans[k][1].factors)])
-        for k in order[:40]
+    # Half beforehand that there is no law; the other half is shared by laws of one factor and of two.
+    alike = Counter(len(formula.factors) for _, formula in scans)
+    prior = [0.5 * NOTHING / alike[len(formula.factors)] for _, formula in scans]
+    rest = start.linear.project_out(start.linear.residual)
+    scanned = [_scanned(start, *scan, variables, rest) for scan in scans]
+    order = sorted(range(len(scans)), key=lambda k: -scanned[k][0] - np.log(prior[k]))[:REFINED]
+    fitted = {
+        k: one for k in order if (one := _Refined(start, *scans[k], variables, rest).fitted(scanned[k][1]))
+    }
+    # What no law describes makes the scatter larger: chi-squares are in units of what the best one leaves.
+    least = min((one.chi2 for one in fitted.values()), default=0.0)
+    dispersion = max(1.0, least / max(start.dof - 2, 1.0))
+    joint = [
+        np.log(prior[k]) - one.price + gain_of(start.linear, one.columns, dispersion)
+        for k, one in fitted.items()
     ]
-    laws = _group(start, [law for law in found if law is not None], _sum(rest))
-    return LawSearch(tuple(laws[:MOST_LAWS]), p_value, len(scans), max(0, len(laws) - MOST_LAWS))
+    noise, *own = softmax([np.log(NOTHING), *joint]).tolist()
+    laws = _group([replace(one.law, probability=p) for one, p in zip(fitted.values(), own, strict=True)])
+    if noise > 1 - SURE:
+        laws = []
+    return LawSearch(tuple(laws[:MOST_LAWS]), noise, len(scans), max(0, len(laws) - MOST_LAWS))
+
+
+def gain_of(linear: Projection, columns: Array, dispersion: float = 1.0) -> float:
+    """ln of the evidence with columns over that without, the model's own parameters free.
+
+    Parameters
+    ----------
+    linear : Projection
+        The model, fitted.
+    columns : array, shape (n, k)
+        What they do to the whitened residual; each has a coefficient of unit deviation beforehand.
+    dispersion : float
+        Variance of the noise in units of the declared one.
+    """
+    projected = linear.project_out(columns) / np.sqrt(dispersion)
+    normal = np.eye(columns.shape[1]) + projected.T @ projected
+    slope = projected.T @ linear.residual / np.sqrt(dispersion)
+    return float(slope @ np.linalg.solve(normal, slope) - np.linalg.slogdet(normal)[1]) / 2
 
 
 def likeliest_law(start: Refit) -> Law | None:
@@ -268,43 +282,35 @@ def _columns(
     return np.asarray(target.effect @ np.where(np.isfinite(values), values, 0.0))
 
 
-def _scan(
-    start: Refit, scans: Sequence[tuple[Target, Formula]], variables: dict[str, Array], rest: Array, dof: int
-) -> tuple[list[tuple[float, tuple[float, ...]]], Array]:
-    """Largest share of chi-square that each formula takes, with its best shapes; and the largest of any for noise."""
-    rng = np.random.default_rng(0)  # the same answer every time
-    noise = start.linear.project_out(rng.standard_normal((rest.size, SIMULATIONS)))
-    noise /= np.linalg.norm(noise, axis=0)
-    there = rest / np.linalg.norm(rest)
-    largest = np.zeros(SIMULATIONS)
-    falls: list[tuple[float, tuple[float, ...]]] = []
-    for target, formula in scans:
-        places = list(formula.scan())
-        columns = _columns(target, formula, variables, places)
-        before = np.linalg.norm(columns, axis=0)
-        columns = start.linear.project_out(columns)
-        after = np.linalg.norm(columns, axis=0)
-        # What the model's own parameters do already is not a law.
-        columns = np.where(after > 1e-6 * before, columns / np.maximum(after, 1e-300), 0.0)
-        share = (columns.T @ there) ** 2
-        best = int(np.argmax(share))
-        falls.append((float(share[best]), places[best]))
-        np.maximum(largest, np.max((columns.T @ noise) ** 2, axis=0), out=largest)
-    return falls, largest
+def _scanned(
+    start: Refit, target: Target, formula: Formula, variables: dict[str, Array], rest: Array
+) -> tuple[float, tuple[float, ...]]:
+    """ln of the evidence that a formula gains over all places of its scan, and the likeliest of these."""
+    places = list(formula.scan())
+    sizes = np.array([_largest(target, formula, variables, place) for place in places])
+    columns = start.linear.project_out(_columns(target, formula, variables, places) * sizes)
+    square = np.sum(columns**2, axis=0)
+    gains = ((columns.T @ rest) ** 2 / (1 + square) - np.log1p(square)) / 2
+    return float(logsumexp(gains) - np.log(len(places))), places[int(np.argmax(gains))]
 
 
-def _family_wise(share: float, largest: Array, dof: int) -> float:
-    """Probability that noise gives any law so large a share of chi-square.
+def _largest(target: Target, formula: Formula, variables: dict[str, Array], shapes: Sequence[float]) -> float:
+    """Deviation of an amplitude beforehand: what makes a law as large as the quantity, over the root of 3."""
+    with np.errstate(all="ignore"):
+        values = np.broadcast_to(formula.value(variables, shapes), target.value.shape)
+    rms = float(np.sqrt(np.mean(values[np.isfinite(values)] ** 2)))
+    whole = 1.0 if formula.scales else float(np.sqrt(np.mean(target.value**2)))
+    return whole / rms / np.sqrt(3) if rms > 0 else 0.0
 
-    One law's share is distributed as Beta(1/2, (dof - 1)/2); the laws are worth as many independent ones as put the
-    median of the simulated maxima there.
-    """
-    from scipy.stats import beta
 
-    single = beta(0.5, max(dof - 1, 1) / 2.0)
-    median = float(single.sf(np.median(largest)))
-    count = math.log(2.0) / max(-math.log1p(-min(median, 1 - 1e-12)), 1e-12)
-    return float(-np.expm1(count * np.log1p(-min(float(single.sf(share)), 1 - 1e-12))))
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A law about its fitted shapes: what it does per deviation of its amplitude and shapes, and what it leaves."""
+
+    law: Law
+    columns: Array
+    chi2: float
+    price: float
 
 
 class _Refined:
@@ -344,57 +350,53 @@ class _Refined:
         for k, factor in enumerate(self.formula.factors):
             simple = x.copy()
             simple[k] = round(2 * x[k]) / 2
-            allowed = simple[k] != 0 or factor.family == "signed power"
-            if factor.shape.unit == "1" and allowed and _sum(self.left(simple)) < _sum(self.left(x)) + 1.0:
+            allowed = "power" in factor.family and (simple[k] != 0 or factor.family == "signed power")
+            if allowed and _sum(self.left(simple)) < _sum(self.left(x)) + 1.0:
                 x = simple
         return x
 
-    def law(self, place: tuple[float, ...], alike: int) -> Law | None:
-        """The law with its BIC and its cross-validated gain.
-
-        The BIC is that for a choice among many (Chen & Chen 2008, Biometrika 95:759): a law pays for the number `alike`
-        of laws with as many factors, so that products, which are many, do not crowd out single functions.
-        """
-        start, x = self.start, self.shapes(place)
-        c = self.column(x)
-        size = self.amplitude(c)
-        chi2 = _sum(self.rest + size * c)
+    def fitted(self, place: tuple[float, ...]) -> _Fitted | None:
+        """The law with its shapes fitted; None where it comes to nothing."""
+        target, formula, x = self.target, self.formula, self.shapes(place)
+        size = self.amplitude(self.column(x))
+        chi2 = _sum(self.left(x))
         if not np.isfinite(chi2) or size == 0:
             return None
-        dispersion = max(chi2 / max(start.dof - 1 - x.size, 1.0), 1.0)
-        price = (1 + x.size) * math.log(start.problem.n_effective) + 2.0 * math.log(alike)
         steps = np.eye(x.size) * 1e-4 * np.maximum(np.abs(x), 1e-6)[:, None]
-        slopes = [(size / s.max()) * (self.column(x + s) - c) for s in steps]
-        extended = Projection.of(self.rest + size * c, np.column_stack([start.linear.basis, c, *slopes]))
-        rows, before = left_out_blocks(start.problem), Projection(self.rest, start.linear.basis)
-        gain = left_out_score(before, rows, dispersion) - left_out_score(extended, rows, dispersion)
-        unit = "1" if self.formula.scales else self.target.unit
-        shapes = tuple(float(v) for v in x)
-        return Law(self.formula, self.target.quantity, unit, size, shapes, chi2, price, gain)
+        places = [x.tolist(), *(x + steps).tolist()]
+        own = _columns(target, formula, self.variables, places)
+        simple = [
+            "power" in f.family and not 2 * value % 1 for f, value in zip(formula.factors, x, strict=True)
+        ]
+        slopes = [
+            shape.deviation(value) * size * (column - own[:, 0]) / step.max()
+            for shape, value, column, step, fixed in zip(
+                formula.shapes, x, own.T[1:], steps, simple, strict=True
+            )
+            if not fixed
+        ]
+        # An exponent is one of the simple numbers as likely as any other.
+        price = sum(
+            float(np.log(2 * len(shape.scan) if fixed else 2)) if "power" in factor.family else 0.0
+            for factor, shape, fixed in zip(formula.factors, formula.shapes, simple, strict=True)
+        )
+        columns = np.column_stack(
+            [_largest(target, formula, self.variables, x.tolist()) * own[:, 0], *slopes]
+        )
+        unit = "1" if formula.scales else target.unit
+        return _Fitted(Law(formula, target.quantity, unit, size, tuple(x.tolist())), columns, chi2, price)
 
 
 def _sum(values: Array) -> float:
     return float(values @ values)
 
 
-def _group(start: Refit, laws: Sequence[Law], before: float) -> list[Law]:
-    """Laws that cannot be distinguished from the best one, the best of each family, the best first.
-
-    The unit of every chi-square is the dispersion that the law with the lowest one leaves, never below one.
-    """
-    usable = [law for law in laws if law.held_out_gain > 0]
-    if not usable:
-        return []
-    lowest = min(usable, key=lambda law: law.chi2)
-    dispersion = max(lowest.chi2 / max(start.dof - 1 - len(lowest.shapes), 1.0), 1.0)
-    usable = [replace(law, delta_bic=(before - law.chi2) / dispersion - law.price) for law in usable]
-    usable.sort(key=lambda law: -law.delta_bic)
-    if usable[0].delta_bic <= 0:
-        return []
+def _group(laws: Sequence[Law]) -> list[Law]:
+    """Laws that cannot be distinguished from the best one, the best of each family, the best first."""
+    order = sorted(laws, key=lambda law: -law.probability)
     kept: dict[tuple[str, ...], Law] = {}
-    for law in usable:
-        # 6.0: BIC: posterior odds of twenty to one
-        if law.delta_bic > usable[0].delta_bic - 6.0:
+    for law in order:
+        if law.probability > OF_THE_BEST * order[0].probability:
             kept.setdefault(law.formula.family, law)
     return [law for law in kept.values() if not any(_within(other, law) for other in kept.values())]
 
@@ -408,5 +410,5 @@ def _within(simpler: Law, law: Law) -> bool:
         set(simpler.formula.family) < set(law.formula.family)
         and simpler.quantity == law.quantity
         and simpler.formula.scales == law.formula.scales
-        and simpler.delta_bic >= law.delta_bic
+        and simpler.probability >= law.probability
     )

@@ -74,6 +74,13 @@ class Shape:
     low: float
     high: float
 
+    def deviation(self, value: float) -> float:
+        """Standard deviation of what is known beforehand: an exponent over its range, a width over a ratio."""
+        known = (
+            self.high - self.low if self.name.endswith("_exponent") else value * np.log(self.high / self.low)
+        )
+        return float(known / np.sqrt(12))
+
 
 @dataclass(frozen=True, eq=False)
 class Factor:
