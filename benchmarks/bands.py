@@ -59,13 +59,13 @@ cpu = time.process_time() - start
 """
 HISTORY = """
 from specan.dsp import bands
-from specan.dsp.band_history import BandHistoryAccumulator
+from specan.dsp.band_history import Average, BandHistoryAccumulator, Record
 from specan.dsp.band_history import band_filter, weighting_filter
 index = bands.band_range(20.0, 20000.0 if rate > 45000 else 0.4 * rate, {fraction})
 filters = [band_filter(*bands.Bands.octaves({fraction}, int(k))) for k in index] + [weighting_filter(w) for w in "ABCZ"]
 start = time.process_time()
 n = round(seconds * rate)
-recorded(BandHistoryAccumulator(rows, rate, n, filters, 0.125, None, np.arange(1, seconds * 8) / 8))
+recorded(BandHistoryAccumulator(Record(rows, rate, n), filters, Average(0.125, None, np.arange(1, seconds * 8) / 8)))
 cpu = time.process_time() - start
 """
 TASKS = {

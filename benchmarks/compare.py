@@ -91,13 +91,13 @@ LEVELS = {
 }
 OURS = (
     "from specan.dsp import bands\n"
-    "from specan.dsp.band_history import BandHistoryAccumulator\n"
+    "from specan.dsp.band_history import Average, BandHistoryAccumulator, Record\n"
     "from specan.dsp.band_history import band_filter, weighting_filter\n"
     "index = bands.band_range(20.0, mid[-1], {fraction})\n"
     "filters = [band_filter(band) for band in bands.Bands.octaves({fraction}, index)]\n"
     "filters += [weighting_filter(w) for w in '{totals}']",
     "times = np.arange(1, 8 * x.shape[1] / rate) / 8\n"
-    "fed(BandHistoryAccumulator(len(x), rate, x.shape[1], filters, 0.125, None, times))",
+    "fed(BandHistoryAccumulator(Record(len(x), rate, x.shape[1]), filters, Average(0.125, None, times)))",
 )
 
 

@@ -15,7 +15,13 @@ from specan.analysis.section import SectionSettings, joined, of_one_rate, sectio
 from specan.data.band_levels import apart
 from specan.data.levels import Quality, SignalLevels, level
 from specan.data.recording import Recording
-from specan.dsp.band_history import SETTLING_TIME_CONSTANTS, BandHistoryAccumulator, weighting_filter
+from specan.dsp.band_history import (
+    SETTLING_TIME_CONSTANTS,
+    Average,
+    BandHistoryAccumulator,
+    Record,
+    weighting_filter,
+)
 from specan.dsp.statistics import exceeded
 from specan.dsp.weighting import FAST, SLOW, WEIGHTINGS, Weighting
 from specan.units import level_reference
@@ -102,14 +108,9 @@ class LevelsAccumulator:
         slow = slow_part(recording, self.channels, self.start, self.stop)
         self._constant = slow.constant
         self._history = BandHistoryAccumulator(
-            rows,
-            self.sampling_rate,
-            self.stop - self.start,
+            Record(rows, self.sampling_rate, self.stop - self.start, slow=slow),
             self._filters,
-            settings.time_constant,
-            None,
-            self._times(),
-            slow=slow,
+            Average(settings.time_constant, None, self._times()),
             peak_of=self._weightings.index("C") if self._pressure.any() else None,
             read=len(first),
         )

@@ -22,7 +22,14 @@ from specan.data.levels import Quality, level
 from specan.data.recording import Recording
 from specan.divisions import division_name
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
-from specan.dsp.band_history import BandHistoryAccumulator, Histories, band_filter, weighting_filter
+from specan.dsp.band_history import (
+    Average,
+    BandHistoryAccumulator,
+    Histories,
+    Record,
+    band_filter,
+    weighting_filter,
+)
 from specan.dsp.bands import Bands
 from specan.dsp.multirate import LOWEST_BAND
 from specan.dsp.record_edges import Fade, SlowPart
@@ -264,16 +271,11 @@ class OctaveAccumulator:
         interval = settings.reading_interval(self._duration)
         count = int(self._duration / interval + 1e-9)
         self._times = np.linspace(interval, interval * count, count)
+        decay = IMPULSE_DECAY if settings.averaging == "impulse" else None
         return BandHistoryAccumulator(
-            len(self.channels),
-            self.sampling_rate,
-            n,
+            Record(len(self.channels), self.sampling_rate, n, self._derivatives.tolist(), self._slow_part()),
             filters,
-            settings.time_constant,
-            IMPULSE_DECAY if settings.averaging == "impulse" else None,
-            np.append(self._times, self._duration),
-            self._derivatives.tolist(),
-            self._slow_part(),
+            Average(settings.time_constant, decay, np.append(self._times, self._duration)),
         )
 
     def _slow_part(self) -> SlowPart:

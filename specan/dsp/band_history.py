@@ -372,13 +372,21 @@ _FORGOTTEN = 38.0
 SETTLING_TIME_CONSTANTS = 5.0
 
 
-class Average(NamedTuple):
-    """How squares of `rows` channels are averaged up to the end of a record in s, and the times at which to read."""
+class Record(NamedTuple):
+    """`rows` channels of `n_samples` at a rate in Hz; how often each is differentiated, and its `SlowPart`."""
 
     rows: int
+    rate: float
+    n_samples: int
+    derivatives: Sequence[int] = ()
+    slow: SlowPart | None = None
+
+
+class Average(NamedTuple):
+    """How squares are averaged (see `TimeWeighting`), and when to read: in s from the record's beginning, ascending."""
+
     time_constant: float
     decay: float | None
-    end: float
     times: NDArray[np.float64]
 
 
@@ -396,8 +404,11 @@ class RunningLevel:
         Whether it is read at the times of the average.
     """
 
-    def __init__(self, one: Filter, stage: Stage, way: FilterAtWork, average: Average, read: bool) -> None:
-        rows, time_constant, decay, end, times = average
+    def __init__(
+        self, one: Filter, stage: Stage, way: FilterAtWork, record: Record, average: Average, read: bool
+    ) -> None:
+        time_constant, decay, times = average
+        rows, end = record.rows, (record.n_samples - 0.5) / record.rate
         times = times if read else np.empty(0)
         settled = SETTLING_TIME_CONSTANTS * time_constant + one.settling
         # A weighting has what the cut makes of it taken off.
@@ -665,21 +676,10 @@ class BandHistoryAccumulator:
 
     Parameters
     ----------
-    rows : int
-        Number of channels.
-    sampling_rate : float
-        In Hz.
-    n_samples : int
-        Length of the record.
+    record : Record
+        The constant part of each channel is taken off, and a drift, which no band has.
     filters : sequence of Filter
-    time_constant, decay : float
-        See `TimeWeighting`.
-    times : array_like
-        When to read, in s from the record's beginning; ascending.
-    derivatives : sequence of int, optional
-        How many times each channel is to be differentiated.
-    slow : SlowPart, optional
-        The constant part of each channel, which is taken off, and a drift, which no band has.
+    average : Average
     peak_of : int, optional
         Number of the filter, a weighting, whose peak is found.
     read : int, optional
@@ -690,9 +690,8 @@ class BandHistoryAccumulator:
     >>> from specan.dsp.bands import Bands
     >>> from specan.dsp.band_history import band_filter
     >>> t = np.arange(16000) / 8000
-    >>> history = BandHistoryAccumulator(
-    ...     1, 8000.0, 16000, [band_filter(*Bands.octaves(3, 0))], 0.125, None, times=np.array([1.0, 1.9])
-    ... )
+    >>> average = Average(0.125, None, np.array([1.0, 1.9]))
+    >>> history = BandHistoryAccumulator(Record(1, 8000.0, 16000), [band_filter(*Bands.octaves(3, 0))], average)
     >>> history.add(np.sin(2 * np.pi * 1000 * t)[None])
     >>> history.result().readings[0, 0].round(2).tolist()
     [0.5, 0.5]
@@ -700,62 +699,56 @@ class BandHistoryAccumulator:
 
     def __init__(
         self,
-        rows: int,
-        sampling_rate: float,
-        n_samples: int,
+        record: Record,
         filters: Sequence[Filter],
-        time_constant: float,
-        decay: float | None,
-        times: NDArray[np.float64],
-        derivatives: Sequence[int] | None = None,
-        slow: SlowPart | None = None,
+        average: Average,
         peak_of: int | None = None,
         read: int | None = None,
     ) -> None:
         keep_freed_memory()
+        self._record, self._taken, self._times = record, 0, len(average.times)
         self._peak_of, self._read = peak_of, len(filters) if read is None else read
-        self._peaks, self._peaks_with_cut = Peaks(rows), Peaks(rows)
-        self._slow, self._taken = slow, 0
-        self._derivatives = np.zeros(rows, dtype=int) if derivatives is None else np.asarray(derivatives)
-        self._times, self._n_samples = len(times), n_samples
-        self._settled = np.array([SETTLING_TIME_CONSTANTS * time_constant + f.settling for f in filters])
+        self._peaks, self._peaks_with_cut = Peaks(record.rows), Peaks(record.rows)
+        self._derivatives = np.array(record.derivatives or [0] * record.rows)
+        self._settled = np.array(
+            [SETTLING_TIME_CONSTANTS * average.time_constant + f.settling for f in filters]
+        )
         if (
             self._derivatives.any()
         ):  # an integrator rings for ever, and what is not filtered is differentiated
             filters = [replace(one, ringing=math.inf, identity=False) for one in filters]
-        stages = stages_of(sampling_rate)
-        at = [stage_for(one, stages, time_constant).number for one in filters]
-        average = Average(rows, time_constant, decay, (n_samples - 0.5) / sampling_rate, times)
+        stages = stages_of(record.rate)
+        at = [stage_for(one, stages, average.time_constant).number for one in filters]
         self._store: list[NDArray[np.complex64]] = []
         self._stages: list[_AtStage] = []
         self._levels: dict[int, RunningLevel] = {}
         for stage in stages[: max(at) + 1]:
-            mine = [number for number, where in enumerate(at) if where == stage.number]
-            section = self._section(stage, [filters[k] for k in mine], thinned=stage.number < max(at))
-            ways = {k: FilterAtWork.of(filters[k], stage, section.shape, time_constant) for k in mine}
-            for k, way in ways.items():
-                self._levels[k] = RunningLevel(filters[k], stage, way, average, k < self._read)
-            lead = round(stage.lead)
-            record = slice(lead, lead + math.ceil(n_samples / FACTOR**stage.number))
-            self._stages.append(_AtStage(section, record, ways))
+            mine = {k: filters[k] for k, where in enumerate(at) if where == stage.number}
+            self._stages.append(self._at(stage, mine, average, thinned=stage.number < max(at)))
 
-    def _section(self, stage: Stage, filters: Sequence[Filter], *, thinned: bool) -> Sections:
-        ringing = max((one.ringing * stage.rate for one in filters), default=0.0)
-        samples = math.ceil(stage.lead) + self._n_samples // FACTOR**stage.number + 2 * LATE
-        shape = shape_for(ringing, samples, stage.number)
+    def _at(self, stage: Stage, filters: dict[int, Filter], average: Average, *, thinned: bool) -> _AtStage:
+        """The filters that work at a rate, by number, ready to work."""
+        record, tau = self._record, average.time_constant
+        ringing = max((one.ringing * stage.rate for one in filters.values()), default=0.0)
+        count = record.n_samples / FACTOR**stage.number
+        shape = shape_for(ringing, math.ceil(stage.lead) + math.floor(count) + 2 * LATE, stage.number)
         factor = None
         if self._derivatives.any():
             factor = _differentiation(self._derivatives, stage.rate, shape.points)
-        filtered = any(not one.identity for one in filters)
-        rows = self._derivatives.size
-        return Sections(rows, shape, factor, filtered=filtered, thinned=thinned, store=self._store)
+        filtered = any(not one.identity for one in filters.values())
+        section = Sections(record.rows, shape, factor, filtered=filtered, thinned=thinned, store=self._store)
+        ways = {k: FilterAtWork.of(one, stage, shape, tau) for k, one in filters.items()}
+        for k, way in ways.items():
+            self._levels[k] = RunningLevel(filters[k], stage, way, record, average, k < self._read)
+        lead = round(stage.lead)
+        return _AtStage(section, slice(lead, lead + math.ceil(count)), ways)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""
         for first in range(0, samples.shape[1], _PIECE):
             piece = samples[:, first : first + _PIECE]
-            if self._slow is not None:
-                piece = self._slow.off(piece, self._taken)
+            if self._record.slow is not None:
+                piece = self._record.slow.off(piece, self._taken)
             self._taken += piece.shape[1]
             self._pass_on(0, piece)
 
@@ -772,13 +765,9 @@ class BandHistoryAccumulator:
         at.record = slice(record.start - shape.hop, record.stop - shape.hop)
         # Z has the drift, and a weighting tells it from the rest itself.
         drift = None
-        if number == 0 and self._slow is not None:
-            drift = self._slow.drift(-record.start - shape.before, shape.points)
+        if number == 0 and self._record.slow is not None:
+            drift = self._record.slow.drift(-record.start - shape.before, shape.points)
         drifting = None if drift is None else section.lines_of(drift)
-
-        def shown(rows: slice, output: NDArray[Any]) -> NDArray[np.float64]:
-            """What comes out of a filter of the record itself."""
-            return np.asarray(output[:, inside] * section.scale[rows, None])
 
         for k, way in at.ways.items():
             running = self._levels[k]
@@ -790,23 +779,9 @@ class BandHistoryAccumulator:
                     samples = samples + drift[:, shape.before :][:, : shape.hop]
                 running.take(_unfiltered_square(samples, round(way.together), count, cut))
                 continue
-
-            def watch(rows: slice, output: NDArray[Any], k: int = k) -> None:
-                if k == self._peak_of:
-                    self._peaks.look(rows, shown(rows, output))
-
-            def before(rows: slice, output: NDArray[Any], k: int = k, way: FilterAtWork = way) -> None:
-                """The beginning of a record behind a weighting, before its decays are taken off."""
-                seen = shown(rows, output)
-                if k == self._peak_of:
-                    self._peaks_with_cut.look(rows, seen)
-                whole = seen.shape[1] // way.kept * way.kept
-                square = np.square(seen[:, :whole]).reshape(len(seen), -1, way.kept)
-                self._levels[k].see_cut(rows, square.mean(axis=2))
-
             more = None if way.start is None else drifting
             spectrum = section.spectrum if more is None else section.spectrum + more
-            square = way.squares(spectrum, count, cut, begins, watch, before)
+            square = way.squares(spectrum, count, cut, begins, *self._watchers(k, way, section, inside))
             uneven = _uneven(square[:, running.inside(count)])
             if uneven.any():
                 exact = section.exact() if more is None else section.exact() + more
@@ -815,6 +790,23 @@ class BandHistoryAccumulator:
             running.take(square, np.square(section.scale))
         if section.low.size:
             self._pass_on(number + 1, section.low)
+
+    def _watchers(self, k: int, way: FilterAtWork, section: Sections, inside: slice) -> tuple[Watch, Watch]:
+        """What sees the output of a filter, and that of a weighting before its decays are taken off a beginning."""
+
+        def watch(rows: slice, output: NDArray[Any]) -> None:
+            if k == self._peak_of:
+                self._peaks.look(rows, output[:, inside] * section.scale[rows, None])
+
+        def before(rows: slice, output: NDArray[Any]) -> None:
+            seen = output[:, inside] * section.scale[rows, None]
+            if k == self._peak_of:
+                self._peaks_with_cut.look(rows, seen)
+            whole = seen.shape[1] // way.kept * way.kept
+            square = np.square(seen[:, :whole]).reshape(len(seen), -1, way.kept)
+            self._levels[k].see_cut(rows, square.mean(axis=2))
+
+        return watch, before
 
     def result(self) -> Histories:
         """The histories; call it once, after the last samples."""

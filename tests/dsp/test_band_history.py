@@ -7,7 +7,14 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from specan.dsp import bands
-from specan.dsp.band_history import BandHistoryAccumulator, Histories, band_filter, weighting_filter
+from specan.dsp.band_history import (
+    Average,
+    BandHistoryAccumulator,
+    Histories,
+    Record,
+    band_filter,
+    weighting_filter,
+)
 from specan.dsp.bands import Bands
 from specan.dsp.multirate import LENGTH
 from specan.dsp.record_edges import SlowPart
@@ -23,14 +30,9 @@ def histories(samples: np.ndarray, tau: float, times: np.ndarray, pieces: int = 
     filters = [band_filter(*Bands.octaves(3, k)) for k in BANDS] + [weighting_filter("Z")]
     mean = samples.mean(axis=1)
     found = BandHistoryAccumulator(
-        samples.shape[0],
-        RATE,
-        samples.shape[1],
+        Record(samples.shape[0], RATE, samples.shape[1], slow=SlowPart.only(mean)),
         filters,
-        tau,
-        None,
-        times,
-        slow=SlowPart.only(mean),
+        Average(tau, None, times),
     )
     for first in range(0, samples.shape[1], pieces):
         found.add(samples[:, first : first + pieces])
@@ -96,13 +98,9 @@ def test_the_level_at_the_very_end_is_there_at_any_rate() -> None:
     for rate in (8000.0, 44100.0, 48000.0, 51200.0, 102400.0):
         for n in (round(rate), round(10 * rate), 3 * LENGTH, 2 * LENGTH - 1, 2 * LENGTH - 1000):
             found = BandHistoryAccumulator(
-                1,
-                rate,
-                n,
+                Record(1, rate, n),
                 [weighting_filter("A"), band_filter(*Bands.octaves(1, 3))],
-                0.125,
-                None,
-                np.array([n / rate]),
+                Average(0.125, None, np.array([n / rate])),
             )
             found.add(np.ones((1, n)))
             assert np.isfinite(found.result().readings).all(), (rate, n)
@@ -113,7 +111,9 @@ def test_a_channel_is_differentiated_and_integrated() -> None:
     signal = np.sin(2 * np.pi * 1000 * t)[None]
     omega = 2 * np.pi * 1000
     found = BandHistoryAccumulator(
-        3, RATE, N, [band_filter(*Bands.octaves(3, 0))], 0.125, None, np.array([3.0]), derivatives=[0, 1, -1]
+        Record(3, RATE, N, derivatives=[0, 1, -1]),
+        [band_filter(*Bands.octaves(3, 0))],
+        Average(0.125, None, np.array([3.0])),
     )
     found.add(np.concatenate([signal, signal / omega, signal * omega]))
     assert found.result().readings[:, 0, 0] == pytest.approx(0.5, rel=1e-3)
@@ -138,6 +138,6 @@ def test_a_reading_on_the_end_of_the_last_interval_is_found_by_the_peak_detector
     """At these numbers the place of a reading, as computed, is a rounding error behind the end of an interval."""
     rate, seconds, tau = 51200.0, 7.3, 0.035
     n, times = round(rate * seconds), np.append(np.arange(1, 7.3 / tau) * tau, 7.3)
-    found = BandHistoryAccumulator(1, rate, n, [weighting_filter("Z")], tau, 1.5, times)
+    found = BandHistoryAccumulator(Record(1, rate, n), [weighting_filter("Z")], Average(tau, 1.5, times))
     found.add(np.ones((1, n)))
     np.testing.assert_allclose(found.result().readings[0, 0, 60:], 1.0, atol=1e-9)

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from specan.dsp import bands
-from specan.dsp.band_history import BandHistoryAccumulator, Histories, band_filter
+from specan.dsp.band_history import Average, BandHistoryAccumulator, Histories, Record, band_filter
 from specan.dsp.bands import Bands
 
 TAU = 0.125
@@ -16,7 +16,9 @@ TAU = 0.125
 def recorded(samples: np.ndarray, rate: float, index: int, fraction: int) -> Histories:
     n = samples.shape[1]
     found = BandHistoryAccumulator(
-        len(samples), rate, n, [band_filter(*Bands.octaves(fraction, index))], TAU, None, np.array([n / rate])
+        Record(len(samples), rate, n),
+        [band_filter(*Bands.octaves(fraction, index))],
+        Average(TAU, None, np.array([n / rate])),
     )
     found.add(samples)
     return found.result()
@@ -49,7 +51,7 @@ def test_the_end_of_a_record_is_not_heard_before_it(rate: float, index: int, fra
     tone = np.sqrt(2) * np.sin(2 * np.pi / 8.03 * np.arange(n + more) + 0.3)
     going_on = (tone + 10 ** (-85 / 20) / floor * noise)[None]
     one, times = band_filter(*Bands.octaves(fraction, index)), np.array([n / rate])
-    whole = BandHistoryAccumulator(1, rate, n + more, [one], TAU, None, times)
+    whole = BandHistoryAccumulator(Record(1, rate, n + more), [one], Average(TAU, None, times))
     whole.add(going_on)
     found = recorded(going_on[:, :n], rate, index, fraction).readings[0, 0, 0]
     assert dB(found / whole.result().readings[0, 0, 0]) == pytest.approx(0.0, abs=0.05)
@@ -67,7 +69,7 @@ def test_the_highest_bands_read_tones_and_noise_right(rate: float, index: int, f
     noise = np.random.default_rng(4).standard_normal(n)
     samples = np.stack([*sines, noise])
     found = BandHistoryAccumulator(
-        4, rate, n, [band_filter(*Bands.octaves(fraction, index))], TAU, None, times
+        Record(4, rate, n), [band_filter(*Bands.octaves(fraction, index))], Average(TAU, None, times)
     )
     found.add(samples)
     readings = found.result().readings[:, 0]
@@ -97,7 +99,7 @@ def test_maxima_of_short_records_are_those_of_every_sample(rate: float) -> None:
         lines, frequency = np.fft.rfft(noise, size), np.arange(size // 2 + 1) * rate / size
         index = [int(k) for k in bands.band_range(130.0, 440.0, 24)]
         filters = [band_filter(*Bands.octaves(24, k)) for k in index]
-        found = BandHistoryAccumulator(2, rate, n, filters, TAU, None, np.array([n / rate]))
+        found = BandHistoryAccumulator(Record(2, rate, n), filters, Average(TAU, None, np.array([n / rate])))
         found.add(noise)
         maximum = found.result().later_maximum
         for column, one in enumerate(filters):

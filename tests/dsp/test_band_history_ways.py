@@ -10,9 +10,11 @@ from scipy.signal import fftconvolve, lfilter
 
 from specan.dsp import band_history, bands
 from specan.dsp.band_history import (
+    Average,
     BandHistoryAccumulator,
     Filter,
     Histories,
+    Record,
     band_filter,
     weighting_filter,
 )
@@ -28,7 +30,7 @@ KEEP = np.exp(-1 / (RATE * TAU))
 
 def recorded(samples: np.ndarray, filters: list[Filter], derivatives: list[int] | None = None) -> Histories:
     found = BandHistoryAccumulator(
-        len(samples), RATE, samples.shape[1], filters, TAU, None, TIMES, derivatives
+        Record(len(samples), RATE, samples.shape[1], derivatives), filters, Average(TAU, None, TIMES)
     )
     for first in range(0, samples.shape[1], 50_000):
         found.add(samples[:, first : first + 50_000])
@@ -140,7 +142,9 @@ def test_what_is_not_filtered_is_not_transformed() -> None:
 def test_the_last_interval_is_read_to_the_end() -> None:
     filters = [band_filter(*Bands.octaves(3, 11)), weighting_filter("Z")]
     end = N / RATE
-    found = BandHistoryAccumulator(4, RATE, N, filters, 0.125, None, np.array([end / 2, end]))
+    found = BandHistoryAccumulator(
+        Record(4, RATE, N), filters, Average(0.125, None, np.array([end / 2, end]))
+    )
     found.add(signals())
     assert np.isfinite(found.result().readings).all()
 
