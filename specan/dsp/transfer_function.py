@@ -137,17 +137,7 @@ def estimate(
         return Estimate(*map(np.stack, zip(*found, strict=True)))
     with np.errstate(divide="ignore", invalid="ignore"):
         coherence = np.minimum(np.abs(cross) ** 2 / (auto_reference * auto_response), 1.0)
-        if estimator == "H3c":
-            if instrument is None:
-                raise ValueError("H3c needs the spectra of an instrument")
-            response = instrument.response / instrument.reference
-            left = auto_response + np.abs(response) ** 2 * auto_reference
-            left = left - 2 * np.real(np.conj(response) * cross)
-            gain = instrument.auto / np.abs(instrument.response) ** 2
-        else:
-            response = _two_channel(estimator, auto_reference, auto_response, cross)
-            left = (1 - coherence) * auto_response
-            gain = auto_reference / np.abs(cross) ** 2
+        response, left, gain = _response(estimator, auto_reference, auto_response, cross, instrument)
         if n_effective <= 1:  # one block says nothing about its own scatter
             nothing = np.full(coherence.shape, np.nan)
             return Estimate(response, coherence, nothing, np.zeros(coherence.shape))
@@ -168,13 +158,29 @@ def _random_error(left: Real, gain: Real, freedom: float, line_correlation: floa
     return np.sqrt(noise * gain / (2 * freedom)) * factor, degrees
 
 
-def _two_channel(estimator: Estimator, auto_reference: Real, auto_response: Real, cross: Complex) -> Complex:
+def _response(
+    estimator: Estimator,
+    auto_reference: Real,
+    auto_response: Real,
+    cross: Complex,
+    instrument: Instrument | None,
+) -> tuple[Complex, Real, Real]:
+    """Transfer function, what it leaves of the response, and the factor from that to a relative error."""
+    if estimator == "H3c":
+        if instrument is None:
+            raise ValueError("H3c needs the spectra of an instrument")
+        response = instrument.response / instrument.reference
+        left = auto_response + np.abs(response) ** 2 * auto_reference - 2 * np.real(np.conj(response) * cross)
+        return response, left, instrument.auto / np.abs(instrument.response) ** 2
+    strength = np.abs(cross) ** 2
+    coherence = np.minimum(strength / (auto_reference * auto_response), 1.0)
+    left, gain = (1 - coherence) * auto_response, auto_reference / strength
     if estimator == "H1":
-        return np.asarray(cross / auto_reference)
+        return cross / auto_reference, left, gain
     if estimator == "H2":
-        return np.asarray(auto_response / np.conj(cross))
+        return auto_response / np.conj(cross), left, gain
     if estimator == "Hv":
-        return np.asarray(np.sqrt(auto_response / auto_reference) * (cross / np.abs(cross)))
+        return np.sqrt(auto_response / auto_reference) * (cross / np.abs(cross)), left, gain
     raise ValueError(f"unknown estimator {estimator!r}; known are {', '.join(ESTIMATORS)}")
 
 
