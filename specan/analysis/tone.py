@@ -341,24 +341,8 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
     usable = _over_one_reference(tables, label)
     units = _units(usable)
     steps = _steps(usable)
-    shape = (len(units), len(steps))
-    response = np.full(shape, np.nan + 0j)
-    random, gain, phase = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape, np.nan)
-    freedom = np.zeros(shape)
-    flags: dict[str, set[str]] = {name: set() for name in units}
-    for column, step in enumerate(steps):
-        for row, name in enumerate(units):
-            found = [(t, t.channels.index(name)) for t in step if name in t.channels]
-            if not found:
-                continue
-            values = np.array([t.magnitude[i] * np.exp(1j * np.radians(t.phase_deg[i])) for t, i in found])
-            response[row, column] = np.mean(values)
-            random[row, column] = _random(values, np.array([t.u_random_percent[i] for t, i in found]))
-            freedom[row, column] = sum(t.degrees_of_freedom for t, _ in found)
-            gain[row, column] = np.mean([t.u_common_percent[i] for t, i in found])
-            phase[row, column] = np.mean([t.u_common_phase_deg[i] for t, i in found])
-            for table, i in found:
-                flags[name].update(table.flags[i])
+    values = np.array([[_at_step(step, name) for step in steps] for name in units])
+    random, freedom, gain, phase = np.moveaxis(values[..., 1:].real, -1, 0)
     left_out = [t.label for t in tables if t not in usable]
     return FrequencyResponse(
         label=label,
@@ -366,11 +350,11 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
         channels=tuple(units),
         units=tuple(units.values()),
         reference=str(usable[0].reference),
-        response=response,
-        coherence=np.full(shape, np.nan),
+        response=values[..., 0],
+        coherence=np.full(random.shape, np.nan),
         u_magnitude_percent=random,
         u_phase_deg=u_phase_deg(random / 100),
-        u_leakage_percent=np.zeros(shape),
+        u_leakage_percent=np.zeros(random.shape),
         degrees_of_freedom=freedom,
         u_common_percent=gain,
         u_common_phase_deg=phase,
@@ -381,10 +365,30 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
         delay_s=np.zeros(len(units)),
         reference_rms=float(np.sqrt(np.mean([t.reference_rms**2 for t in usable]))),
         reference_unit=usable[0].units[usable[0].channels.index(str(usable[0].reference))],
-        flags=tuple(tuple(sorted(flags[name])) for name in units),
+        flags=tuple(_flags_of(usable, name) for name in units),
         notes=tuple(f"{name} is left out: it has no phases over a reference" for name in left_out),
         settings=usable[0].settings,
     )
+
+
+def _at_step(step: Sequence[ToneTable], name: str) -> tuple[complex, ...]:
+    """Mean of a channel over the repeats of a step: value, random uncertainty, degrees of freedom, common parts."""
+    found = [(t, t.channels.index(name)) for t in step if name in t.channels]
+    if not found:
+        return np.nan, np.nan, 0.0, np.nan, np.nan
+    values = np.array([t.magnitude[i] * np.exp(1j * np.radians(t.phase_deg[i])) for t, i in found])
+    return (
+        complex(np.mean(values)),
+        _random(values, np.array([t.u_random_percent[i] for t, i in found])),
+        sum(t.degrees_of_freedom for t, _ in found),
+        float(np.mean([t.u_common_percent[i] for t, i in found])),
+        float(np.mean([t.u_common_phase_deg[i] for t, i in found])),
+    )
+
+
+def _flags_of(tables: Sequence[ToneTable], name: str) -> tuple[str, ...]:
+    found = (t.flags[t.channels.index(name)] for t in tables if name in t.channels)
+    return tuple(sorted({word for words in found for word in words}))
 
 
 def _units(tables: Sequence[ToneTable]) -> dict[str, str]:

@@ -122,7 +122,7 @@ def _inside(frequency_hz: float, rate: float, n: int) -> float:
     return min(max(frequency_hz, 0.5 * rate / n), (0.5 - 0.5 / n) * rate)
 
 
-def fit_frequency(samples: Real, rate: float, guess_hz: float | None = None, harmonics: int = 1) -> SineFit:
+def fit_frequency(samples: Real, rate: float, guess_hz: float | None = None) -> SineFit:
     """Four-parameter fit (IEEE Std 1057): the frequency is found along with phasors and mean.
 
     Gauss-Newton from `guess_hz` (default: the highest line of the spectrum); a guess has to be within
@@ -145,13 +145,9 @@ def fit_frequency(samples: Real, rate: float, guess_hz: float | None = None, har
     # Time counted from the middle decouples frequency from phase.
     time = (np.arange(n) - (n - 1) / 2) / rate
     for _ in range(30):
-        basis = tone_basis(n, rate, frequency, harmonics)
-        coefficients = solve_normal(products(basis, basis), products(basis, samples))
-        order = (len(basis) - 1) // 2
-        slope = np.zeros(n)
-        for k in range(1, order + 1):
-            a, b = coefficients[2 * k - 2], coefficients[2 * k - 1]
-            slope += 2 * np.pi * k * time * (b * basis[2 * k - 2] - a * basis[2 * k - 1])
+        basis = tone_basis(n, rate, frequency)
+        a, b, _ = solve_normal(products(basis, basis), products(basis, samples))
+        slope = 2 * np.pi * time * (b * basis[0] - a * basis[1])
         extended = np.concatenate([basis, [slope * rate / n]])  # the step then is in lines
         gram = products(extended, extended)
         if gram[-1, -1] == 0:
@@ -163,4 +159,4 @@ def fit_frequency(samples: Real, rate: float, guess_hz: float | None = None, har
         frequency = moved
         if done:
             break
-    return fit_sine(samples, rate, frequency, harmonics)
+    return fit_sine(samples, rate, frequency)

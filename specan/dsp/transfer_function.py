@@ -180,7 +180,8 @@ def _response(
     if estimator == "H2":
         return auto_response / np.conj(cross), left, gain
     if estimator == "Hv":
-        return np.sqrt(auto_response / auto_reference) * (cross / np.abs(cross)), left, gain
+        size = np.sqrt(auto_response / auto_reference)
+        return np.asarray(size * (cross / np.abs(cross)), dtype=complex), left, gain
     raise ValueError(f"unknown estimator {estimator!r}; known are {', '.join(ESTIMATORS)}")
 
 
