@@ -54,6 +54,7 @@ def command(
     known constant speed.
 
     \b
+    specan simulate planetary-gear sample_data/planetary_gear/rig.toml -o run.tdms --duration 3
     specan orders run.tdms --tacho "Tacho carrier" --mesh 66 --sidebands 3
     specan orders run.tdms --tacho "Tacho sun" --ratio 3.75 --max-order 200 --map --plot map.png
     """

@@ -26,6 +26,7 @@ def command(source: Source, deliver: ResultDelivery, **options: Any) -> int:
     """Find shock response spectra of accelerations: largest responses, maximax, positive and negative (ISO 18431-4).
 
     \b
+    specan simulate planetary-gear sample_data/planetary_gear/rig.toml -o run.tdms --duration 3
     specan srs run.tdms --channel "Acc*" --q 10 --plot srs.png -o srs.csv
     """
     from specan.api.recordings import srs

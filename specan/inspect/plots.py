@@ -145,15 +145,8 @@ class PanelPlot(Spectral):
         self._dots = ColumnDataSource({name: [] for name in ("x", "y", "colour", "name")}, name="dots")
         self._dotted = self.sheet.scatter("x", "y", source=self._dots, color="colour", size=3)
         self._marks = [Span(dimension="width", line_width=1, visible=False) for _ in range(_MARKS)]
-        for mark in self._marks:
-            self.sheet.add_layout(mark)
-        wheel = WheelZoomTool(dimensions="width")
-        tips = [("", "@name"), (tip[0], "$snap_x{0.[0000]}"), (tip[1], "$snap_y{0.00[00]}")]
-        self.sheet.add_tools(
-            PanTool(), BoxZoomTool(), wheel, CrosshairTool(line_alpha=0.4), ResetTool(), SaveTool(),
-            HoverTool(renderers=[self._glyph, self._dotted], line_policy="nearest", tooltips=tips),
-        )  # fmt: skip
-        self.sheet.toolbar.update(active_scroll=wheel, logo=None, autohide=True, visible=like is None)
+        self.sheet.center.extend(self._marks)
+        self._add_tools(tip, like is None)
         # Figures under one another have their frames in line: the toolbar is inside, three lines of label fit.
         self.sheet.update(min_border_left=88, min_border_right=12, toolbar_inner=True)
         super().__init__(self.sheet)
@@ -165,6 +158,15 @@ class PanelPlot(Spectral):
             margin=0, orientation="horizontal", ncols=8, glyph_width=14, glyph_height=12, label_height=12,
         )  # fmt: skip
         self.sheet.add_layout(self._legend, "above")
+
+    def _add_tools(self, tip: tuple[str, str], shown: bool) -> None:
+        wheel = WheelZoomTool(dimensions="width")
+        tips = [("", "@name"), (tip[0], "$snap_x{0.[0000]}"), (tip[1], "$snap_y{0.00[00]}")]
+        self.sheet.add_tools(
+            PanTool(), BoxZoomTool(), wheel, CrosshairTool(line_alpha=0.4), ResetTool(), SaveTool(),
+            HoverTool(renderers=[self._glyph, self._dotted], line_policy="nearest", tooltips=tips),
+        )  # fmt: skip
+        self.sheet.toolbar.update(active_scroll=wheel, logo=None, autohide=True, visible=shown)
 
     def draw(self, shown: Panel, styles: Styles, alpha: float = 1.0) -> None:
         """Exchange the curves, and the bands behind them."""
@@ -187,26 +189,7 @@ class PanelPlot(Spectral):
                 for c, hue in zip(lines, hues)
             ],
         )  # fmt: skip
-        dotted = shown.kind in ("dots", "rows")
-        dots = [
-            (*points, hue, c.about or (c.name,) * len(points[0]))
-            for c, hue in zip(curves, hues)
-            if (points := (c.x, c.y) if dotted else c.dots) is not None
-        ]
-        self._dots.data = {
-            "x": np.concatenate([x for x, *_ in dots] or [np.empty(0)]),
-            "y": np.concatenate([y for _, y, *_ in dots] or [np.empty(0)]),
-            "colour": [hue for x, _, hue, _ in dots for _ in range(len(x))],
-            "name": [plain(text) for *_, about in dots for text in about],
-        }
-        self._dotted.glyph.size = 6 if shown.kind == "rows" else 3
-        firsts = np.cumsum([0, *(len(x) for x, *_ in dots)]).tolist() if dotted else range(len(curves))
-        of = self._dotted if dotted else self._glyph
-        self._legend.items = [
-            LegendItem(label={"value": plain(c.name)}, renderers=[of], index=first)
-            for first, c in zip(firsts, curves)
-            if shown.leads and c.name in styles
-        ]
+        self._draw_dots(shown, hues, styles)
         for mark, place in zip_longest(self._marks, shown.marks[:_MARKS]):
             mark.update(
                 visible=place is not None, location=place or 0.0, line_dash="dashed" if place else "solid"
@@ -217,6 +200,29 @@ class PanelPlot(Spectral):
             axis.ticker = AdaptiveTicker(base=10, mantissas=[1.8, 4.5, 9], min_interval=1)
             self.sheet.ygrid.ticker = axis.ticker
         self.limit(*((-190.0, 190.0) if shown.phase else shown.limits or _ends(curves)))
+
+    def _draw_dots(self, shown: Panel, hues: list[str], styles: Styles) -> None:
+        """Points, of curves that are points alone or have some; and the legend, whose lines or points it shows."""
+        dotted = shown.kind in ("dots", "rows")
+        dots = [
+            (*points, hue, c.about or (c.name,) * len(points[0]))
+            for c, hue in zip(shown.curves, hues)
+            if (points := (c.x, c.y) if dotted else c.dots) is not None
+        ]
+        self._dots.data = {
+            "x": np.concatenate([x for x, *_ in dots] or [np.empty(0)]),
+            "y": np.concatenate([y for _, y, *_ in dots] or [np.empty(0)]),
+            "colour": [hue for x, _, hue, _ in dots for _ in range(len(x))],
+            "name": [plain(text) for *_, about in dots for text in about],
+        }
+        self._dotted.glyph.size = 6 if shown.kind == "rows" else 3
+        firsts = np.cumsum([0, *(len(x) for x, *_ in dots)]).tolist() if dotted else range(len(shown.curves))
+        of = self._dotted if dotted else self._glyph
+        self._legend.items = [
+            LegendItem(label={"value": plain(c.name)}, renderers=[of], index=first)
+            for first, c in zip(firsts, shown.curves)
+            if shown.leads and c.name in styles
+        ]
 
     def span(self, low: float, high: float) -> None:
         """Show this part of the horizontal axis, and come back to it on a reset."""

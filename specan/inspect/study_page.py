@@ -6,7 +6,7 @@ import io
 import shlex
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, ScrollBox, TextInput
@@ -91,54 +91,46 @@ class StudyPage(Page):
         self.link.address(self.view.query)
 
     def _lay_out(self) -> None:
-        grows = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
         story = column(
             self.verdict, self.progress.div, self.status.div, sizing_mode="stretch_width",
             styles={**PANEL, "border-left": "4px solid var(--accent)"},
         )  # fmt: skip
-        left = column(
+        top = [
+            ScrollBox(
+                child=part, sizing_mode="stretch_both", styles=_share(1), stylesheets=[whole_width("240px")]
+            )
+            for part in (self.steps, self.map)
+        ]
+        self._bottom = self._side_by_side([part.body for part in self.agreement], 5, FIGURES)
+        self._middle = column(
+            story, self._side_by_side(top, 3), sizing_mode="stretch_both",
+            styles={**_share(1), "min-width": "0", "gap": "4px"}, stylesheets=[whole_width("auto")],
+        )  # fmt: skip
+        main = row(
+            self._left(), self._middle, sizing_mode="stretch_width",
+            styles={"height": "calc(100vh - 52px)", "gap": "8px"}, stylesheets=[on_phone(STACKED)],
+        )  # fmt: skip
+        self.show_page(main, column(self.trial, self.history, sizing_mode="stretch_width"))
+        self.dressed(self._bottom)
+
+    def _left(self) -> Any:
+        """The candidates, what one of them is, and the buttons."""
+        explanation = ScrollBox(
+            child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=_share(2),
+            html_attributes={"tabindex": "0"},
+        )  # fmt: skip
+        return column(
             self.heading,
             ScrollBox(child=self.ranking.list, width=_SIDE, sizing_mode="stretch_height", styles=_share(3)),
-            ScrollBox(
-                child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=_share(2),
-                html_attributes={"tabindex": "0"},
-            ),
-            self.reason, row(self.accept, self.again), width=_SIDE + 12, sizing_mode="stretch_height", styles=PANEL,
-            stylesheets=[whole_width("560px")],
+            explanation, self.reason, row(self.accept, self.again), width=_SIDE + 12, sizing_mode="stretch_height",
+            styles=PANEL, stylesheets=[whole_width("560px")],
         )  # fmt: skip
-        shares = ((self.steps, 1), (self.map, 1))
-        top = row(
-            *(
-                ScrollBox(
-                    child=part, sizing_mode="stretch_both", styles=_share(share), stylesheets=[whole_width("240px")]
-                )
-                for part, share in shares
-            ),
-            sizing_mode="stretch_both", styles=_share(3), stylesheets=[on_phone(STACKED)],
-        )  # fmt: skip
-        bottom = row(
-            *(part.body for part in self.agreement),
-            sizing_mode="stretch_both",
-            styles=_share(5),
-            stylesheets=[on_phone(STACKED, FIGURES)],
-        )
-        self._bottom = bottom
-        self._middle = column(
-            story,
-            top,
-            sizing_mode="stretch_both",
-            styles={**grows, "gap": "4px"},
-            stylesheets=[whole_width("auto")],
-        )
-        main = row(
-            left,
-            self._middle,
-            sizing_mode="stretch_width",
-            styles={"height": "calc(100vh - 52px)", "gap": "8px"},
-            stylesheets=[on_phone(STACKED)],
-        )
-        self.show_page(main, column(self.trial, self.history, sizing_mode="stretch_width"))
-        self.dressed(bottom)
+
+    @staticmethod
+    def _side_by_side(parts: Sequence[Any], weight: int, inside: str = "") -> Any:
+        """Parts in a row; under each other where the window is narrow."""
+        style = {"sizing_mode": "stretch_both", "styles": _share(weight)}
+        return row(*parts, **style, stylesheets=[on_phone(STACKED, inside)])
 
     def _save(self, kind: str) -> None:
         """The figure that ``specan study compare --plot`` draws, of the model as it is."""

@@ -52,7 +52,7 @@ def band_panels(found: BandLevels) -> Drawing:
     """
     labels = [level_label(reference.text) for reference in found.references]
     edges = np.append(found.lower_hz, found.upper_hz[-1])
-    panels = level_panels(labels, found.channels, edges, found.level_dB, _DYNAMICS_DB, above=4.0)
+    panels = level_panels(labels, found.channels, edges, found.level_dB, _DYNAMICS_DB)
     return Drawing(
         found.label or "Band levels", (*_facts(found), _loudest(found)), "Mid-band frequency / Hz", tuple(panels),
         hertz=True,
@@ -83,7 +83,7 @@ def figure_band_levels(found: BandLevels) -> Figure:
         _draw_totals(totals, found, rows, colours)
         shown = np.concatenate([found.level_dB[rows].ravel(), *(v[rows] for v in found.overall_dB.values())])
         if np.isfinite(shown).any():
-            axes.set_ylim(*level_limits(shown, _DYNAMICS_DB, above=4.0))
+            axes.set_ylim(*level_limits(shown, _DYNAMICS_DB))
     sheet[-1, 1].set_xlabel("Overall")
     finish(figure, list(sheet[:, 0]), drawing)
     return figure

@@ -67,7 +67,7 @@ def _residuals(axes: Axes, study: Study, legend: bool) -> float:
     if (own := figure_named(f"Residuals {observation.kind}")) is not None:
         reach: float = own(axes, observation, predicted)
         return reach
-    title = None
+    title = ""
     if isinstance(observation, FrfObservation):
         found = measured_transfer(observation, predicted)
         used = np.isfinite(found.error_dB).any(axis=0)
@@ -82,9 +82,10 @@ def _residuals(axes: Axes, study: Study, legend: bool) -> float:
         assert isinstance(observation, TableObservation)
         rows = table_rows(study.model, [observation], [predicted], study.data.known)
         x, *others = rows.axes
-        panel = rows.of(str(observation.observable[0])).panel("residual", x, (others or [x])[0])
+        panel = rows.of(str(observation.observable[0])).panel("residual", x, others[0] if others else "")
         axes.set_xlabel(axis_text(x, observation.variables))
-        title = axis_text(others[0], observation.variables) if others else None
+        title = axis_text(others[0], observation.variables) if others else ""
+        legend = legend and bool(others)
         reach = max(float(np.max(np.abs(curve.y))) for curve in panel.curves)
     draw_panels([axes], [panel])
     if legend:

@@ -203,8 +203,6 @@ def level_panels(
     x: Real,
     levels: Real,
     dynamics_dB: float,
-    *,
-    above: float = 3.0,
     decisive: Real | None = None,
     **more: Any,
 ) -> list[Panel]:
@@ -217,7 +215,7 @@ def level_panels(
         deciding = levels[rows] if decisive is None else decisive[rows]
         deciding = deciding if np.isfinite(deciding).any() else levels[rows]
         curves = tuple(Curve(names[r], x, levels[r], **{key: v[r] for key, v in more.items()}) for r in rows)
-        panels.append(Panel(label, curves, level_limits(deciding, dynamics_dB, above=above)))
+        panels.append(Panel(label, curves, level_limits(deciding, dynamics_dB)))
     return panels
 
 

@@ -53,7 +53,7 @@ class Rows:
         return replace(self, frame=self.frame[mine], read=self.read[mine])
 
     def panel(self, kind: str, x: str, hue: str) -> Panel:
-        """A point for each row, over `x` and in the colour of its level of `hue`.
+        """A point for each row, over `x` and in the colour of its level of `hue`, if one is named.
 
         `kind` is ``z``, in standard uncertainties, ``residual``, or ``pair``: what the model says.
         """
@@ -87,7 +87,10 @@ class Rows:
         return Panel(label, tuple(curves), kind="rows", marks=marks)
 
     def groups(self, hue: str) -> Iterator[tuple[str, NDArray[np.int64]]]:
-        """Text and rows of each level of a variable; many levels go into classes of even counts."""
+        """Text and rows of each level of a variable; many levels go into classes of even counts. Without one, all."""
+        if not hue:
+            yield "", np.arange(len(self.frame))
+            return
         values = self.frame[hue].reset_index(drop=True)
         numbers = values.dtype.kind in "fiu"
         if numbers and values.nunique() > MOST_COLOURS:

@@ -116,7 +116,7 @@ def test_without_a_tacho_the_page_asks_for_a_speed_and_takes_it():
 
 
 def test_a_tacho_alone_is_nothing_to_analyse():
-    with pytest.raises(RequestError, match="no tacho"):
+    with pytest.raises(RequestError, match="not a tacho"):
         drawn(opened(), View(tab="orders", channel=("G/Tacho",)), [])
 
 
