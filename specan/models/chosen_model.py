@@ -61,7 +61,7 @@ def choose_model(model: Model, effects: Iterable[str] = (), without: Iterable[st
     values = {}
     for use, parameter, text in asked:
         if text is not None:
-            full = f"{use}.{parameter or _first(model, use)}"
+            full = f"{use}.{parameter or next(iter(model.effects[use.name].parameters))}"
             values[full] = _value(assembly, full, text)
     return ChosenModel(assembly, values)
 
@@ -108,10 +108,6 @@ def _split(model: Model, text: str) -> tuple[Use, str, str | None]:
     if parameter and not equals:
         raise RequestError(f"{text!r} names a parameter without a value", expected=f"{text}=NUMBER")
     return Use.parse(use), parameter, value.strip() if equals else None
-
-
-def _first(model: Model, use: Use) -> str:
-    return next(iter(model.effects[use.name].parameters))
 
 
 def _value(assembly: Assembly, full: str, text: str) -> float:

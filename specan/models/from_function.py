@@ -282,13 +282,9 @@ def _is_number(value: Any) -> bool:
 PREFIX = "specan_user_"  # of the module names under which users' files are loaded
 
 
+# Of a function of single numbers that was given an array.
+_OF_ARRAYS = ("truth value of an array", "0-dimensional arrays", "length-1 arrays")
 _ARRAYS = "functions receive arrays, one value a row: use numpy's, np.sqrt for math.sqrt and np.where for if"
-
-
-def _wants_single_values(fault: BaseException) -> bool:
-    """Whether a function of single numbers was given an array."""
-    text = str(fault)
-    return any(w in text for w in ("truth value of an array", "0-dimensional arrays", "length-1 arrays"))
 
 
 def users_mistake(fault: Exception, function: Callable[..., Any], name: str) -> RequestError | None:
@@ -309,7 +305,7 @@ def users_mistake(fault: Exception, function: Callable[..., Any], name: str) -> 
     return RequestError(
         f"{code.co_filename}, line {lines[-1] if lines else code.co_firstlineno}: {name!r} fails "
         f"({type(fault).__name__}: {fault})",
-        remedy=_ARRAYS if _wants_single_values(fault) else "correct that line",
+        remedy=_ARRAYS if any(text in str(fault) for text in _OF_ARRAYS) else "correct that line",
     )
 
 

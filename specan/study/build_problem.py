@@ -37,7 +37,9 @@ def assemble(model: Model, content: StudyFile, observations: Sequence[Observatio
             )
     model = _with_axes(model, content)
     assembly = model.assemble(entry.use for entry in content.effect)
-    said = _entries(content)
+    said = dict(content.parameters)
+    for effect in content.effect:
+        said |= {ParameterName.of(effect.use, name): entry for name, entry in effect.parameters.items()}
     known = assembly.parameters
     for name in said:
         if name not in known:
@@ -65,13 +67,6 @@ def assemble(model: Model, content: StudyFile, observations: Sequence[Observatio
     return Problem(
         assembly, tuple(observations), tuple(free), values, priors, domains, links, frozenset(nuisances)
     )
-
-
-def _entries(content: StudyFile) -> dict[str, ParameterEntry]:
-    said = dict(content.parameters)
-    for effect in content.effect:
-        said |= {ParameterName.of(effect.use, name): entry for name, entry in effect.parameters.items()}
-    return said
 
 
 def _with_axes(model: Model, content: StudyFile) -> Model:

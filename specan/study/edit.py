@@ -13,7 +13,6 @@ import numpy as np
 from specan.errors import RequestError, SpecanError, nearest
 from specan.models import Use
 from specan.models.catalogue import effects_from_file
-from specan.models.effect import ParameterName
 from specan.result import Result
 from specan.study.build_problem import undetermined
 from specan.study.create import effect_entry, hold_undetermined
@@ -192,17 +191,14 @@ def drop_effect_file(directory: Path, name: str) -> str:
             )
         path = directory / wanted
         source = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
-        held = [e.use.name for e in content.effect if _defines(source, e.use.name)]
+        # the file may be broken and is not run
+        declared = re.findall(r"@effect\(\s*(?:name\s*=\s*)?['\"]([^'\"]+)['\"]", source)
+        held = [e.use.name for e in content.effect if e.use.name in declared]
         if held:
             raise RequestError(f"the model holds {held[0]!r} of {wanted}", remedy="drop that effect first")
         text.drop_effect_file(wanted)
         commit(directory, text.text, "")
     return wanted
-
-
-def _defines(source: str, effect: str) -> bool:
-    """Whether a file's text declares an effect of that name; the file may be broken and is not run."""
-    return re.search(rf"@effect\(\s*(name\s*=\s*)?['\"]{re.escape(effect)}['\"]", source) is not None
 
 
 def _as_it_stands(study: Study) -> Study:
@@ -250,22 +246,18 @@ def _check_addable(study: Study, use: Use) -> None:
 
 
 def _intervals(study: Study, use: Use) -> dict[str, tuple[float, float]]:
-    found: dict[str, tuple[float, float]] = {}
-    for name in study.problem.names:
-        if name.owner != str(use):
-            continue
-        parameter = study.problem.assembly.parameters[name.whole]
-        ends = _interval(study, name)
-        found[name] = (parameter.from_si(ends[0]), parameter.from_si(ends[1]))
-    return found
-
-
-def _interval(study: Study, name: str) -> tuple[float, float]:
-    """By profile; of many rows, whose quadratic is sharp, from the covariance."""
+    """Of the parameters of an effect, by profile; of many rows, whose quadratic is sharp, from the covariance."""
     problem, best = study.problem, study.best
-    if not problem.strategy.frugal:
-        return profile_interval(problem, best, name, inflate=True)
-    return intervals_95(problem, best, max(best.reduced_chi2, 1.0) ** 0.5)[ParameterName(name)]
+    names = [name for name in problem.names if name.owner == str(use)]
+    if problem.strategy.frugal:
+        ends = intervals_95(problem, best, max(best.reduced_chi2, 1.0) ** 0.5)
+    else:
+        ends = {name: profile_interval(problem, best, name, inflate=True) for name in names}
+    found = {}
+    for name in names:
+        from_si = problem.assembly.parameters[name.whole].from_si
+        found[str(name)] = (from_si(ends[name][0]), from_si(ends[name][1]))
+    return found
 
 
 def _remarks_on_adding(

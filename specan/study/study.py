@@ -119,17 +119,14 @@ class Study:
         """The model with the study's own effects and those of files that the user has just named."""
         replaced = {file.entry.file for file in named}
         known = [entry for entry in self.content.effect_file if entry.file not in replaced]
-        return with_own_effects(self._bare_model(), load_own_effects(self.directory, known), named)
-
-    def _bare_model(self) -> Model:
-        """The model without the study's own effects."""
         content = self.content
         rig = read_rig_file(self.directory / content.rig) if content.rig else {}
         if is_file(content.model):
             model = load_own_model(self.directory, content.model, content.model_sha256, rig)
         else:
             model = load_model(content.model, rig)
-        return with_groups(model, content.groups)
+        model = with_groups(model, content.groups)
+        return with_own_effects(model, load_own_effects(self.directory, known), named)
 
     def _keep(self, named: Sequence[EffectFile]) -> None:
         """Write what opening the study has changed: accepted data, effect files that were named and work."""

@@ -13,12 +13,11 @@ from specan.errors import RequestError
 from specan.models import Model
 from specan.models.groups import grouped
 from specan.models.trial import try_model
-from specan.schema import regular
 from specan.study.data.held_out import Column, chosen, of_file
 from specan.study.data.operating_table import SCATTER, Rows, check_varied, join
 from specan.study.data.setpoints import grouping_of
 from specan.study.data.table_covariance import uncertainty
-from specan.study.data.table_file import Table
+from specan.study.data.table_file import Table, beginning
 from specan.study.data.table_reader import read_measurement
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
 
@@ -27,11 +26,7 @@ TITLE = "a table (text with a header line, .xlsx, Parquet)"
 
 def reads(path: Path) -> bool:
     """Whether a file is text, a workbook or Parquet, whatever its name."""
-    try:
-        with regular(path).open("rb") as file:
-            start = file.read(4096)
-    except OSError:
-        return False
+    start = beginning(path)
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):  # UTF-16
         return True
     # an archive of another name is not a table

@@ -250,7 +250,11 @@ class SetPoints:
         self._exact = [] if marks else assumed
         columns = [conditions[n] if n in self._exact else self.levels[n] for n in self._set]
         self._alike = cells(np.zeros(recording.size), *columns)
-        self.replicate_group = self._within_files()
+        # Repeats are looked for inside each file, where there are enough of them: what differs between files (another
+        # day, another specimen) is no scatter. Files that hold one round of a plan each are repeats of each other.
+        apart = cells(recording, self._alike)
+        enough = apart.size - np.unique(apart).size >= ENOUGH
+        self.replicate_group = apart if enough else self._alike
         self.setup, self.setups_from = self._set_ups()
 
     def _find_levels(self, model: Model) -> None:
@@ -274,16 +278,6 @@ class SetPoints:
                 self.levels[name] = apart_in_rounds(
                     values, self.levels[name], cells(rounds, *others), scatter
                 )
-
-    def _within_files(self) -> NDArray[np.intp]:
-        """Repeats are looked for inside each file, where there are enough of them.
-
-        What differs between files (another day, another specimen) is common to all rows of a file and no
-        scatter. Files that hold one round of the same plan each are repeats of each other.
-        """
-        apart = cells(self._recording, self._alike)
-        repeats = apart.size - np.unique(apart).size
-        return apart if repeats >= ENOUGH else self._alike
 
     def _set_ups(self) -> tuple[NDArray[np.intp], str]:
         if "setup" in self._marks:

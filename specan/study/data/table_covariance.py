@@ -211,7 +211,8 @@ def declared_reading(model: Model, centre: Reference, rows: Rows) -> Array:
         if _stated(model, name):
             variance[mine] = _of_reading(model, name, rows.measured[mine])
         elif _stated(model, source):
-            read = _predicted_as(centre, rows, mine, source)
+            part = rows.take(mine)
+            read = centre.predict(replace(part, observable=np.full(part.n, source, dtype="U64")))
             variance[mine] = (rows.measured[mine] / read) ** 2 * _of_reading(model, source, read)
     return variance + declared_conditions(model, centre, rows)
 
@@ -246,12 +247,6 @@ def _of_reading(model: Model, name: str, read: Array) -> Array:
 def is_declared(model: Model, observable: str) -> bool:
     """Whether the rig tells how uncertain a reading is."""
     return _stated(model, observable) or _stated(model, model.observables[observable].reading_of)
-
-
-def _predicted_as(centre: Reference, rows: Rows, mine: NDArray[np.bool_], observable: str) -> Array:
-    """What the reference expects some rows to be as another observable."""
-    part = rows.take(mine)
-    return centre.predict(replace(part, observable=np.full(part.n, observable, dtype="U64")))
 
 
 def declared_setting(model: Model, centre: Reference, rows: Rows) -> Array:

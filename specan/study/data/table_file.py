@@ -58,6 +58,15 @@ class Table:
             raise InputError(f"{self.path}, {self.rows(np.asarray(mask))}: {found}", **more)
 
 
+def beginning(path: Path) -> bytes:
+    """The first bytes of a file, by which its kind is told; none where it cannot be read."""
+    try:
+        with regular(path).open("rb") as file:
+            return file.read(4096)
+    except OSError:
+        return b""
+
+
 def _bytes(path: Path) -> bytes:
     try:
         return regular(path).read_bytes()

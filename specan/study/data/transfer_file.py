@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from specan.errors import InputError, RequestError
 from specan.io.uff import COHERENCE, TRANSFER_FUNCTION, read_uff, recognises
 from specan.schema import regular
-from specan.study.data.table_file import read_table
+from specan.study.data.table_file import beginning, read_table
 from specan.study.data.table_reader import name_and_unit
 from specan.study.observation import Array
 from specan.units import convert
@@ -81,11 +81,7 @@ class MeasuredFrf:
 
 def is_transfer_file(path: Path) -> bool:
     """Whether a file holds transfer functions, by its content: a universal file, or a header with a frequency."""
-    try:
-        with regular(path).open("rb") as file:
-            start = file.read(4096)
-    except OSError:
-        return False
+    start = beginning(path)
     if recognises(start):
         return True
     if b"\0" in start or start.startswith((b"RIFF", b"TDSm", b"PK")):
@@ -112,9 +108,7 @@ def read_transfer_file(path: Path) -> list[MeasuredFrf]:
     InputError
         No transfer function, one part without the other, numbers that are none.
     """
-    with regular(path).open("rb") as file:
-        start = file.read(4096)
-    found = _from_uff(path) if recognises(start) else _from_table(path)
+    found = _from_uff(path) if recognises(beginning(path)) else _from_table(path)
     if not found:
         raise InputError(
             f"{path.name} holds no transfer function",

@@ -340,9 +340,9 @@ def planned_readings(problem: Problem, grid: Mapping[str, Array]) -> TableObserv
     observation = problem.observations[0]
     assert isinstance(observation, TableObservation)
     kinds = list(dict.fromkeys(observation.observable.tolist()))
-    size = next(iter(grid.values())).size
+    size, known = next(iter(grid.values())).size, problem.assembly.model.conditions
     conditions = {
-        name: grid[name] if name in grid else np.full(size, _typical(problem, name, values))
+        name: grid[name] if name in grid else np.full(size, 0.0 if known[name].group else np.median(values))
         for name, values in observation.conditions.items()
     }
     sigma = [observation.sigma[_nearest(observation, kind, conditions, grid)] for kind in kinds]
@@ -363,11 +363,6 @@ def planned_readings(problem: Problem, grid: Mapping[str, Array]) -> TableObserv
         replicate_group=None,
         pure_error_dof=0.0,
     )
-
-
-def _typical(problem: Problem, name: str, values: Array) -> float:
-    """The median; of groups the first."""
-    return 0.0 if problem.assembly.model.conditions[name].group else float(np.median(values))
 
 
 def _nearest(
