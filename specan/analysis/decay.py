@@ -314,7 +314,8 @@ def _averaged(
 ) -> tuple[Real, float, tuple[str, ...]]:
     """Inverse transform of H1, whose blocks are at least twice as long as the response."""
     rate = reference.sampling_rate
-    lines = None if settings.length_s is None else int(np.ceil(2 * settings.length_s * rate / 2.56))
+    _section(settings, recording, (reference, *responses))
+    lines = None if settings.length_s is None else max(8, int(np.ceil(2 * settings.length_s * rate / 2.56)))
     found = TransferFunction(
         reference=reference.path,
         channels=tuple(c.path for c in responses),
@@ -341,7 +342,7 @@ def _deconvolved(
 ) -> tuple[Real, float, tuple[str, ...]]:
     """Division of spectra of the whole section, one response at a time."""
     rate = reference.sampling_rate
-    start, stop = section(recording, (reference, *responses), settings.start_s, settings.stop_s)
+    start, stop = _section(settings, recording, (reference, *responses))
     driven = recording.read((reference,), start, stop)[0]
     driven = driven - np.median(driven)  # a sweep's mean is not its zero
     if not np.isfinite(driven).all() or not driven.any():
@@ -367,17 +368,26 @@ def _deconvolved(
     return found, rate / 2, remarks
 
 
+def _section(
+    settings: ImpulseResponse, recording: Recording, channels: tuple[Channel, ...]
+) -> tuple[int, int]:
+    """First sample of the section and the one behind its last; responses must fit in."""
+    start, stop = section(recording, channels, settings.start_s, settings.stop_s)
+    rate = channels[0].sampling_rate
+    lasts = (stop - start) / rate
+    if settings.length_s is not None and not 1 / rate <= settings.length_s <= lasts:
+        raise RequestError(
+            f"responses of {settings.length_s:g} s do not fit a section of {lasts:.4g} s",
+            expected=f"{1 / rate:.4g} to {lasts:.4g} s",
+        )
+    return start, stop
+
+
 def _length(settings: ImpulseResponse, driven: Real, rate: float) -> tuple[int, tuple[str, ...]]:
     """Samples of the responses, and what is to be said about that."""
     n = driven.size
     if settings.length_s is not None:
-        wanted = round(settings.length_s * rate)
-        if wanted > n:
-            raise RequestError(
-                f"responses of {settings.length_s:g} s do not fit a section of {n / rate:.4g} s",
-                expected=f"at most {n / rate:.4g} s",
-            )
-        return wanted, ()
+        return round(settings.length_s * rate), ()
     end = int(np.flatnonzero(np.abs(driven) > _SILENT * np.abs(driven).max())[-1]) + 1
     if n - end >= _SHORTEST_S * rate:
         return n - end, ()

@@ -105,12 +105,15 @@ def whole_file(path: Path) -> Iterator[Path]:
         The place is a recording, or cannot be written to.
     """
     mode = _mode(path)
-    if path == STANDARD_OUTPUT or (mode and not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)):
+    if stat.S_ISDIR(mode):
+        raise RequestError(f"{path} cannot be written (it is a directory)", remedy="name a file in it")
+    if path == STANDARD_OUTPUT or (mode and not stat.S_ISREG(mode)):
         yield from _copied(path)
         return
     if is_recording(path):
         check_output(path, force=True)  # it was not there when the work began
-    path = path.resolve() if path.is_symlink() else path
+    with suppress(OSError):  # no name of a file: writing says so
+        path = path.resolve() if path.is_symlink() else path
     # One for each process: of two that write to one place, the last to finish wins, and neither mixes with the other.
     half = path.with_name(f".{path.name}.{os.getpid()}{_PART}")
     try:

@@ -78,5 +78,7 @@ def test_what_cannot_be_measured_is_refused() -> None:
     silent = recorded(np.zeros(8000))
     with pytest.raises(InputError, match="holds no signal"):
         ImpulseResponse(method="deconvolution")(silent)
-    with pytest.raises(RequestError, match="do not fit a section"):
-        ImpulseResponse(method="deconvolution", length_s=60)(recorded(exponential_sweep()))
+    for method in ("deconvolution", "H1"):
+        for length in (60.0, 1e-9):
+            with pytest.raises(RequestError, match="do not fit a section"):
+                ImpulseResponse(method=method, length_s=length)(recorded(exponential_sweep()))

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from specan.errors import RequestError
-from specan.io.output_file import check_output, is_recording, whole_file, written_by_specan
+from specan.io.output_file import check_output, is_recording, text_file, whole_file, written_by_specan
 from truth.rig import box_rig, calibrator_take, noise_take
 from truth.rig_files import write_tdms
 
@@ -191,6 +191,8 @@ def test_a_recording_that_comes_while_the_work_goes_on_is_kept(tmp_path) -> None
 def test_a_place_that_is_not_there_is_no_file_to_lose(tmp_path) -> None:
     check_output(tmp_path / "none" / "a.txt")
     check_output(Path("x" * 300))
+    with pytest.raises(RequestError, match="cannot be written"), text_file(tmp_path / ("x" * 300)):
+        pass
 
 
 def test_two_processes_with_one_target_do_not_mix(tmp_path, monkeypatch):

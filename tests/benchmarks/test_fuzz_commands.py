@@ -1,0 +1,52 @@
+"""A small fixed part of the fuzz of options and of studies."""
+
+import sys
+from contextlib import chdir
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+
+import fuzz_commands
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    place = tmp_path_factory.mktemp("good")
+    with chdir(place):
+        fuzz_commands.made(place)
+    return place
+
+
+def test_every_command_has_a_line_to_begin_with() -> None:
+    from specan_cli.main import main
+
+    assert {path for path, _ in fuzz_commands.commands(main)} == set(fuzz_commands.ARGUMENTS)
+
+
+def test_an_odd_value_of_an_option_is_answered_or_refused(good) -> None:
+    lines = [words for words in fuzz_commands.tried(1, np.random.default_rng(1)) if words[0] != "simulate"]
+    assert [fault for words in lines[::5] for fault in fuzz_commands.on_copies(good, words)] == []
+
+
+@pytest.mark.long
+def test_no_option_of_any_command_has_a_victim(good) -> None:
+    assert list(fuzz_commands.options(good, 1, 2)) == []
+
+
+def test_damaged_studies_are_answered_or_refused(good) -> None:
+    assert list(fuzz_commands.studies(good, 6, 4)) == []
+
+
+def test_the_fuzz_sees_a_file_that_is_changed_and_an_internal_error(good, monkeypatch) -> None:
+    def ends(*words):
+        Path("t.csv").write_text("")
+        return [f"{words[0]}: KeyError: 1"]
+
+    monkeypatch.setattr(fuzz_commands.fuzz, "by_command", ends)
+    assert fuzz_commands.on_copies(good, ("info", "noise.tdms")) == [
+        "info: KeyError: 1",
+        "info noise.tdms: t.csv was changed",
+    ]
