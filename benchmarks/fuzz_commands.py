@@ -20,9 +20,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import click
-import numpy as np
-
 import fuzz
+import numpy as np
 
 ODD = (
     "", " ", "nan", "inf", "-1", "0", "1e300", "1e-300", "x", "ä=β", "a,b,c", "1:2:3", "/", "9" * 400, "=", "1=nan",
@@ -75,7 +74,7 @@ def made(place: Path) -> None:
 NEW = ("study", "new", "--model", "spring.py", "--rig", "rig.toml", "--measurement", "t.csv", "-q")
 # What each command is given beside the option that is tried; commands on studies get a copy of the good one.
 ARGUMENTS: dict[str, tuple[str, ...]] = {
-    **{verb: ("noise.tdms",) for verb in ("info", "octave", "fft", "frf", "impulse", "rms", "srs", "decay")},
+    **dict.fromkeys(("info", "octave", "fft", "frf", "impulse", "rms", "srs", "decay"), ("noise.tdms",)),
     "orders": ("timed.tdms", "--speed", "10"),
     "calibrate": ("calibrator.tdms",),
     "export": ("noise.tdms", "-o", "out.csv"),
