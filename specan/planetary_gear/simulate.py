@@ -51,7 +51,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     from specan.io.output_file import check_directory
     from specan.planetary_gear.model.compiled import HAS_NUMBA
-    from specan.planetary_gear.model.dynamics import check_duration, simulate, step_error
+    from specan.planetary_gear.model.dynamics import check_duration, simulate
     from specan.planetary_gear.model.simulated_recording import recorded_channels
 
     if options["effects"] or options["without"]:
@@ -63,13 +63,11 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     if not HAS_NUMBA:
         say("Each second of the run takes some forty; install specan[fast] (numba) to have it in about one.")
     motion = simulate(rig, duration, sampling_rate=RATE)
-    error = step_error(rig) if HAS_NUMBA else None
     channels = recorded_channels(motion, RATE)
     write_recording(path, channels, RATE, _described(rig), noise=(options["noise"], options["seed"]))
-    halved = "" if error is None else f": forces change by {error:.1e} when it is halved"
     say(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")
-    say(f"step {1e6 * motion.step_s:.3g} us{halved}")
-    show_recording(channels, options["as_json"], step_s=motion.step_s, step_error=error)
+    say(f"step {1e6 * motion.step_s:.3g} us")
+    show_recording(channels, options["as_json"], step_s=motion.step_s)
 
 
 def _described(rig: Any) -> dict[str, object]:

@@ -146,13 +146,6 @@ def _low_pass() -> Real:
     return taps / taps.sum()
 
 
-def step_error(rig: Rig, duration_s: float = 0.05) -> float:
-    """Largest change of a mesh force when the step is halved, over the largest force."""
-    coarse, fine = simulate(rig, duration_s), simulate(rig, duration_s, refine=2)
-    top = float(np.abs(fine.sun_force).max())
-    return float(np.abs(coarse.sun_force - fine.sun_force).max() / top)
-
-
 def force_normal_angle(rig: Rig, motion: Motion) -> tuple[Real, Real]:
     """Directions of the forces on the sun and on the ring, rad from the horizontal, (planets, samples)."""
     if rig.gear is None:

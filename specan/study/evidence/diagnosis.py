@@ -89,7 +89,8 @@ class _Telling:
         judged, base = self.judged, self.base
         kind, sets = judged.kind, judged.sets
         best = self.refit(self._best.best)
-        pulled = self.try_to("values outside their known range", lambda: pulls(best), ())
+        shown_of = base if kind == "unknown-effect" else best
+        pulled = self.try_to("values outside their known range", lambda: pulls(shown_of), ())
         fails_at = self.try_to("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
         error = self.try_to("the error", lambda: error_fall(base, best if sets else base), None)
         law = None

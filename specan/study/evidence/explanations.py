@@ -53,6 +53,7 @@ AS_GOOD = 1.0  # ln of the best probability over that of something else, from wh
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to a promise
 LISTED = 9.0  # ln of the best probability over that of what counts at all
 STARTS = 2  # of another form of the base
+BY_CHANCE = 3.0  # standard deviations of chi-square (2 n its variance)
 BESIDE = 4  # sets beside which something else is looked for
 
 
@@ -95,10 +96,18 @@ class Explanation:
 
     @property
     def names_its_effects(self) -> bool:
-        """Whether what its effects leave, if anything, may be due to the form of their equations."""
-        left = self.tangent.chi2 - self.tangent.residual.size
+        """Whether what its effects leave, if anything, may be due to the form of their equations, or chance.
+
+        A share s of what they change, if it is wrong, leaves s^2 of the chi-square that they take away.
+        """
+        rows = self.tangent.residual.size
+        left = self.tangent.chi2 - rows
         taken = self.form.tangent.chi2 - self.tangent.chi2
-        return self.kind == "effects" or bool(self.uses and left < FORMS[-1] ** 2 * taken)
+        if self.kind == "effects":
+            if not self.tangent.problem.strategy.frugal:
+                return True
+            left -= BY_CHANCE * np.sqrt(2 * rows)
+        return bool(self.uses and left < FORMS[-1] ** 2 * taken)
 
     @property
     def ln_joint(self) -> float:

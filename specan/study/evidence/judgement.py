@@ -71,8 +71,12 @@ def stated(explanations: Explanations) -> tuple[Stated, ...]:
     kinds: dict[tuple[str, EffectSet, str], list[tuple[float, Explanation]]] = {}
     for probability, one in explanations.probabilities:
         kind, uses = one.kind, one.uses
-        if kind == "unknown":
-            kind, uses = ("effects", uses) if one.names_its_effects else (kind, frozenset())
+        if kind in ("effects", "unknown") and one.names_its_effects:
+            kind = "effects"
+        elif kind in ("effects", "unknown"):
+            if kind == "effects":  # it stays among what was tried
+                kinds.setdefault((kind, uses, ""), []).append((0.0, one))
+            kind, uses = "unknown", frozenset()
         key = kind, uses, one.fault.name if one.fault else ""
         kinds.setdefault(key, []).append((probability, one))
     found = [Stated(*key, sum(p for p, _ in own), own[0][1]) for key, own in kinds.items()]

@@ -1,17 +1,22 @@
 """The evidence against laws written out whole, and what is said of planted effects, unknowns, faults and nothing."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
+from specan.models import Use
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
+from specan.study.evidence.explanations import Explanation
+from specan.study.evidence.judgement import stated
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.noise import Autoregression, autoregressions
 from specan.study.evidence.smooth import kernel_root, operating_points
+from specan.study.observation import Strategy
 from specan.study.verdict import headline
 
 
@@ -149,3 +154,22 @@ def test_noise_that_follows_itself_names_nothing(toy):
         found = told(toy.problem(lambda x, z, own=noise: own, ["tilt", "cross"], noise=0.0))
         wrong += found.verdict != "nothing-missing"
     assert wrong <= 1
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.0, True), (0.25, True), (0.5, False), (0.9, False)])
+def test_complex_lines_that_an_equation_cannot_leave_name_no_effect(share, named):
+    # Of a change c an equation that is wrong by a share s leaves s c: of chi-square s^2 |c|^2 beside the noise.
+    rng = np.random.default_rng(4)
+    noise, change = rng.standard_normal(4000), 30 * np.sin(np.arange(4000) / 50)
+    lines = SimpleNamespace(strategy=Strategy(frugal=True))
+
+    def left(part):
+        residual = noise + part * change
+        return SimpleNamespace(chi2=residual @ residual, residual=residual, problem=lines)
+
+    form = SimpleNamespace(tangent=left(1.0))
+    found = Explanation("effects", form, frozenset({Use("leak")}), left(share), 0.0, 0.0)
+    explanations = SimpleNamespace(probabilities=[(1.0, found)])
+    likeliest, *others = stated(explanations)
+    assert (likeliest.kind, likeliest.probability) == ("effects" if named else "unknown", 1.0)
+    assert [one.kind for one in others] == ([] if named else ["effects"])  # it stays among what was tried
