@@ -104,7 +104,7 @@ class Explanation:
         left = self.tangent.chi2 - rows
         taken = self.form.tangent.chi2 - self.tangent.chi2
         if self.kind == "effects":
-            if not self.tangent.problem.strategy.frugal:
+            if not (self.fitted and self.tangent.problem.strategy.frugal):
                 return True
             left -= BY_CHANCE * np.sqrt(2 * rows)
         return bool(self.uses and left < FORMS[-1] ** 2 * taken)
