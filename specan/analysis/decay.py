@@ -232,8 +232,8 @@ def _evaluate(energy: Real, arrival: int, recorded: int, step_s: float, width: f
     for name, limit in (("c50_dB", 0.050), ("c80_dB", 0.080)):
         late = float(np.interp(limit, times - 0.5 * step_s, curve, right=math.nan))
         found[name] = 10.0 * math.log10((total - late) / late) if 0 < late < total else math.nan
-        if limit == 0.050:
-            found["d50_percent"] = 100.0 * (1.0 - late / total)
+        if limit == 0.050:  # noise that is stronger than the response leaves none
+            found["d50_percent"] = 100.0 * (1.0 - late / total) if 0 <= late <= total else math.nan
     # The integral of t p^2 is that of the decay curve.
     found["centre_time_s"] = float(np.sum(curve) * step_s / total)
     return found

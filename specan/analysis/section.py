@@ -258,7 +258,7 @@ def channel_named(
         raise InputError(
             f"{recording.label} has no {' or '.join(roles)} channel",
             expected=what,
-            remedy=remedy or "name a channel as the reference",
+            remedy=remedy or "name one with --reference CH (reference= in Python)",
         )
     return found[0]
 

@@ -128,7 +128,9 @@ class RecordStart:
         points = fast_length(2 * n)
         lines = np.fft.rfft(response, points)
         decays = np.fft.irfft(np.fft.rfft(rises, points) * lines, points)[:, n : 2 * n]
-        self._decays = decays / np.linalg.norm(decays, axis=1, keepdims=True)
+        sizes = np.linalg.norm(decays, axis=1)
+        known = sizes > 0  # of slow sampling: a rise over many octaves above it leaves nothing
+        self._decays = decays[known] / sizes[known, None]
         self._window, self._step = round(_WINDOW * rate), max(round(_STEP * rate), 1)
         self._later = int(_SINCE * n)
         self.seen = self._later + self._window + _LATER * self._step

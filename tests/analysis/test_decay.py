@@ -105,3 +105,12 @@ def test_a_record_that_ends_at_its_arrival_has_no_decay_and_costs_no_other_chann
     assert beside.t20_s[1] == pytest.approx(alone.t20_s[0], nan_ok=True)
     assert np.isnan(beside.t20_s[0][alone.bandwidth_hz < RATE / 100]).all()
     assert left > 3 or beside.words[0] == ("short",)
+
+
+def test_a_definition_is_a_percentage_or_left_out():
+    """Of noise alone no response is left: what would be a definition of -160 % is none."""
+    noise = np.random.default_rng(5).standard_normal(16000)
+    found = Decay()(Recording.from_arrays({"Mic 1": noise}, 8000, units={"Mic 1": "Pa"}))
+    known = found.d50_percent[np.isfinite(found.d50_percent)]
+    assert np.all((known >= 0) & (known <= 100))
+    assert known.size < found.d50_percent.size
