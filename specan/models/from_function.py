@@ -31,54 +31,54 @@ def fields_from_functions(
     functions: Sequence[Callable[..., Any]],
     conditions: Mapping[str, Any],
     observables: Mapping[str, Any],
-    parameters: Mapping[str, Any],
-    units: Mapping[str, str],
-    effects: Sequence[Effect],
-    uncertainty: Mapping[str, float],
+    more: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Fields of the model that `specan.models.model.Model.from_function` makes; see there."""
+    """Fields of the model that `specan.models.model.Model.from_function` makes; `more` are its other arguments."""
     named = _named(functions, observables)
     known = {name: _condition(name, given) for name, given in conditions.items()}
     measured = {name: _observable(name, given, named[name]) for name, given in observables.items()}
-    starts = {name: _parameter(name, given) for name, given in parameters.items()}
+    starts = {name: _parameter(name, given) for name, given in more["parameters"].items()}
     for function in named.values():
-        for argument, start in _defaults(function).items():
-            if argument not in known and argument not in named:
-                starts.setdefault(argument, _parameter(argument, start))
+        for argument in inspect.signature(
+            function
+        ).parameters.values():  # with a starting value, as lmfit takes them
+            if argument.default is not inspect.Parameter.empty and argument.name not in {*known, *named}:
+                starts.setdefault(argument.name, _parameter(argument.name, argument.default))
     _check_names(named, known, starts)
-    effects = [as_declared(effect) for effect in effects]
+    effects = [as_declared(effect) for effect in more["effects"]]
     shared = _shared(named, starts, effects)
     quantities = {name: of_parameter(name, starts[name]) for name in shared}
     for name, function in named.items():
         own = {p: starts[p] for p in _arguments(function) if p in starts and p not in shared}
         reads = tuple(a for a in _arguments(function) if a not in own)
-        for argument in reads:
-            if argument not in known and argument not in named and argument not in shared:
-                raise RequestError(
-                    f"{place_of(function)}: {name!r} reads {argument!r}, which is not a condition and no parameter",
-                    expected="each argument in conditions=, in parameters=, or a function of that name",
-                    remedy=nearest(argument, [*known, *starts, *named]),
-                )
-        unit = _unit_of(name, measured, units)
+        _check_reads(function, name, reads, [*known, *starts, *named])
+        unit = _unit_of(name, measured, more["units"])
         doc = (inspect.getdoc(function) or name).split("\n")[0]
         quantities[name] = Quantity(name, unit, doc, _by_name(function, reads), reads, own)
     rig = {
         "limits": {n: list(given[1:3]) for n, given in conditions.items() if _is_span(given)},
-        "uncertainty": {
-            **_stated(observables),
-            **uncertainty,
-        },
+        "uncertainty": {**_stated(observables), **more["uncertainty"]},
     }
+    statement = rig_statement(rig, known.values(), measured.values())
     return {
         "conditions": known,
         "quantities": quantities,
         "effects": {effect.name: effect for effect in effects},
         "observables": measured,
-        "rig": replace(
-            rig_statement(rig, known.values(), measured.values()),
-            discrepancies=_discrepancies(observables, named),
-        ),
+        "rig": replace(statement, discrepancies=_discrepancies(observables, named)),
     }
+
+
+def _check_reads(
+    function: Callable[..., Any], name: str, reads: tuple[str, ...], known: Sequence[str]
+) -> None:
+    for argument in reads:
+        if argument not in known:
+            raise RequestError(
+                f"{place_of(function)}: {name!r} reads {argument!r}, which is not a condition and no parameter",
+                expected="each argument in conditions=, in parameters=, or a function of that name",
+                remedy=nearest(argument, known),
+            )
 
 
 def _by_name(function: Callable[..., Any], reads: tuple[str, ...]) -> Instead:
@@ -143,12 +143,6 @@ def _arguments(function: Callable[..., Any]) -> list[str]:
             )
         found.append(name)
     return found
-
-
-def _defaults(function: Callable[..., Any]) -> dict[str, Any]:
-    """Arguments with a starting value in the signature, as lmfit takes them."""
-    arguments = inspect.signature(function).parameters.values()
-    return {a.name: a.default for a in arguments if a.default is not inspect.Parameter.empty}
 
 
 def _shared(

@@ -305,15 +305,9 @@ class Model:
         >>> found["cooling"].round(1).tolist()
         [90.0, 45.8]
         """
-        fields = fields_from_functions(
-            (function, *parts),
-            conditions,
-            observables,
-            parameters or {},
-            units or {},
-            effects,
-            uncertainty or {},
-        )
+        more = {"parameters": parameters or {}, "units": units or {}, "effects": effects}
+        more["uncertainty"] = uncertainty or {}
+        fields = fields_from_functions((function, *parts), conditions, observables, more)
         first = next(iter(observables))
         name = name or name_of(function) or first
         title = title or title_of(function) or first

@@ -155,54 +155,25 @@ def fields_from_rates(
     RequestError
         A state without a rate, an observable that is nothing known or in another unit.
     """
-    named = {f.__name__ for f in functions}
-    for name in states:
-        if f"d{name}" not in named:
-            raise RequestError(
-                f"the state {name!r} has no rate",
-                expected=f"a function d{name}",
-                remedy="write one, and pass it",
-            )
+    _check_rates(functions, states)
     effects = [_with_reads(effect) for effect in more["effects"]]
     units = {f"d{name}": f"{state.unit}/s" for name, state in states.items()} | more["units"]
     channels = {name: f"{name}_channel" for name in inputs}
     input_units = {name: given if isinstance(given, str) else given[0] for name, given in inputs.items()}
     known = {name: state.unit for name, state in states.items()} | units | input_units
     signals = {name: _signal(name, given, known) for name, given in observables.items()}
-    conditions = {
-        TIME: Condition(TIME, SECONDS, "Time since the recording began.", TIME, SECONDS, varies=False),
-        **{
-            channel: Condition(channel, known[n], f"Recorded {n}.", n, known[n], label=n)
-            for n, channel in channels.items()
-        },
-        **{
-            f"{n}_first": Condition(
-                f"{n}_first", known[n], f"First value of {n}.", f"{n}_first", known[n], 0.0, varies=False
-            )
-            for n, state in states.items()
-            if state.start == MEASURED
-        },
-    }
+    conditions = _conditions(states, known, channels)
     others = [
         *(_passed_on(n, known[n], f"The input {n}.", channel) for n, channel in channels.items()),
         *(part for n, signal in signals.items() for part in _of_sensor(n, signal.unit, known[n])),
     ]
-    asked = {
-        **{n: s.unit for e in effects for n, s in e.states.items()},
-        **{n: s.unit for n, s in states.items()},
-        **{node.name: node.unit for node in others},
-    }  # what the functions may read beside each other
-    fields = fields_from_functions(
-        functions, {**conditions, **{n: Condition(n, unit, n) for n, unit in asked.items()}}, {},
-        more["parameters"], units, effects, {},
-    )  # fmt: skip
-    measured = {
-        name: Observable(
-            name, f"{name}_measured", one.unit, f"{name} as it is measured.", column=one.channel or name,
-            column_unit=one.unit, kind=KIND,
-        )
-        for name, one in signals.items()
-    }  # fmt: skip
+    # what the functions may read beside each other
+    stated = [*states.items(), *(one for e in effects for one in e.states.items())]
+    asked = {**{n: state.unit for n, state in stated}, **{node.name: node.unit for node in others}}
+    beside = {n: Condition(n, unit, n) for n, unit in asked.items()}
+    given = {**more, "units": units, "effects": effects, "uncertainty": {}}
+    fields = fields_from_functions(functions, {**conditions, **beside}, {}, given)
+    measured = {name: _measured(name, one) for name, one in signals.items()}
     noise = {name: one.uncertainty for name, one in signals.items() if one.uncertainty is not None}
     tolerances = {
         name: 0.1 * sd * scale_to(signals[name].unit, states[name].unit)
@@ -217,6 +188,44 @@ def fields_from_rates(
         "rig": rig_statement({"uncertainty": noise}, (), measured.values()),
         "rates": Rates(states, channels, tolerances),
     }
+
+
+def _check_rates(functions: Sequence[Callable[..., Any]], states: Mapping[str, State]) -> None:
+    named = {f.__name__ for f in functions}
+    for name in states:
+        if f"d{name}" not in named:
+            raise RequestError(
+                f"the state {name!r} has no rate",
+                expected=f"a function d{name}",
+                remedy="write one, and pass it",
+            )
+
+
+def _conditions(
+    states: Mapping[str, State], known: Mapping[str, str], channels: Mapping[str, str]
+) -> dict[str, Condition]:
+    """Time, the recorded inputs, and first values of channels that states start from."""
+    return {
+        TIME: Condition(TIME, SECONDS, "Time since the recording began.", TIME, SECONDS, varies=False),
+        **{
+            channel: Condition(channel, known[n], f"Recorded {n}.", n, known[n], label=n)
+            for n, channel in channels.items()
+        },
+        **{
+            f"{n}_first": Condition(
+                f"{n}_first", known[n], f"First value of {n}.", f"{n}_first", known[n], 0.0, varies=False
+            )
+            for n, state in states.items()
+            if state.start == MEASURED
+        },
+    }
+
+
+def _measured(name: str, one: Signal) -> Observable:
+    return Observable(
+        name, f"{name}_measured", one.unit, f"{name} as it is measured.", column=one.channel or name,
+        column_unit=one.unit, kind=KIND,
+    )  # fmt: skip
 
 
 def _signal(name: str, given: Any, known: Mapping[str, str]) -> Signal:

@@ -99,6 +99,11 @@ def begin(
     content = {key: value for key, value in content.items() if value}
     model = with_groups(model, groups)
     content["effect"] = _effects(model, model.base_effects if effects is None else effects, len(measurements))
+    return _begun(directory, model_name, content)
+
+
+def _begun(directory: Path, model_name: str, content: dict[str, Any]) -> Begun:
+    """The study that a content describes, in its directory; nothing is left behind where there is a fault."""
     existed = directory.exists()
     directory.mkdir(parents=True, exist_ok=True)
     try:
@@ -110,7 +115,9 @@ def begin(
                 Study(directory, draft=StudyText.begin(directory / NAME, content))
             )
         except RequestError as fault:
-            raise _about_own_file(fault, directory, content["model"], model_name) from None
+            # told of the file that the user has: the study's copy goes
+            found = fault.found.replace(str(directory / content["model"]), model_name)
+            raise type(fault)(found, expected=fault.expected, remedy=fault.remedy) from None
         step = study.step("new")
         with changing(directory):
             if (directory / NAME).exists():
@@ -121,12 +128,6 @@ def begin(
             shutil.rmtree(directory, ignore_errors=True)
         raise
     return Begun(study, step, held)
-
-
-def _about_own_file(fault: RequestError, directory: Path, copy: str, own: str) -> RequestError:
-    """A fault in the study's copy of a model file, told of the file that the user has: the copy goes."""
-    fault.found = fault.found.replace(str(directory / copy), own)
-    return type(fault)(fault.found, expected=fault.expected, remedy=fault.remedy)
 
 
 def _data_entry(directory: Path, path: Path, model: Model, sheet: str) -> dict[str, Any]:
