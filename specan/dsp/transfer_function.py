@@ -178,7 +178,7 @@ def _response(
     if estimator == "H1":
         return cross / auto_reference, left, gain
     if estimator == "H2":
-        return auto_response / np.conj(cross), left, gain
+        return np.asarray(auto_response / np.conj(cross), dtype=complex), left, gain
     if estimator == "Hv":
         size = np.sqrt(auto_response / auto_reference)
         return np.asarray(size * (cross / np.abs(cross)), dtype=complex), left, gain
