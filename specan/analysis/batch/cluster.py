@@ -15,7 +15,7 @@ from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.one_file import Outcome, Task, analyse_unchanged
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.store import identify, program_identity
-from specan.errors import RequestError
+from specan.errors import RequestError, library
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -68,17 +68,11 @@ def spread_over_cluster(
 
 @contextmanager
 def _connected(address: str) -> Iterator[Client]:
-    try:
-        from distributed import Client
-    except ImportError:
-        raise RequestError(
-            "a cluster needs the package distributed",
-            remedy="install it with the extra 'cluster' of specan",
-        ) from None
+    distributed = library("distributed", "cluster")
     if not re.fullmatch(r"(\w+://)?[^/]+:\d+", address):
         raise RequestError(f"{address!r} is not an address of a cluster", expected=_EXAMPLE)
     try:
-        client = Client(address, timeout=ANSWER, set_as_default=False)
+        client = distributed.Client(address, timeout=ANSWER, set_as_default=False)
     except (OSError, ValueError) as fault:
         raise RequestError(
             f"the cluster address {address} does not answer ({str(fault).splitlines()[0]})",
@@ -102,19 +96,6 @@ def _ready(client: Client, running: Mapping[Future, int]) -> list[Future]:
         if not client.nthreads():
             _wait_for_workers(client)
         return []
-
-
-def _by_all(found: Refusal) -> RequestError:
-    """The error of a task that no worker can do."""
-    if found.everywhere:
-        return RequestError(
-            found.reason, remedy="install the same versions everywhere and restart the workers"
-        )
-    return RequestError(
-        found.reason,
-        expected="recordings on a path that every worker sees, the same as here",
-        remedy="mount it there; what is done is kept",
-    )
 
 
 def _outcomes(
@@ -143,7 +124,10 @@ def _outcomes(
                 continue
             refused[position][found.worker] = found.reason
             if found.everywhere or not set(client.nthreads()) - set(refused[position]):
-                raise _by_all(found)
+                remedy = "mount the recordings on a path that every worker sees, the same as here; what is done is kept"
+                if found.everywhere:
+                    remedy = "install the same versions everywhere and restart the workers"
+                raise RequestError(found.reason, remedy=remedy)
             if found.worker not in told:
                 told.add(found.worker)
                 warn(f"{found.reason}; its files go to other workers.")
