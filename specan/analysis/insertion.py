@@ -535,7 +535,7 @@ def _fit_windows(
 def _clipped(quality: Quality, top: float | None) -> bool:
     """Whether the tone rests on a rail, or one sample reaches a range that is known."""
     reaches = top is not None and max(quality.maximum, -quality.minimum) >= top * (1 - 1e-6)
-    return quality.clipped_low or quality.clipped_high or reaches
+    return quality.clipped or reaches
 
 
 def _stands_still(samples: NDArray[np.float64], period: float) -> NDArray[np.bool_]:

@@ -62,8 +62,8 @@ class QualityAccumulator:
 
     def __init__(self, channels: tuple[Channel, ...], start: int = 0, stop: int = 0) -> None:
         self.channels, self.start, self.stop = channels, start, stop
-        self._count, self._grid = 0, OverlappedBlocks(_GRID)
-        self._not_finite = np.zeros(len(channels), dtype=np.int64)
+        self._grid = OverlappedBlocks(_GRID)
+        self._not_finite = [False] * len(channels)
         self._rails = [(_Rail(), _Rail()) for _ in channels]
         self._tail = np.empty((len(channels), 0))
 
@@ -80,7 +80,7 @@ class QualityAccumulator:
             samples, border = block[row], np.concatenate([self._tail[row], block[row, :_HEAD]])
             if not (highest[row] < LARGEST and lowest[row] > -LARGEST):
                 usable = np.abs(samples) < LARGEST
-                self._not_finite[row] += int((~usable).sum())
+                self._not_finite[row] |= not usable.all()
                 samples, border = samples[usable], border[np.abs(border) < LARGEST]
             if not samples.size:
                 continue
@@ -93,7 +93,6 @@ class QualityAccumulator:
                     rail.clipped = _rests(
                         sign * samples, sign * border, rail.extreme, span, channel.full_scale
                     )
-        self._count += block.shape[1]
         self._tail = np.concatenate([self._tail, block[:, -_HEAD:]], axis=1)[:, -_HEAD:]
 
     def result(self) -> tuple[Quality, ...]:
@@ -102,16 +101,12 @@ class QualityAccumulator:
             self._take(self._grid.rest)
         return tuple(
             Quality(
-                channel=channel.label,
-                unit=channel.unit,
-                n_samples=self._count,
-                n_not_finite=int(missing),
                 minimum=-low.extreme if np.isfinite(low.extreme) else float("nan"),
                 maximum=high.extreme if np.isfinite(high.extreme) else float("nan"),
-                clipped_low=low.clipped,
-                clipped_high=high.clipped,
+                clipped=low.clipped or high.clipped,
+                not_finite=missing,
             )
-            for channel, missing, (low, high) in zip(self.channels, self._not_finite, self._rails)
+            for missing, (low, high) in zip(self._not_finite, self._rails)
         )
 
 

@@ -34,34 +34,26 @@ class Quality:
 
     Attributes
     ----------
-    n_samples : int
-        Samples looked at.
-    n_not_finite : int
-        How many of them are NaN or infinite.
     minimum, maximum : float
-        Extremes of the finite samples, in `unit`; NaN if there are none.
-    clipped_low, clipped_high : bool
-        Whether the signal rests on its lower or upper rail.
-    flags : tuple of str
-        ``dead`` (all samples equal), ``nan`` (some are not finite, or too large for their squares), ``clipped``.
+        Of the finite samples; NaN where there is none.
+    clipped : bool
+        Whether the signal rests on one of them.
+    not_finite : bool
+        Whether there are samples that are not finite, or too large to be squared.
     """
 
-    channel: str
-    unit: str
-    n_samples: int
-    n_not_finite: int
     minimum: float
     maximum: float
-    clipped_low: bool
-    clipped_high: bool
+    clipped: bool
+    not_finite: bool
 
     @property
     def flags(self) -> tuple[str, ...]:
         """Words for the result tables, in alphabetical order."""
         words = {
-            "clipped": self.clipped_low or self.clipped_high,
-            "dead": self.n_not_finite == 0 and self.minimum == self.maximum,
-            "nan": self.n_not_finite > 0,
+            "clipped": self.clipped,
+            "dead": not self.not_finite and self.minimum == self.maximum,
+            "nan": self.not_finite,
         }
         return tuple(word for word, holds in words.items() if holds)
 
