@@ -38,8 +38,8 @@ def section(
         The section is empty or begins after the end of the recording.
     """
     rate, length = channels[0].sampling_rate, min(c.n_samples for c in channels)
-    start = round(start_s * rate)
-    stop = length if stop_s is None else min(length, round(stop_s * rate))
+    ends = np.array([start_s * rate, length if stop_s is None else stop_s * rate])
+    start, stop = (round(end) for end in np.clip(np.nan_to_num(ends, nan=-1.0), -1, length).tolist())
     if start < 0 or start >= stop:
         wanted = f"{start_s:g} s to " + ("its end" if stop_s is None else f"{stop_s:g} s")
         raise RequestError(

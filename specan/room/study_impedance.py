@@ -12,7 +12,7 @@ from specan_cli.study import study_options, told
 
 if TYPE_CHECKING:
     from specan.room.wall_impedance.advice import Advice
-    from specan.room.wall_impedance.surface_impedance import Impedance, Interval
+    from specan.room.wall_impedance.surface_impedance import Impedance
 
 
 @click.command("impedance", cls=Verb)
@@ -86,10 +86,6 @@ def _rows(found: Impedance, wall: str) -> list[list[str]]:
                 (alpha, ".3f"),
                 (row.absorption_diffuse, ".2f"),
             )
-            cells = [_span(interval, digits) for interval, digits in shown]
+            cells = [f"{one.value:{digits}} {one.low:{digits}}..{one.high:{digits}}" for one, digits in shown]
         rows.append([f"{row.third_octave_hz:g}", *cells])
     return rows
-
-
-def _span(found: Interval, digits: str) -> str:
-    return f"{found.value:{digits}} {found.low:{digits}}..{found.high:{digits}}"

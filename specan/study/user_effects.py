@@ -112,8 +112,9 @@ def read_effect_file(path: Path) -> EffectFile:
     RequestError
         It is missing or cannot be loaded.
     """
-    if not path.exists():
-        raise RequestError(f"the effect file {path} does not exist", remedy="check the path")
+    if not path.exists() or path.is_dir():
+        what = "is a directory" if path.is_dir() else "does not exist"
+        raise RequestError(f"the effect file {path} {what}", remedy="check the path")
     content = regular(path).read_bytes()
     return EffectFile(path, content, tuple(effects_from_file(path, content)))
 

@@ -151,3 +151,12 @@ def test_a_missing_library_is_named(recording, tmp_path, monkeypatch) -> None:
     code, message = run(recording, "-o", tmp_path / "a.uff")
     assert code == 2
     assert "pip install 'specan[uff]'" in message
+
+
+@pytest.mark.parametrize("seconds", ["nan", "inf", "-inf", "1e308", "-1e308"])
+def test_a_section_that_is_no_time_is_refused(seconds, tmp_path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Time (s),Mic 1 (Pa)\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(200)))
+    words = ["export", str(path), "-o", str(tmp_path / "out.csv"), f"--start={seconds}"]
+    with pytest.raises(SpecanError, match="holds no sample"):
+        CliRunner().invoke(main, words, catch_exceptions=False, standalone_mode=False)

@@ -183,6 +183,7 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
     card_of = np.zeros(count, dtype=int)
     for number, (low, high) in enumerate(cards):
         card_of[low - 1 : high] = number
+    ratios = [(one.level_dB, one.delay_s, -1.0 if one.inverted else 1.0) for one in rig.loudspeakers]
     celsius, humidity = rig.air.nominal_temperature_C, rig.air.relative_humidity_percent
     listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
         ("nominal_air_temperature", celsius + air.ZERO_CELSIUS, "K", "As the rig file states it.", ()),
@@ -197,7 +198,8 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
         ("source_position", np.array(rig.piston.centre_m), "m", "Centre of the piston.", ()),
         ("piston_wall", walls.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
         ("piston_radius", rig.piston.radius_m, "m", "Radius of the piston.", ()),
-        ("loudspeaker_nominal", _ratios(rig), "1", "Level (dB), delay (s) and sign against the piston.", ()),
+        ("loudspeaker_nominal", np.array(ratios).reshape(-1, 3).T, "1",
+         "Level (dB), delay (s) and sign against the piston.", ()),
         ("third_octave_hz", _bands(rig), "Hz", "Third octaves of the band.", ("third_octave",)),
     ]  # fmt: skip
     further = tuple((walls.index(s.wall), np.array(s.centre_m), s.radius_m) for s in rig.loudspeakers)
@@ -212,11 +214,6 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
 def solver_constant(name: str, value: Any, doc: str) -> Quantity:
     """A constant that is no number: no effect adds to it."""
     return replace(constant(name, value, "1", doc), opaque=True)
-
-
-def _ratios(rig: Rig) -> np.ndarray:
-    stated = [(one.level_dB, one.delay_s, -1.0 if one.inverted else 1.0) for one in rig.loudspeakers]
-    return np.array(stated).reshape(-1, 3).T
 
 
 def _of_walls(

@@ -84,7 +84,11 @@ def wall_table(wall: str, given: KnownWall, band_hz: tuple[float, float]) -> Wal
     """
     where = f"[walls.{wall}]"
     if given.file is not None:
-        given = given.model_copy(update=_columns(Path(given.file)))
+        path = Path(given.file)
+        wanted = f"frequency_hz, and of {', '.join(COLUMNS[1:])} those that are known"
+        rows = read_rows(path, "frequency_hz", wanted)
+        columns = {name: tuple(numbers(path, rows, name).tolist()) for name in COLUMNS if name in rows[0]}
+        given = given.model_copy(update=columns)
         where = f"{Path(given.file or '').name} of wall {wall}"
     stated = [name for name in ("z_re", *LAWS) if getattr(given, name)]
     if len(stated) != 1:
@@ -174,13 +178,6 @@ def _values(where: str, name: str, given: float | Sequence[float] | None, freque
             expected="one value a frequency",
         )
     return np.broadcast_to(values, frequency.shape)
-
-
-def _columns(path: Path) -> dict[str, tuple[float, ...]]:
-    rows = read_rows(
-        path, "frequency_hz", f"frequency_hz, and of {', '.join(COLUMNS[1:])} those that are known"
-    )
-    return {name: tuple(numbers(path, rows, name).tolist()) for name in COLUMNS if name in rows[0]}
 
 
 def tied(walls: Sequence[str], together: Sequence[Sequence[str]]) -> dict[str, tuple[str, ...]]:

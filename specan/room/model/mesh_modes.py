@@ -74,7 +74,8 @@ class MeshModes:
         corners = self.mesh.points
         self._room = Simplices(corners[self.mesh.tetrahedra])
         self._skin = {name: Simplices(corners[t]) for name, t in self.mesh.walls.items()}
-        self._edge = float(np.sqrt(2 * np.median(triangle_areas(corners, _all(self.mesh)))))
+        skin = np.concatenate(list(self.mesh.walls.values()))
+        self._edge = float(np.sqrt(2 * np.median(triangle_areas(corners, skin))))
 
     @property
     def top(self) -> float:
@@ -216,10 +217,6 @@ class MeshModes:
         points = centre + (radius[:, None, None] * out).reshape(-1, 3)
         weights = np.repeat(weight * radius, len(out))
         return points, weights / weights.sum()
-
-
-def _all(mesh: RoomMesh) -> NDArray[np.int64]:
-    return np.concatenate(list(mesh.walls.values()))
 
 
 def expected_modes(mesh: RoomMesh, k: float) -> float:

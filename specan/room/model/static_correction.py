@@ -63,7 +63,8 @@ def static_correction(
     (place, radius), (there, other) = source, receiver
     each = _along(plane, k2, place[axis], there[axis])
     some = slice(0, each.shape[1])
-    weight = _driven(plane, place, radius)[some] * plane.shape(there, some) * plane.mean(other)[some]
+    driven = plane.square * plane.shape(place) * plane.mean(radius)  # each mode of the plane, by the source
+    weight = driven[some] * plane.shape(there, some) * plane.mean(other)[some]
     if some.stop == len(plane.kt2):
         weight = weight * plane.fade
     values = (each @ weight).view(complex).reshape(2, -1)
@@ -139,11 +140,6 @@ class _Plane:
 
 
 @lru_cache(maxsize=8)
-def _driven(plane: _Plane, place: Point, radius: float) -> Real:
-    """How a source drives each mode of a plane."""
-    return plane.square * plane.shape(place) * plane.mean(radius)
-
-
 @lru_cache(maxsize=100)
 def _along(plane: _Plane, k2: tuple[complex, ...], here: float, there: float) -> Real:
     """The closed axis beyond the truncation between two places, for each mode of the plane that has not died out.

@@ -11,6 +11,7 @@ from specan.study.edit import add_effect, drop_effect
 from specan.study.history import History, commit
 from specan.study.study import Study
 from specan.study.study_file import read_study_file
+from specan.study.user_effects import read_effect_file
 
 SEAL = {"seal-drag.torque": 0.3}
 LOAD = {"load-dependent-friction.change": -0.012, "load-dependent-friction.exponent": 1.0}
@@ -329,6 +330,11 @@ def test_a_fault_in_an_effect_file_is_named(study, tmp_path, content, told):
         add_effect(study, str(own))
     assert not (study.directory / "effects").exists()
     assert Study(study.directory).content.effect_file == ()
+
+
+def test_a_directory_in_place_of_an_effect_file_is_named(tmp_path):
+    with pytest.raises(RequestError, match="is a directory"):
+        read_effect_file(tmp_path)
 
 
 def test_nothing_is_concluded_where_nothing_tells_the_uncertainty(tables, tmp_path):
