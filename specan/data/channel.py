@@ -271,18 +271,13 @@ def channels_matching(patterns: Sequence[str], channels: Sequence[Channel]) -> t
     parts = [[p] if p in exact or "," not in p else p.split(",") for p in patterns]
     patterns = [part.strip() if len(names) > 1 else part for names in parts for part in names]
     names = set(patterns)  # a thousand channels may be named one by one
-    shapes = [p for p in patterns if any(mark in p for mark in "*?[")]
-    chosen = [c.name in names or c.path in names or any(matches(p, c) for p in shapes) for c in channels]
-    for pattern in dict.fromkeys(p for p in patterns if p not in exact):
-        if pattern not in shapes:
-            fitting = {id(c) for c in channels_meant(pattern, channels)}
-        elif not any(matches(pattern, c) for c in channels):
-            small = pattern.casefold()
-            fitting = {id(c) for c in channels if fnmatch.fnmatchcase(c.name.casefold(), small)}
-        else:
-            continue
-        chosen = [was or id(c) in fitting for was, c in zip(chosen, channels, strict=True)]
-    return tuple(c for was, c in zip(chosen, channels, strict=True) if was)
+    chosen = {id(c) for c in channels if c.name in names or c.path in names}
+    for pattern in [p for p in names if p not in exact or any(mark in p for mark in "*?[")]:
+        small = pattern.casefold()
+        found = [c for c in channels if matches(pattern, c)]
+        found = found or [c for c in channels if fnmatch.fnmatchcase(c.name.casefold(), small)]
+        chosen |= {id(c) for c in found or channels_meant(pattern, channels)}
+    return tuple(c for c in channels if id(c) in chosen)
 
 
 # Quantities of a laboratory, in the units that channels carry.

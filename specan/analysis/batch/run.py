@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from specan.analysis.batch.calibrations import assign_calibrations, fingerprint
+from specan.analysis.batch.calibrations import Assigned, assign_calibrations, fingerprint
 from specan.analysis.batch.inputs import (
     Input,
     check_own,
@@ -28,7 +28,7 @@ from specan.analysis.batch.one_file import Outcome, Task, analyse_unchanged
 from specan.analysis.batch.pool import spread
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.store import Store, context_of, unchanged
+from specan.analysis.batch.store import Kept, Store, context_of, unchanged
 from specan.analysis.batch.tables import write_tables
 from specan.dsp.multirate import keep_freed_memory
 from specan.errors import RequestError
@@ -196,18 +196,11 @@ def run_batch(
             e for e in assigned.inputs if e.label in earlier and earlier[e.label].context == made_from(e)
         ]
         kept = {e.label: earlier[e.label] for e in known}
-        failed = []
         todo = [entry for entry in assigned.inputs if entry.label not in kept]
-        for entry, outcome in _worked_off(todo, settings, work, len(kept)):
-            if outcome.identity is None:
-                failed.append(outcome.result)
-            else:
-                kept[entry.label] = store.put(outcome.result, outcome.identity, made_from(entry))
+        failed = _work_off(todo, settings, work, made_from, store, kept)
         results = [*assigned.calibrators, *failed, *(one.result for one in kept.values())]
         results.sort(key=lambda result: result.label)
-        header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
-        if channel_table is not None:
-            header.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
+        header = _header(settings, assigned, channel_table)
         written = write_tables(store.place, header, results, kept, settings.decimal)
         _publish(store.place, out, written)
         store.keep_only(kept)
@@ -238,21 +231,40 @@ def _inputs(directories: Sequence[Path], settings: BatchSettings, channel_table:
     return [replace(e, channel_table=table, sampling_rate=settings.sampling_rate) for e in inputs]
 
 
-def _worked_off(
-    todo: Sequence[Input], settings: BatchSettings, work: Means, before: int
-) -> Iterator[tuple[Input, Outcome]]:
-    """Files and their outcomes as they are ready; tells the progress of each."""
+def _header(settings: BatchSettings, assigned: Assigned, channel_table: Path | None) -> list[str]:
+    """Lines above every table."""
+    found = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
+    if channel_table is not None:
+        found.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
+    return found
+
+
+def _work_off(
+    todo: Sequence[Input],
+    settings: BatchSettings,
+    work: Means,
+    made_from: Callable[[Input], str],
+    store: Store,
+    kept: dict[str, Kept],
+) -> list[FileResult]:
+    """Keep the results of files in `store` and in `kept` as they are ready; return those that are not to be kept."""
+    before, failed = len(kept), []
     read = cache(read_calibration)
     calibrations = [read(entry.calibration) if entry.calibration else None for entry in todo]
     tasks = [Task(e, settings, found, work.verify) for e, found in zip(todo, calibrations, strict=True)]
     begin, total, done = time.monotonic(), max(sum(entry.size for entry in todo), 1), 0
     with closing(work.outcomes(tasks)) as outcomes:  # type: ignore[type-var]
         for count, (position, outcome) in enumerate(outcomes, before + 1):
-            yield todo[position], outcome
-            done += todo[position].size
+            entry = todo[position]
+            if outcome.identity is None:
+                failed.append(outcome.result)
+            else:
+                kept[entry.label] = store.put(outcome.result, outcome.identity, made_from(entry))
+            done += entry.size
             if work.progress is not None:
                 remaining = (time.monotonic() - begin) * (total - done) / max(done, 1)
                 work.progress(count, before + len(tasks), remaining)
+    return failed
 
 
 def _publish(ready: Path, out: Path, written: Collection[str]) -> None:
