@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -105,15 +106,6 @@ class ShockSettings(SectionSettings):
             for k, (b, a) in enumerate(filters):
                 found = lfilter(b, a, samples[: counts[k]])
                 positive[row, k], negative[row, k] = np.maximum([found.max(), -found.min()], 0.0)
-        peaks = [max(abs(q.minimum), abs(q.maximum)) for q in seen]
-        offset = max((abs(m) / p for m, p in zip(mean, peaks, strict=True) if p > 0), default=0.0)
-        if offset > _OFFSET and not self.detrend:
-            notes = (*notes, f"the mean is up to {100 * offset:.1f} % of the peak; --detrend subtracts it")
-        if frequency[-1] > rate / _SAMPLES_A_PERIOD * 1.001:
-            notes = (
-                *notes,
-                f"above {rate / _SAMPLES_A_PERIOD:g} Hz sampling may miss more than 5 % of a peak",
-            )
         return ShockResponse(
             label=recording.label,
             channels=tuple(c.label for c in channels),
@@ -124,9 +116,21 @@ class ShockSettings(SectionSettings):
             response=self.response,
             quality=self.quality,
             flags=quality_flags(channels, recording.flags, seen),
-            notes=notes,
+            notes=(*notes, *self._remarks(mean, seen, frequency[-1], rate)),
             settings=self.model_dump(mode="json"),
         )
+
+    def _remarks(
+        self, mean: Sequence[float], seen: Sequence[Quality], highest_hz: float, rate: float
+    ) -> list[str]:
+        remarks = []
+        peaks = [max(abs(q.minimum), abs(q.maximum)) for q in seen]
+        offset = max((abs(m) / p for m, p in zip(mean, peaks, strict=True) if p > 0), default=0.0)
+        if offset > _OFFSET and not self.detrend:
+            remarks.append(f"the mean is up to {100 * offset:.1f} % of the peak; --detrend subtracts it")
+        if highest_hz > rate / _SAMPLES_A_PERIOD * 1.001:
+            remarks.append(f"above {rate / _SAMPLES_A_PERIOD:g} Hz sampling may miss more than 5 % of a peak")
+        return remarks
 
     def _accelerations(self, recording: Recording) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
         """The chosen channels, and notes on those left out."""

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from specan.errors import InputError, RequestError
 from specan.io.open import find_recordings, suffixes
@@ -54,8 +55,8 @@ class Input:
         return reason.removeprefix(f"{self.label}: ")
 
 
-def find_inputs(directories: Sequence[Path]) -> list[Input]:
-    """All recordings below the directories, sorted by label.
+def find_inputs(directories: Sequence[Path], **given: Any) -> list[Input]:
+    """All recordings below the directories, sorted by label, with what was given for all of them.
 
     Raises
     ------
@@ -66,7 +67,7 @@ def find_inputs(directories: Sequence[Path]) -> list[Input]:
     """
     # Absolute: in a message such a path is found again, where "in" or "." would be parts of words.
     found = [
-        Input(path := os.path.abspath(one.path), one.label, os.path.abspath(one.root), _size(path))
+        Input(path := os.path.abspath(one.path), one.label, os.path.abspath(one.root), _size(path), **given)
         for one in find_recordings(directories)
     ]
     if not found:

@@ -182,7 +182,10 @@ def run_batch(
     """
     work = Means(**means)
     settings = (settings or BatchSettings()).completed()
-    inputs = _inputs(directories, settings, channel_table)
+    if channel_table is not None:
+        read_channel_table(channel_table)
+    table = str(channel_table or "")
+    inputs = find_inputs(directories, channel_table=table, sampling_rate=settings.sampling_rate)
     certain = tuple(name for name in COLUMNS if name not in OPTIONAL or settings.orders is not None)
     with claim(out, certain):
         store = Store(out / STORE)
@@ -218,17 +221,6 @@ def _published(entry: Input, place: Path, out: Path) -> Input:
     """A file of a batch whose calibration, where the batch has made it, now lies beside the tables."""
     made = Path(entry.calibration)
     return replace(entry, calibration=str(out / made.name)) if made.parent == place else entry
-
-
-def _inputs(directories: Sequence[Path], settings: BatchSettings, channel_table: Path | None) -> list[Input]:
-    """The recordings, with what was said of all of them."""
-    inputs = find_inputs(directories)
-    if channel_table is None and settings.sampling_rate is None:
-        return inputs
-    if channel_table is not None:
-        read_channel_table(channel_table)
-    table = str(channel_table or "")
-    return [replace(e, channel_table=table, sampling_rate=settings.sampling_rate) for e in inputs]
 
 
 def _header(settings: BatchSettings, assigned: Assigned, channel_table: Path | None) -> list[str]:
