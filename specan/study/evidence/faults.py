@@ -370,7 +370,9 @@ def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
     scatter = min(1.0, float(np.sqrt(np.mean(tangent.residual**2)))) * np.where(reading > 0, reading, o.sigma)
     of_group = alike / np.sum(alike, axis=1)
     spread = [np.sqrt(of_group @ (c - of_group @ c) ** 2) for c in conditions]
-    by_chance = sum(_ln_agreement(c, own) for c, own in zip(conditions, spread, strict=True))
+    by_chance = np.zeros(o.n)
+    for condition, own in zip(conditions, spread, strict=True):
+        by_chance += _ln_agreement(condition, own)
     gain = float(betaln(copies.size + 1, max(count - copies.size, 0) + 1))
     for k in copies:
         same_kind = o.measured[kinds == kinds[k]]
