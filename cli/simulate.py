@@ -47,7 +47,7 @@ ENTRY_POINTS = (
     "--noise", float, "Standard deviation of what a reading or a channel adds, in its unit.", "SD",
     default=0.0,
 )  # fmt: skip
-@opt("--seed", int, "Seed of the noise.", default=0, show_default=True)
+@opt("--seed", click.IntRange(min=0), "Seed of the noise.", default=0, show_default=True)
 @opt("--json as_json", bool, "Print the rows as JSON.")
 def _simulate(
     model_name: str,

@@ -50,3 +50,17 @@ def test_the_fuzz_sees_a_file_that_is_changed_and_an_internal_error(good, monkey
         "info: KeyError: 1",
         "info noise.tdms: t.csv was changed",
     ]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "simulate worm-gear worm-gear.toml -o a.csv --seed -1",
+        "study next s --effect /",
+        "study report s -o /",
+        "export noise.tdms -o out.csv --stop inf",
+        "impulse noise.tdms --length 1e300 -o a.csv",
+    ],
+)
+def test_what_a_fuzz_has_found_stays_mended(good, words) -> None:
+    assert fuzz_commands.on_copies(good, tuple(words.split())) == []
