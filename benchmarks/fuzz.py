@@ -258,13 +258,14 @@ VERBS: dict[str, tuple[str, str, dict]] = {
     "calibrate": ("calibrator", "sensitivity", {}),
     "impulse": ("noise", "samples", {}),
     "decay": ("knock", "t20_s", {}),
+    "srs": ("shock", "maximax", {}),
     "info": ("knock", "", {}),
     "export": ("knock", "", {}),
 }
 # What is tried of those that are commands only; {out} is a place to write to.
 COMMANDS = {
     "info": (("--levels", "--json"), ("--all",)),
-    "export": tuple(("--to", form, "-o", f"{{out}}.{form}") for form in ("csv", "wav", "uff")),
+    "export": tuple(("-o", f"{{out}}.{form}") for form in ("csv", "wav", "uff")),
 }
 RATES = ("nan", "inf", "-inf", "0", "-51200", "1", "44099", "1e300", "5e-324", "x", "")
 
@@ -275,6 +276,7 @@ def good_channels(signal: str) -> dict[str, tuple[np.ndarray, str, str]]:
     white = rng.standard_normal(t.size)
     mic = {
         "knock": np.where(t > 0.1, white * 10 ** (-3 * (t - 0.1) / 0.5), 0.0),
+        "shock": np.where((t > 0.1) & (t < 0.11), 50.0, 0.0) + 0.01 * white,
         "noise": 2 * np.roll(white, 3) + 0.01 * rng.standard_normal(t.size),
         "tone": 2 * np.sin(2 * np.pi * 250 * t),
         "turning": np.sin(2 * np.pi * 50 * t),
@@ -286,7 +288,7 @@ def good_channels(signal: str) -> dict[str, tuple[np.ndarray, str, str]]:
         "turning": ("Tacho", (5.0 * ((t * 50) % 1 < 0.5), "tacho", "V")),
     }
     other = dict([beside[signal]]) if signal in beside else {}
-    return {"Mic": (mic, "microphone", "V" if signal == "calibrator" else "Pa"), **other}
+    return {"Mic": (mic, "microphone", {"calibrator": "V", "shock": "m/s^2"}.get(signal, "Pa")), **other}
 
 
 def bad_channels() -> dict[str, np.ndarray]:

@@ -119,5 +119,5 @@ def _content(
     found = {**recording.to_dict(), "size_bytes": path.stat().st_size}
     found["excitation"] = picked(excitation, "kind frequency_hz reason")
     for place, (rms, seen) in quality.items():
-        found["channels"][place] |= {"rms": rms, **picked(seen, "minimum maximum n_not_finite flags")}
+        found["channels"][place] |= {"rms": rms, **picked(seen, "minimum maximum flags")}
     return found
