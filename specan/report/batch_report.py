@@ -24,7 +24,7 @@ from specan.data.calibration import stated
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
 from specan.divisions import division_name
-from specan.errors import SpecanError
+from specan.errors import SpecanError, unforeseen
 from specan.report.figures import figure_of
 from specan.report.html_page import page, picture, table
 from specan.result import counted
@@ -124,8 +124,8 @@ class _Measured:
             self.levels = stated(Levels(channels=names)(self.recording), self.recording)
             octave = self.settings.octave.model_copy(update={"channels": names})
             self.bands = stated(octave(self.recording), self.recording)
-        except SpecanError as fault:
-            self.fault = str(fault)
+        except Exception as fault:  # one recording costs no other its page
+            self.fault = str(fault) if isinstance(fault, SpecanError) else unforeseen(fault)
 
     @property
     def excitation(self) -> str:
