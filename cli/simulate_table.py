@@ -11,7 +11,7 @@ import numpy as np
 
 from specan.errors import RequestError
 from specan_cli.options import opt
-from specan_cli.output import TABLES, OutputFile, emit_json, say
+from specan_cli.output import TABLES, OutputFile, decimal_option, emit_json, say
 from specan_cli.output import table as print_table
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def table_options(function: Callable[..., None]) -> Callable[..., None]:
     for option in (
         opt("--repeats", click.IntRange(min=1), "Readings of each condition.", default=1),
         opt("--conditions", Path, "Use the conditions of the rows of a table."),
+        decimal_option(),
         opt(
             "--grid", None,
             "Values of a condition: speed_rpm=1200,1500 or speed_rpm=300:3000:10 (ten values); repeatable.",
@@ -66,7 +67,7 @@ def simulate(
     for axis, words in names.items():
         rows[axis] = np.array(words, dtype=object)[rows[axis].astype(int)]
     if options["output"]:
-        write(options["output"], rows)
+        write(options["output"], rows, options["decimal"])
         say(f"{length(rows)} rows written to {options['output']}")
     if options["as_json"]:
         emit_json({"effects": [str(use) for use in chosen.assembly.uses], "rows": records(**rows)})
@@ -140,7 +141,7 @@ def _values(text: str, values: str) -> list[float]:
         ) from None
 
 
-def write(path: Path, rows: Columns) -> None:
+def write(path: Path, rows: Columns, decimal: str = ".") -> None:
     """Write a table in the format that the ending names.
 
     Raises
@@ -154,10 +155,10 @@ def write(path: Path, rows: Columns) -> None:
     from specan.io.output_file import write_csv
 
     OutputFile(*TABLES, ".json").check_ending(path)
-    if path.suffix.lower() in ("", ".csv", ".txt"):
+    if decimal == "." and path.suffix.lower() in ("", ".csv", ".txt"):
         write_csv(path, rows, _cells(rows, ".9g"))
     else:
-        write_frame(pd.DataFrame(dict(rows)), path, ["simulated"])
+        write_frame(pd.DataFrame(dict(rows)), path, ["simulated"], decimal)
 
 
 def _cells(rows: Columns, form: str) -> Iterator[list[str]]:

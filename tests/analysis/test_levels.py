@@ -132,7 +132,9 @@ def test_many_channels_are_analysed_in_groups_that_change_nothing():
 def test_a_slow_signal_has_levels_too():
     """A shaft's speed at 7.76 Hz: half the rate is far below where A weighting begins."""
     time = np.arange(200) / 7.76
-    slow = Recording.from_arrays({"Speed": 3.0 + np.sin(2 * np.pi * 0.97 * time)}, 7.76, units={"Speed": "Hz"})
+    slow = Recording.from_arrays(
+        {"Speed": 3.0 + np.sin(2 * np.pi * 0.97 * time)}, 7.76, units={"Speed": "Hz"}
+    )
     found = Levels()(slow)
     assert found.rms[0] == pytest.approx(np.sqrt(0.5), rel=0.01)
     assert np.isfinite(found.max_dB[0])

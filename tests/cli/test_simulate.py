@@ -190,3 +190,13 @@ def test_columns_of_names_say_which_parameter_holds(tmp_path, how):
     assert len(found) == (4 if how == "grid" else 3)
     CliRunner().invoke(main, [*arguments, "-o", str(tmp_path / "out.csv")])
     assert ",upper," in (tmp_path / "out.csv").read_text(encoding="utf-8")
+
+
+def test_a_table_with_decimal_commas_is_that_with_points(tmp_path):
+    import pandas as pd
+
+    run("--grid", "speed_rpm=1200,1500", "-o", tmp_path / "points.csv")
+    run("--grid", "speed_rpm=1200,1500", "-o", tmp_path / "commas.csv", "--decimal", ",")
+    points = pd.read_csv(tmp_path / "points.csv", comment="#")
+    commas = pd.read_csv(tmp_path / "commas.csv", comment="#", sep=";", decimal=",")
+    pd.testing.assert_frame_equal(points, commas, check_dtype=False, rtol=1e-5)
