@@ -101,7 +101,8 @@ PANEL = {
 
 STACKED = "flex: none !important; flex-direction: column !important; height: auto !important; width: 100% !important;"
 FIGURES = (
-    ".bk-Column, .bk-Figure { flex: none !important; width: 100% !important; height: 400px !important; }"
+    ".bk-Column, .bk-Figure { flex: none !important; width: 100% !important; height: 420px !important; }"
+    ".bk-MultiSelect { flex: none !important; height: 110px !important; }"
 )
 
 

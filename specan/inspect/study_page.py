@@ -97,7 +97,7 @@ class StudyPage(Page):
         )  # fmt: skip
         top = [
             ScrollBox(
-                child=part, sizing_mode="stretch_both", styles=_share(1), stylesheets=[whole_width("240px")]
+                child=part, sizing_mode="stretch_both", styles=_share(1), stylesheets=[whole_width("auto")]
             )
             for part in (self.steps, self.map)
         ]

@@ -9,7 +9,7 @@ from typing import Any
 from bokeh.layouts import column, row
 from bokeh.models import MultiSelect, Select
 
-from specan.inspect.look import COLOURS
+from specan.inspect.look import COLOURS, FIGURES, STACKED, on_phone
 from specan.inspect.plots import Plots, plain
 from specan.inspect.trial import Trial
 from specan.report.figures_study_frf import RESPONSES, MeasuredTransfer, measured_transfer, response_drawing
@@ -103,14 +103,18 @@ class TransferAgreement:
         self._before: list[MeasuredTransfer] = []
         self._title = ""
         self.microphones = MultiSelect(
-            title="Microphones", options=[(key, plain(text)) for key, text in self._texts.items()], value=[],
+            title=first.plural.capitalize(), value=[],
+            options=[(key, plain(text)) for key, text in self._texts.items()],
             size=min(max(len(self._texts), 4), 24), width=120, name="microphones",
             sizing_mode="stretch_height", stylesheets=["select[multiple].bk-input { height: 100% !important; }"],
         )  # fmt: skip
         self.microphones.on_change("value", lambda a, old, new: self._chosen_anew())
         self.changed: Callable[[tuple[str, ...]], None] = lambda chosen: None  # the page writes its address
         self.plots = Plots(hertz=True, tip=("Hz", "value"))
-        self.body: Any = row(self.microphones, self.plots.body, sizing_mode="stretch_both", styles=_GROWS)
+        self.body: Any = row(
+            self.microphones, self.plots.body, sizing_mode="stretch_both", styles=_GROWS,
+            stylesheets=[on_phone(STACKED, FIGURES)],
+        )  # fmt: skip
 
     def _chosen_anew(self) -> None:
         self._draw()
