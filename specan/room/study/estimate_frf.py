@@ -19,7 +19,7 @@ from specan.room.model.rig import left_out
 from specan.room.study.background_noise import background_noise
 from specan.room.study.block_length import block_length
 from specan.room.study.field_observation import Drift, FieldObservation
-from specan.study.data.estimated_lines import LEAST_BLOCKS, estimate_lines
+from specan.study.data.estimated_lines import LEAST_BLOCKS, EstimatedLines, estimate_lines
 
 SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
@@ -65,40 +65,9 @@ def observe_recording(
     """
     receivers = receivers_of(model)
     reference, channels = _channels_of(recording)
-    rate, band = reference.sampling_rate, (f_min_hz, f_max_hz)
-    block_s = receivers.rig.band.block_s or _block_length(recording, reference, channels, band)
-    settle = settling_s(reference.duration_s, block_s)
-    own = _own(recording, reference, receivers, settle)
-    if len(channels) != len(own.rows):
-        raise InputError(
-            f"{recording.label} has {len(channels)} microphones, the rig file {len(own.rows)} positions",
-            expected="one position a microphone channel, in order",
-        )
-    settings = TransferFunction(
-        reference=reference.label,
-        channels=tuple(channel.label for channel in channels),
-        estimator=estimator,  # type: ignore[arg-type]
-        lines=round(rate * block_s / 2.56),
-        window="hann",
-        overlap=0.5,
-        align=False,
-        start_s=settle,
-    )
-    block, start = settings.block, round(settle * rate)
-    if reference.n_samples < start + LEAST_BLOCKS * block:
-        least = settle + LEAST_BLOCKS * block / rate
-        raise InputError(
-            f"{recording.label} lasts {reference.duration_s:.1f} s",
-            expected=f"at least {least:.1f} s for lines {rate / block:.2g} Hz apart",
-        )
-    found = estimate_lines(recording, reference, settings, band)
-    if not np.any(np.nanmedian(found.coherence, axis=1) > 0.2):
-        raise InputError(
-            f"{recording.label}: microphones and vibrometer have no coherence "
-            f"between {f_min_hz:g} and {f_max_hz:g} Hz",
-            expected="noise from the source in that band",
-            remedy="check the channels or change [band]",
-        )
+    rate = reference.sampling_rate
+    found, own = _estimated(recording, receivers, estimator, (f_min_hz, f_max_hz))
+    block = found.block
     frequency_hz, folding, driven = found.frequency_hz, found.folding, found.signals[0]
     quiet = None
     if background:
@@ -128,11 +97,55 @@ def observe_recording(
             *([f"{recording.label}: {own.text}"] if own.text else []),
             *([quiet.text] if quiet and quiet.text else []),
         ),
-        drift=Drift.of(*own.drift, _block_power(driven[start:], block, found.numbers)) if own.drift else None,
+        drift=Drift.of(*own.drift, _block_power(driven[found.start :], block, found.numbers))
+        if own.drift
+        else None,
     )
     here = replace(receivers, positions_m=_own_places(receivers, own))
     calibrated = _as_calibrated(here, own, channels, u_calibrator_percent)
     return replace(plain, **_before_a_fit(calibrated, plain))
+
+
+def _estimated(
+    recording: Recording, receivers: FieldReceivers, estimator: str, band: tuple[float, float]
+) -> tuple[EstimatedLines, InRecording]:
+    """The lines of a band with their noise, and what holds in the recording."""
+    reference, channels = _channels_of(recording)
+    rate = reference.sampling_rate
+    block_s = receivers.rig.band.block_s or _block_length(recording, reference, channels, band)
+    settle = settling_s(reference.duration_s, block_s)
+    own = _own(recording, reference, receivers, settle)
+    if len(channels) != len(own.rows):
+        raise InputError(
+            f"{recording.label} has {len(channels)} microphones, the rig file {len(own.rows)} positions",
+            expected="one position a microphone channel, in order",
+        )
+    settings = TransferFunction(
+        reference=reference.label,
+        channels=tuple(channel.label for channel in channels),
+        estimator=estimator,  # type: ignore[arg-type]
+        lines=round(rate * block_s / 2.56),
+        window="hann",
+        overlap=0.5,
+        align=False,
+        start_s=settle,
+    )
+    block, start = settings.block, round(settle * rate)
+    if reference.n_samples < start + LEAST_BLOCKS * block:
+        least = settle + LEAST_BLOCKS * block / rate
+        raise InputError(
+            f"{recording.label} lasts {reference.duration_s:.1f} s",
+            expected=f"at least {least:.1f} s for lines {rate / block:.2g} Hz apart",
+        )
+    found = estimate_lines(recording, reference, settings, band)
+    if not np.any(np.nanmedian(found.coherence, axis=1) > 0.2):
+        raise InputError(
+            f"{recording.label}: microphones and vibrometer have no coherence "
+            f"between {band[0]:g} and {band[1]:g} Hz",
+            expected="noise from the source in that band",
+            remedy="check the channels or change [band]",
+        )
+    return found, own
 
 
 def _block_length(
