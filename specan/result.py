@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from specan.errors import RequestError
+from specan.errors import RequestError, library
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -117,7 +117,8 @@ class Result:
                 expected="one name for each channel",
                 remedy="choose the channels of one group",
             )
-        found = data_set(frame.set_index(list(self.dimensions)))
+        library("xarray", "xarray")
+        found = frame.set_index(list(self.dimensions)).to_xarray()
         found = found.reindex({name: list(dict.fromkeys(frame[name])) for name in self.dimensions})
         for name, variable in found.variables.items():
             if unit := next((u for end, u in _UNITS.items() if str(name).endswith(end)), ""):
@@ -239,16 +240,6 @@ def picked(found: Any, names: str) -> dict[str, Any]:
     """
     keys = (name.partition("=") for name in names.split())
     return {key: getattr(found, name or key) for key, _, name in keys}
-
-
-def data_set(frame: pd.DataFrame) -> xr.Dataset:
-    """The columns of a data frame over its index; an error says what to install."""
-    try:
-        return frame.to_xarray()
-    except ImportError:
-        raise RequestError(
-            "a data set needs xarray, which is not installed", remedy='pip install "specan[xarray]"'
-        ) from None
 
 
 def finite(value: Any) -> Any:

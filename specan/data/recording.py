@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from specan.data.channel import Channel, Role, channels_matching, channels_meant, plain_properties, si_unit
-from specan.errors import InputError, RequestError, nearest
-from specan.result import Result, Sheet, counted, data_set, shortened
+from specan.errors import InputError, RequestError, library, nearest
+from specan.result import Result, Sheet, counted, shortened
 from specan.units import MOTION, Quantity
 
 if TYPE_CHECKING:
@@ -271,7 +271,8 @@ class Recording(Result):
         RequestError
             xarray is not installed.
         """
-        found = data_set(self.to_dataframe()).assign_attrs(recording=self.label)
+        library("xarray", "xarray")
+        found = self.to_dataframe().to_xarray().assign_attrs(recording=self.label)
         for channel in self.channels:
             said = {"units": channel.unit, "role": channel.role, "calibration": channel.calibrated_by}
             found[channel.label].attrs.update({name: text for name, text in said.items() if text})
