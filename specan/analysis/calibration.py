@@ -117,9 +117,9 @@ def _level(
             f"{mean:.4g} mV/Pa is not a microphone's ({low:g} to {high:g}); is the calibrator's level right?"
         )
         judged.append((2, text))
-    assumed = next((i for i, _ in heard if not i.level_confirmed), None)
+    assumed = next((i for i, _ in heard if not i.level.confirmed), None)
     if assumed is not None:
-        text = f"the calibrator's level of {assumed.level_dB:g} dB is assumed and no nominal sensitivity confirms it"
+        text = f"the calibrator's level of {assumed.level.dB:g} dB is assumed and no nominal sensitivity confirms it"
         judged.append((1, text))
     return judged
 
@@ -132,7 +132,7 @@ def _together(insertion: Insertion) -> tuple[int, str]:
         return 0, ""
     return 1, (
         f"the microphones of {insertion.label} are {middle:+.1f} dB from their nominal sensitivities together: "
-        f"is the calibrator's level {insertion.level_dB + middle:.0f} dB instead of {insertion.level_dB:g} dB?"
+        f"is the calibrator's level {insertion.level.dB + middle:.0f} dB instead of {insertion.level.dB:g} dB?"
     )
 
 
@@ -357,7 +357,7 @@ def join_insertions(
     names = sorted({h.channel for i in insertions for h in i.heard}, key=natural)
     notes += _left_out(insertions, set(names))
     heard = {name: [(i, h) for i in insertions for h in i.heard if h.channel == name] for name in names}
-    common, levels = _Common.of(heard, settings), {insertion.level_dB for insertion in insertions}
+    common, levels = _Common.of(heard, settings), {insertion.level.dB for insertion in insertions}
     return Calibration(
         channels=tuple(
             _channel(name, heard[name], common, phases.get(name), parts.get(name, ()), doubts.get(name, ""))
@@ -400,7 +400,7 @@ def _decided(insertions: Sequence[Insertion]) -> tuple[str, ...]:
     """How level and frequency of the calibrator were decided; a line for each way."""
     lines: dict[str, list[str]] = {}
     for i in insertions:
-        lines.setdefault(f"level {i.level_dB:g} dB: {i.level_decided}", []).append(i.label)
+        lines.setdefault(f"level {i.level.dB:g} dB: {i.level.decided}", []).append(i.label)
     for i in insertions:
         lines.setdefault(f"tone near {i.frequency_hz:.0f} Hz: {i.frequency_decided}", []).append(i.label)
     return tuple(

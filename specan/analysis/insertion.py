@@ -418,12 +418,10 @@ class Insertion:
 
     label: str
     frequency_hz: float
-    level_dB: float
+    level: Level
     heard: tuple[Heard, ...]
-    left_out: tuple[LeftOut, ...] = ()
-    level_decided: str = "as given"
-    level_confirmed: bool = True
-    frequency_decided: str = "as given"
+    left_out: tuple[LeftOut, ...]
+    frequency_decided: str
 
 
 def evaluate_insertion(recording: Recording, settings: CalibrationSettings | None = None) -> Insertion:
@@ -455,16 +453,7 @@ def evaluate_insertion(recording: Recording, settings: CalibrationSettings | Non
     level = decide_level(recording, chosen or found.channels[:1], amplitude or [0.0], frequency, settings)
     pascals = np.sqrt(2) * LEVEL_REFERENCES["Pa"].value * 10 ** (level.dB / 20)
     heard = _heard(found.channels, windows, inside, pascals)
-    return Insertion(
-        recording.label,
-        frequency,
-        level.dB,
-        heard,
-        left_out,
-        level.decided,
-        level.confirmed,
-        frequency_decided,
-    )
+    return Insertion(recording.label, frequency, level, heard, left_out, frequency_decided)
 
 
 def _cut(label: str, found: Candidates, frequency: float, settings: CalibrationSettings) -> tuple[int, int]:
