@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -88,16 +88,17 @@ def _blocks(name: str, label: str, blocks: Iterable[Mapping[str, Any]]) -> str:
     return "".join(text.table_lines({"file": label, **block}, text.COLUMNS[name]) for block in blocks)
 
 
-def joined_lines(response: FrequencyResponse, roles: dict[str, str], units: dict[str, str]) -> str:
+def joined_lines(response: FrequencyResponse, tables: Sequence[ToneTable]) -> str:
     """The stepped-sine characteristic of a directory: channel by channel, frequency rising."""
+    about = {row[0]: row[1:] for t in tables for row in zip(t.channels, t.roles, t.units, strict=True)}
     u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
     blocks = []
     for row, name in enumerate(response.channels):
         known = np.flatnonzero(np.isfinite(response.response[row]))
         block = {
             "channel": name,
-            "role": roles[name],
-            "unit": units[name],
+            "role": about[name][0],
+            "unit": about[name][1],
             "frequency_hz": response.frequency_hz[known],
             "phase_deg": response.phase_deg[row, known],
             "u_phase_deg": text.significant(u_phase[row, known], 2),
@@ -258,16 +259,20 @@ def write_tables(
         Number of rows of each table that was written.
     """
     written = {}
+    reasons, joined = _stepped_sines(results)
     for name, columns in text.COLUMNS.items():
         here = [r for r in results if r.label in kept and name in kept[r.label].places]
         if name in text.OPTIONAL and not here:
             continue
         about = [f"file {r.label}: {line}" for r in here for line in r.about]
         lines: Iterable[str | bytes]
-        if name in ("skipped.txt", "sine.txt"):
-            made = _skipped(results) if name == "skipped.txt" else _sine_lines(name, results, here, kept)
-            lines = texts = list(made)
-            written[name] = sum(block.count("\n") for block in texts)
+        if name == "skipped.txt":
+            skipped = _skipped(results, reasons)
+            lines, written[name] = [skipped], skipped.count("\n")
+        elif name == "sine.txt":
+            blocks = {**{r.label: kept[r.label].lines(name) for r in here}, **joined}
+            lines = [block for _, block in sorted(blocks.items())]
+            written[name] = sum(block.count("\n") for block in blocks.values())
         else:
             lines = (kept[r.label].encoded(name) for r in here)
             written[name] = sum(kept[r.label].rows[name] for r in here)
@@ -285,58 +290,36 @@ def _head(name: str, header: Sequence[str]) -> list[str]:
     ]
 
 
-def _skipped(results: Sequence[FileResult]) -> Iterator[str]:
+def _skipped(results: Sequence[FileResult], reasons: Sequence[tuple[str, str]]) -> str:
     rows = []
     for result in results:
         if result.kind != "done":
             rows.append((result.label, "", result.kind, result.reason))
         rows += [(result.label, channel, "aside", reason) for channel, reason in result.set_aside]
-    for label, tables in _directories(results).items():
-        for one, reason in not_steps(tables).items():
-            say = "; state Excitation = 'sine' in its properties if it is one"
-            rows.append((one, "", "aside", f"not in the stepped-sine characteristic: {reason}{say}"))
-        joined = _join(label, tables)
-        if isinstance(joined, InputError):
-            rows.append((label, "", "aside", f"no stepped-sine characteristic: {joined}"))
-    for row in sorted(rows, key=lambda row: row[0]):
-        yield text.rows([text.words([cell]) for cell in row])
+    rows += [(label, "", "aside", reason) for label, reason in reasons]
+    columns = zip(*sorted(rows, key=lambda row: row[0]), strict=True)
+    return text.rows([text.words(column) for column in columns])
 
 
-def _directories(results: Sequence[FileResult]) -> dict[str, list[ToneTable]]:
-    """Directories that hold several sine recordings."""
+def _stepped_sines(results: Sequence[FileResult]) -> tuple[list[tuple[str, str]], dict[str, str]]:
+    """Labels of what is in no stepped-sine characteristic, with the reason; lines of those that there are."""
     together: dict[str, list[ToneTable]] = defaultdict(list)
     for result in results:
         if result.tones:
             together[str(PurePosixPath(result.label).with_name(ALL))] += result.tones
-    return {label: tables for label, tables in together.items() if len(tables) > 1}
-
-
-def _join(label: str, tables: Sequence[ToneTable]) -> FrequencyResponse | InputError | None:
-    """The stepped-sine characteristic of a directory, or why there is none; None where one step is left."""
-    left_out = not_steps(tables)
-    steps = [table for table in tables if table.label not in left_out]
-    if len(steps) < 2:
-        return None
-    try:
-        return join_stepped_sine(steps, label)
-    except InputError as fault:
-        return fault
-    except Exception as fault:
-        return InputError(unforeseen(fault))
-
-
-def _sine_lines(
-    name: str, results: Sequence[FileResult], here: Sequence[FileResult], kept: Mapping[str, Kept]
-) -> Iterator[str]:
-    """Lines of the files and of the directories of stepped sines, in order of labels."""
-    lines = [(result.label, kept[result.label].lines(name)) for result in here]
-    for label, tables in _directories(results).items():
-        joined = _join(label, tables)
-        if isinstance(joined, FrequencyResponse):
-            roles: dict[str, str] = {}
-            units: dict[str, str] = {}
-            for tone in tables:
-                roles |= zip(tone.channels, tone.roles, strict=True)
-                units |= zip(tone.channels, tone.units, strict=True)
-            lines.append((label, joined_lines(joined, roles, units)))
-    yield from (block for _, block in sorted(lines, key=lambda entry: entry[0]))
+    reasons, lines = [], {}
+    for label, tables in together.items():
+        left_out = not_steps(tables) if len(tables) > 1 else {}
+        say = "; state Excitation = 'sine' in its properties if it is one"
+        reasons += [
+            (one, f"not in the stepped-sine characteristic: {why}{say}") for one, why in left_out.items()
+        ]
+        steps = [table for table in tables if table.label not in left_out]
+        if len(steps) < 2:
+            continue
+        try:
+            lines[label] = joined_lines(join_stepped_sine(steps, label), tables)
+        except Exception as fault:
+            known = fault if isinstance(fault, InputError) else InputError(unforeseen(fault))
+            reasons.append((label, f"no stepped-sine characteristic: {known}"))
+    return reasons, lines
