@@ -104,10 +104,7 @@ def _noise_free(problem: Problem, path: Path) -> Problem:
     (observation,) = problem.observations
     assert isinstance(observation, FrfObservation)
     model = problem.assembly.model
-    band = model.settings["rig"]["band"]
-    quiet = observe_recording(
-        open_recording(path), model, f_min_hz=band["f_min_hz"], f_max_hz=band["f_max_hz"]
-    )
+    quiet = observe_recording(open_recording(path), model)
     return problem.over([replace(observation, response=quiet.response, folding=quiet.folding)])
 
 

@@ -152,4 +152,4 @@ def test_a_recording_that_cannot_serve_is_refused_in_a_sentence(roles, seconds, 
     )
     recording = Recording("r.tdms", channels, ArraySource([rng.standard_normal(n) for _ in roles]))
     with pytest.raises(InputError, match=message):
-        observe_recording(recording, load_model("room", RIG), f_min_hz=60.0, f_max_hz=220.0)
+        observe_recording(recording, load_model("room", RIG))

@@ -129,7 +129,7 @@ def test_longer_blocks_bring_lines_nearer_and_fit_as_well(recorded):
     rig = deepcopy(rig)
     rig["band"] |= {"block_s": 0.5}
     short = load_model("room", rig)
-    found = observe_recording(open_recording(path), short, f_min_hz=60, f_max_hz=300)
+    found = observe_recording(open_recording(path), short)
     assert found.line_hz == pytest.approx(2.0, rel=0.02)
     assert reduced(base_problem(short, [found])) < 1.3
 

@@ -33,8 +33,6 @@ def observe_recording(
     model: Model,
     *,
     estimator: str = "H1",
-    f_min_hz: float,
-    f_max_hz: float,
     background: Recording | None = None,
     u_calibrator_percent: float = 0.0,
 ) -> FieldObservation:
@@ -45,10 +43,8 @@ def observe_recording(
     recording : Recording
         Calibrated; its receivers in the order of the rig file.
     model : Model
-        Its `receivers` name them.
+        Of a room: its rig file says where they are and which band is looked at.
     estimator : {"H1", "H3c"}
-    f_min_hz, f_max_hz : float
-        Band.
     background : Recording, optional
         The receivers while the source is silent.
     u_calibrator_percent : float
@@ -66,7 +62,7 @@ def observe_recording(
     receivers = receivers_of(model)
     reference, channels = _channels_of(recording)
     rate = reference.sampling_rate
-    found, own = _estimated(recording, receivers, estimator, (f_min_hz, f_max_hz))
+    found, own = _estimated(recording, receivers, estimator)
     block = found.block
     frequency_hz, folding, driven = found.frequency_hz, found.folding, found.signals[0]
     quiet = None
@@ -107,9 +103,10 @@ def observe_recording(
 
 
 def _estimated(
-    recording: Recording, receivers: FieldReceivers, estimator: str, band: tuple[float, float]
+    recording: Recording, receivers: FieldReceivers, estimator: str
 ) -> tuple[EstimatedLines, InRecording]:
-    """The lines of a band with their noise, and what holds in the recording."""
+    """The lines of the rig's band with their noise, and what holds in the recording."""
+    band = (receivers.rig.band.f_min_hz, receivers.rig.band.f_max_hz)
     reference, channels = _channels_of(recording)
     rate = reference.sampling_rate
     block_s = receivers.rig.band.block_s or _block_length(recording, reference, channels, band)

@@ -107,7 +107,7 @@ def _of_receivers(given: ReceiverErrors, calibration: Path | None) -> str:
 def _observe(
     model: Model, receivers: FieldReceivers, wanted: MeasuredFiles, file: DataFile
 ) -> tuple[FieldObservation, list[str]]:
-    given, band = receivers.rig.background.recording, receivers.rig.band
+    given = receivers.rig.background.recording
     background = Path(given) if given else None
     from specan.analysis.section import aligned
 
@@ -117,14 +117,12 @@ def _observe(
         recording,
         model,
         estimator=file.estimator or "H1",
-        f_min_hz=band.f_min_hz,
-        f_max_hz=band.f_max_hz,
         background=open_recording(background, calibration=wanted.calibration) if background else None,
         u_calibrator_percent=read_calibration(wanted.calibration).u_calibrator_percent
         if wanted.calibration
         else 0.0,
     )
-    block_s = band.block_s or 1 / found.line_hz
+    block_s = receivers.rig.band.block_s or 1 / found.line_hz
     settle = settling_s(recording.by_role("vibrometer")[0].duration_s, block_s)
     return found, [
         f"{file.name}: {int(found.kept.any(axis=1).sum())} microphones, {found.frequency_hz.size} lines of "
