@@ -74,7 +74,7 @@ def diagnose(
                 lack_of_fit=LackOfFit(start.reduced, start.fit.p_value, problem.n_effective),
                 model_discrepancy_percent=_discrepancy(problem),
             )
-    return told(OfResponses(near, progress))
+    return told(OfResponses(near, progress), start)
 
 
 def mistake_beside(near: InitialFit, problem: Problem) -> MistakenSetUp:

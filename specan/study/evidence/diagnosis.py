@@ -48,19 +48,20 @@ OFF_FORM = 0.9  # probability that the errors of form are the largest, above whi
 DOUBT = 0.2  # probability of something else from which it is said: twice what it is before any data
 
 
-def told(explanations: Explanations) -> Diagnosis:
-    """What is said of all explanations of some data."""
+def told(explanations: Explanations, given: Refit | None = None) -> Diagnosis:
+    """What is said of all explanations of some data; where the model fails is told of a `given` fit of it."""
     judged = judge(explanations)
     explanations.progress("where the model fails, and what to measure next", 0.9)
-    return _Telling(explanations, judged).diagnosis()
+    return _Telling(explanations, judged, given).diagnosis()
 
 
 class _Telling:
     """What is told of a judgement; a part that fails is told in a sentence, and costs nothing else."""
 
-    def __init__(self, explanations: Explanations, judged: Judgement) -> None:
+    def __init__(self, explanations: Explanations, judged: Judgement, given: Refit | None) -> None:
         self.problem, self.explanations, self.judged = explanations.problem, explanations, judged
         self.base = Refit(frozenset(), explanations.problem, explanations.base)
+        self.given = given or self.base
         self.failures: list[str] = []
         self._refits: dict[int, Refit] = {}
 
@@ -89,9 +90,11 @@ class _Telling:
         judged, base = self.judged, self.base
         kind, sets = judged.kind, judged.sets
         best = self.refit(self._best.best)
-        shown_of = base if kind == "unknown-effect" else best
+        shown_of = self.given if kind == "unknown-effect" else best
         pulled = self.try_to("values outside their known range", lambda: pulls(shown_of), ())
-        fails_at = self.try_to("where the model fails", lambda: localise(base.problem, base.fit).fails_at, ())
+        fails_at = self.try_to(
+            "where the model fails", lambda: localise(self.given.problem, self.given.fit).fails_at, ()
+        )
         error = self.try_to("the error", lambda: error_fall(base, best if sets else base), None)
         law = None
         if kind == "unknown-effect":

@@ -11,12 +11,14 @@ from scipy.stats import multivariate_normal
 from specan.models import Use
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
-from specan.study.evidence.explanations import Explanation
+from specan.study.evidence.diagnosis import told as diagnosis_of
+from specan.study.evidence.explanations import Explanation, Explanations
 from specan.study.evidence.judgement import stated
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.noise import Autoregression, autoregressions
 from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Strategy
+from specan.study.selection.refits import Refit
 from specan.study.verdict import headline
 
 
@@ -173,3 +175,12 @@ def test_complex_lines_that_an_equation_cannot_leave_name_no_effect(share, named
     likeliest, *others = stated(explanations)
     assert (likeliest.kind, likeliest.probability) == ("effects" if named else "unknown", 1.0)
     assert [one.kind for one in others] == ([] if named else ["effects"])  # it stays among what was tried
+
+
+def test_where_a_model_fails_is_told_of_the_fit_that_a_person_is_shown(toy):
+    missing = toy.problem(lambda x, z: 8 * np.sin(7 * x), ["wave"], seed=1)
+    complete = toy.problem(lambda x, z: 0 * x, ["wave"], seed=2)
+    explanations = Explanations(missing, fit(missing))
+    shown = Refit(frozenset(), complete, fit(complete))
+    assert diagnosis_of(explanations).fails_at
+    assert not diagnosis_of(explanations, shown).fails_at
