@@ -127,9 +127,9 @@ class PanelPlot(Spectral):
         height: int | None = None,
         tip: tuple[str, str] = ("x", "y"),
     ) -> None:
-        grows = {} if height else {"flex": f"{share + 1} 1 0", "min-height": "0"}
+        grows = {} if height else {"flex": f"{share + 1} 1 0", "min-height": "0" if share > 1 else "112px"}
         self.sheet: Any = figure(
-            height=height, min_height=88, sizing_mode="stretch_width" if height else "stretch_both",
+            height=height, min_height=76, sizing_mode="stretch_width" if height else "stretch_both",
             styles={"background": "var(--paper)", **grows}, x_axis_type="log" if hertz else "linear",
             x_range=like.sheet.x_range if like else Range1d(20, 20000) if hertz else Range1d(0, 1),
             y_range=Range1d(0, 1), tools=[], output_backend="canvas",
