@@ -35,11 +35,7 @@ def plot(result: Any, path: str | Path | None = None, *, view: str = "", **optio
     """
     from specan.report.figures import figure_of
 
-    return saved(figure_of(result, view, **options), path)
-
-
-def saved(figure: Figure, path: str | Path | None) -> Figure:
-    """The figure, written to a file if one is named."""
+    figure = figure_of(result, view, **options)
     if path is not None:
         from specan.report.figure_style import save_figure
 

@@ -102,4 +102,4 @@ def test_limits_that_hold_for_nothing_are_told(tone: Path, tmp_path: Path) -> No
     limits.write_text("band_hz,upper_dB\n12345,80\n")
     fault = run("octave", tone, "--fmax", 4000, "--limit", limits).exception
     assert isinstance(fault, RequestError)
-    assert "hold for nothing" in str(fault)
+    assert "apply to nothing" in str(fault)
