@@ -94,3 +94,15 @@ def test_a_steady_tone_has_the_level_of_the_linear_average(weighting: str) -> No
         found = measured(samples, weighting=weighting, averaging=averaging)
         for name in "ABCZ":
             assert found.overall_dB[name][0] == pytest.approx(linear.overall_dB[name][0], abs=0.03)
+
+
+@pytest.mark.parametrize(("averaging", "tau"), [("fast", 0.125), ("slow", 1.0)])
+def test_bursts_at_a_high_rate(averaging: str, tau: float) -> None:
+    rate, length = 204800.0, 0.05
+    samples = np.zeros(round(0.2 * rate))
+    part = np.sqrt(2) * np.sin(2 * np.pi * 4000 * np.arange(round(length * rate)) / rate)
+    samples[20000 : 20000 + part.size] = part
+    mic = Channel("Mic 1", unit="Pa", sampling_rate=rate, n_samples=samples.size)
+    recording = Recording("burst", (mic,), ArraySource([samples]))
+    found = Octave(band=1000, averaging=averaging, hold="max")(recording).overall_dB["Z"][0]
+    assert found - STEADY == pytest.approx(10 * np.log10(1 - np.exp(-length / tau)), abs=0.01)
