@@ -112,8 +112,8 @@ def read_effect_file(path: Path) -> EffectFile:
     RequestError
         It is missing or cannot be loaded.
     """
-    if not path.exists() or path.is_dir():
-        what = "is a directory" if path.is_dir() else "does not exist"
+    if os.path.isdir(path) or not os.path.exists(path):  # Path.exists raises where a name is too long
+        what = "is a directory" if os.path.isdir(path) else "does not exist"
         raise RequestError(f"the effect file {path} {what}", remedy="check the path")
     content = regular(path).read_bytes()
     return EffectFile(path, content, tuple(effects_from_file(path, content)))
@@ -204,7 +204,7 @@ def take_in_model(directory: Path, given: Path) -> tuple[str, str]:
     file, sha256 : str
         Its path in the study, and the hash of its content.
     """
-    if not given.exists():
+    if not os.path.exists(given):
         raise RequestError(f"the model file {given} does not exist", remedy="check the path")
     sha256 = hashlib.sha256(content_of(given)).hexdigest()
     for file in files_of(given):
