@@ -298,7 +298,8 @@ def _largest(target: Target, formula: Formula, variables: dict[str, Array], shap
     """Deviation of an amplitude beforehand: what makes a law as large as the quantity, over the root of 3."""
     with np.errstate(all="ignore"):
         values = np.broadcast_to(formula.value(variables, shapes), target.value.shape)
-    rms = float(np.sqrt(np.mean(values[np.isfinite(values)] ** 2)))
+        values = np.where(np.isfinite(values), values, 0.0)  # as its columns are
+        rms = float(np.sqrt(np.mean(values**2)))
     whole = 1.0 if formula.scales else float(np.sqrt(np.mean(target.value**2)))
     return whole / rms / np.sqrt(3) if rms > 0 else 0.0
 
