@@ -37,25 +37,15 @@ class Feed:
 
 
 @dataclass(frozen=True, slots=True)
-class _Run:
-    """Channels of one type in consecutive rows of the result, `step` bytes apart in every chunk."""
-
-    row: int
-    n_rows: int
-    step: int
-    strip: Strip  # of the first channel
-
-
-@dataclass(frozen=True, slots=True)
 class _Piece:
-    """Samples on a lattice: (channels, chunks, samples of each)."""
+    """Samples of a channel on a lattice: (chunks, samples of each)."""
 
     position: int
     span: int
     row: int
     first: int
-    shape: tuple[int, int, int]
-    strides: tuple[int, int, int]
+    shape: tuple[int, int]
+    strides: tuple[int, int]
     dtype: np.dtype[Any]
 
 
@@ -76,26 +66,21 @@ class TdmsSource:
             if feed.foreign:
                 out[row] = self._read_foreign(feed, start, stop)
 
-        slopes, intercepts = (
-            np.array([f.line[k] if f.line else np.nan for f in feeds])[:, None, None] for k in (0, 1)
-        )
-
         def convert(piece: _Piece, raw: NDArray[Any]) -> None:
-            rows = slice(piece.row, piece.row + raw.shape[0])
-            n = raw.shape[1] * raw.shape[2]
-            target = out[rows, piece.first : piece.first + n].reshape(raw.shape)
-            if all(f.line for f in feeds[rows]):
-                with np.errstate(invalid="ignore"):  # a signalling NaN of a damaged file
-                    target[...] = raw
-                if (slopes[rows] != 1.0).any():
-                    target *= slopes[rows]
-                if (intercepts[rows] != 0.0).any():
-                    target += intercepts[rows]
+            feed = feeds[piece.row]
+            target = out[piece.row, piece.first : piece.first + raw.size].reshape(raw.shape)
+            if feed.line is None:
+                target[...] = feed.scaling.apply(raw.reshape(-1)).reshape(raw.shape)
                 return
-            for into, values, feed in zip(target, raw, feeds[rows], strict=True):
-                into[...] = feed.scaling.apply(values.reshape(-1)).reshape(values.shape)
+            slope, intercept = feed.line
+            target[...] = raw
+            if slope != 1.0:
+                target *= slope
+            if intercept != 0.0:
+                target += intercept
 
-        self._gather([(r, f) for r, f in enumerate(feeds) if not f.foreign], start, stop, convert)
+        with np.errstate(invalid="ignore"):  # a signalling NaN of a damaged file
+            self._gather([(r, f) for r, f in enumerate(feeds) if not f.foreign], start, stop, convert)
         return out
 
     def raw_reader(self, found: TdmsObject) -> Callable[[int, int], NDArray[Any]]:
@@ -123,10 +108,7 @@ class TdmsSource:
         stop: int,
         use: Callable[[_Piece, NDArray[Any]], None],
     ) -> None:
-        together: dict[int, list[tuple[int, Feed]]] = {}
-        for row, feed in feeds:
-            together.setdefault(id(feed.found.track), []).append((row, feed))
-        pieces = [p for group in together.values() for p in self._pieces(group, start, stop)]
+        pieces = [p for row, feed in feeds for p in self._pieces(row, feed.found.path, start, stop)]
         if not pieces:
             return
         pieces.sort(key=lambda p: p.position)
@@ -141,20 +123,19 @@ class TdmsSource:
                     )
                     use(piece, raw)
 
-    def _pieces(self, feeds: Sequence[tuple[int, Feed]], start: int, stop: int) -> Iterator[_Piece]:
-        """Pieces of channels that share a track."""
-        track = self.layout.tracks[feeds[0][1].found.path]
-        runs_of: dict[int, list[_Run]] = {}  # segments of one structure share their strips
+    def _pieces(self, row: int, path: str, start: int, stop: int) -> Iterator[_Piece]:
+        track = self.layout.tracks[path]
         first, last = np.searchsorted(track.starts, [start, stop], side="right") - 1
         for k in range(int(first), min(int(last) + 1, len(track.parts))):
-            part = self.layout.parts[track.parts[k]]
-            if id(part.strips) not in runs_of:
-                runs_of[id(part.strips)] = list(_runs(part.strips, feeds))
-            begin = int(track.starts[k])
+            part, begin = self.layout.parts[track.parts[k]], int(track.starts[k])
+            strip, size = part.strips[path], part.chunk_bytes
             low, high = max(start - begin, 0), min(stop, int(track.starts[k + 1])) - begin
-            for run in runs_of[id(part.strips)]:
-                for at, chunks, n in _split(part, run.strip, low, high):
-                    yield from _cut(part, run, at, chunks, n, begin + at - start)
+            for at, chunks, n in _split(part, strip, low, high):
+                chunk, sample = divmod(at, strip.count)
+                position = part.position + chunk * size + strip.offset + sample * strip.stride
+                span = (chunks - 1) * size + (n - 1) * strip.stride + strip.dtype.itemsize
+                shape, strides = (chunks, n), (size, strip.stride)
+                yield _Piece(position, span, row, begin + at - start, shape, strides, strip.dtype)
 
     def _open(self) -> BinaryIO:
         try:
@@ -206,47 +187,6 @@ def _split(part: Part, strip: Strip, low: int, high: int) -> Iterator[tuple[int,
             n = min(strip.count - inside, high - low, per_piece)
             yield low, 1, n
             low += n
-
-
-def _runs(strips: dict[str, Strip], feeds: Sequence[tuple[int, Feed]]) -> Iterator[_Run]:
-    """Join channels that follow each other at one distance, in the chunk and in the result."""
-    run: _Run | None = None
-    for row, feed in feeds:
-        strip = strips[feed.found.path]
-        if run is not None:
-            shape = (run.strip.stride, run.strip.count, run.strip.dtype)
-            same = row == run.row + run.n_rows and (strip.stride, strip.count, strip.dtype) == shape
-            step = (strip.offset - run.strip.offset) // run.n_rows
-            regular = strip.offset == run.strip.offset + run.n_rows * step > run.strip.offset
-            if same and regular and (run.n_rows == 1 or step == run.step):
-                run = _Run(run.row, run.n_rows + 1, step, run.strip)
-                continue
-            yield run
-        run = _Run(row, 1, 0, strip)
-    if run is not None:
-        yield run
-
-
-def _cut(part: Part, run: _Run, at: int, chunks: int, n: int, first: int) -> Iterator[_Piece]:
-    """The piece of a run, or one for each channel where these lie far apart."""
-    strip = run.strip
-    chunk, sample = divmod(at, strip.count)
-    position = part.position + chunk * part.chunk_bytes + strip.offset + sample * strip.stride
-    one = (chunks - 1) * part.chunk_bytes + (n - 1) * strip.stride + strip.dtype.itemsize
-    span = (run.n_rows - 1) * run.step + one
-    # Far apart: what lies between would be read for nothing.
-    apart = span > _WINDOW_BYTES or span > 2 * run.n_rows * chunks * n * strip.dtype.itemsize
-    if apart and run.step >= one:
-        for k in range(run.n_rows):
-            yield _Piece(
-                position + k * run.step, one, run.row + k, first,
-                (1, chunks, n), (0, part.chunk_bytes, strip.stride), strip.dtype,
-            )  # fmt: skip
-        return
-    yield _Piece(
-        position, span, run.row, first,
-        (run.n_rows, chunks, n), (run.step, part.chunk_bytes, strip.stride), strip.dtype,
-    )  # fmt: skip
 
 
 def _windows(pieces: Sequence[_Piece]) -> Iterator[tuple[int, int, list[_Piece]]]:
