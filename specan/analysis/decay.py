@@ -95,8 +95,7 @@ class Decay(SectionSettings):
             )
         without = [f"{c.label} {_REASONS[why]}: no decay times" for c, why in zip(chosen, reasons) if why]
         return DecayTimes(
-            label=recording.label,
-            channels=tuple(c.label for c in chosen),
+            **self.origin(recording, chosen, (*notes, *without)),
             groups=tuple(c.group for c in chosen),
             fraction=self.fraction,
             exact_hz=found.mid,
@@ -105,8 +104,6 @@ class Decay(SectionSettings):
             **{name: np.stack([np.broadcast_to(v[name], width.shape) for v in values]) for name in _RESULTS},
             start_s=np.array([v["start_s"] for v in values]),
             words=tuple((why,) if why else () for why in reasons),
-            notes=(*notes, *without),
-            settings=self.model_dump(mode="json"),
         )
 
     def _bands(self, rate: float, top: float) -> bands.Bands:

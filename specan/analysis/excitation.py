@@ -16,7 +16,6 @@ from specan.analysis.quality import LARGEST
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.tone import Excitation, ExcitationKind
-from specan.dsp.statistics import median
 from specan.dsp.tonality import (
     TONE_SHARE,
     Appearance,
@@ -244,7 +243,7 @@ def _verdict(
     where = f"{channel.role} channel {channel.label!r}"
     kinds = {look.look for look in looks}
     frequencies = [look.frequency_hz for look in looks]
-    low, high, middle = min(frequencies), max(frequencies), median(frequencies)
+    low, high, middle = min(frequencies), max(frequencies), float(np.median(frequencies))
     share = 100 * min(look.share for look in looks)
     if kinds == {"tone"} and high - low <= max(0.1 / SECTION_S, 2e-4 * high):
         amplitudes = np.array([look.amplitude for look in looks])

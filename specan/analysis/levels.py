@@ -145,8 +145,7 @@ class LevelsAccumulator:
         nothing = np.full(len(self.channels), np.nan)
         percentile = exceeded(level(found.readings[row, column], zero[:, None]), self.settings.percentiles)
         return SignalLevels(
-            label=self.recording.label,
-            channels=tuple(channel.label for channel in self.channels),
+            **self.settings.origin(self.recording, self.channels, self.notes),
             groups=tuple(channel.group for channel in self.channels),
             units=tuple(channel.unit for channel in self.channels),
             references=references,
@@ -166,8 +165,6 @@ class LevelsAccumulator:
             sampling_rate=self.sampling_rate,
             settling=_SETTLING,
             flags=self._flags(quality, shown, with_cut),
-            notes=self.notes,
-            settings=self.settings.model_dump(mode="json"),
         )
 
     def _flags(

@@ -379,7 +379,7 @@ class OctaveAccumulator:
 
     def _result(self, **found: Any) -> BandLevels:
         return BandLevels(
-            channels=tuple(channel.label for channel in self.channels),
+            **self.settings.origin(self.recording, self.channels, self.notes),
             groups=tuple(channel.group for channel in self.channels),
             units=tuple(channel.target_unit for channel in self.channels),
             references=self.references,
@@ -387,10 +387,7 @@ class OctaveAccumulator:
             **picked(self.bands, "nominal_hz=nominal lower_hz=lower upper_hz=upper"),
             **picked(self.settings, "fraction weighting averaging=averaging_name hold start_s"),
             sampling_rate=self.sampling_rate,
-            settings=self.settings.model_dump(mode="json"),
-            label=self.recording.label,
             flags=((),) * len(self.channels),
-            notes=tuple(self.notes),
             **found,
         )
 

@@ -322,9 +322,9 @@ class OrderAccumulator:
         centre = self._sum / max(self._seen, 1)
         rms = np.sqrt(np.maximum(self._square / max(self._seen, 1) - centre**2, 0.0))
         tacho = replace(self.shaft.tacho, speed_hz=self.speed_range)
+        notes = (*self.notes, *self.shaft.notes, *self._remarks(tacho))
         return OrderSpectrum(
-            label=self.recording.label,
-            channels=tuple(c.label for c in self.channels),
+            **self.settings.origin(self.recording, self.channels, notes),
             units=tuple(c.target_unit for c in self.channels),
             order=self.order,
             amplitude=np.sqrt(mean),
@@ -340,8 +340,6 @@ class OrderAccumulator:
             block_turns=self.block_turns,
             n_blocks=self._number,
             lines=self._lines(),
-            notes=(*self.notes, *self.shaft.notes, *self._remarks(tacho)),
-            settings=self.settings.model_dump(),
         )
 
     def _middles(self, columns: int) -> Real:

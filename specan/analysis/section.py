@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
@@ -25,6 +25,17 @@ class SectionSettings(Settings):
     channels: tuple[str, ...] = ()
     start_s: float = Field(default=0.0, ge=0.0)
     stop_s: float | None = Field(default=None, gt=0.0)
+
+    def origin(
+        self, recording: Recording, channels: Sequence[Channel], notes: Iterable[str]
+    ) -> dict[str, Any]:
+        """What every result says of where it comes from."""
+        return {
+            "label": recording.label,
+            "channels": tuple(c.label for c in channels),
+            "notes": tuple(notes),
+            "settings": self.model_dump(mode="json"),
+        }
 
 
 def section(

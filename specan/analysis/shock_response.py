@@ -107,8 +107,7 @@ class ShockSettings(SectionSettings):
                 found = lfilter(b, a, samples[: counts[k]])
                 positive[row, k], negative[row, k] = np.maximum([found.max(), -found.min()], 0.0)
         return ShockResponse(
-            label=recording.label,
-            channels=tuple(c.label for c in channels),
+            **self.origin(recording, channels, (*notes, *self._remarks(mean, seen, frequency[-1], rate))),
             units=(MOTION[2 - _INTEGRALS[self.response]],) * len(channels),
             frequency_hz=frequency,
             positive=positive,
@@ -116,8 +115,6 @@ class ShockSettings(SectionSettings):
             response=self.response,
             quality=self.quality,
             flags=quality_flags(channels, recording.flags, seen),
-            notes=(*notes, *self._remarks(mean, seen, frequency[-1], rate)),
-            settings=self.model_dump(mode="json"),
         )
 
     def _remarks(

@@ -315,9 +315,8 @@ def spectrum_of(
     if settings.averaging in ("linear", "exponential") and phase is None:
         notes = (*notes, "no phase: choose a reference channel to see it")
     return Spectrum(
-        label=recording.label,
+        **settings.origin(recording, channels, notes),
         frequency_hz=frequency_hz,
-        channels=tuple(c.label for c in channels),
         units=tuple(c.target_unit for c in channels),
         density=density,
         has_mirror=has_mirror(kept.size, block)[kept],
@@ -329,8 +328,6 @@ def spectrum_of(
         phase_reference=settings.reference,
         rms=np.sqrt(np.sum(density, axis=1) * (rate / block)),
         flags=tuple((*recording.flags, *_flags(row)) for row in density),
-        notes=notes,
-        settings=settings.model_dump(),
     )
 
 
@@ -398,17 +395,14 @@ class SpectrogramSettings(BlockSettings):
         time: NDArray[np.float64] = np.arange(count, dtype=np.float64) * (per_column * hop / rate)
         width = ((per_column - 1) * hop + block) / rate
         return Spectrogram(
-            label=recording.label,
+            **self.origin(recording, channels, (*notes, *integrated(channels, self.window, block))),
             time_s=time + (start / rate + width / 2),
             frequency_hz=frequency[kept],
-            channels=tuple(c.label for c in channels),
             units=tuple(c.target_unit for c in channels),
             density=density,
             has_mirror=has_mirror(len(frequency), block)[kept],
             scale=scale_of(self, block, rate),
             blocks_per_column=per_column,
-            notes=(*notes, *integrated(channels, self.window, block)),
-            settings=self.model_dump(),
         )
 
 

@@ -159,11 +159,10 @@ class ToneAccumulator:
         with np.errstate(divide="ignore", invalid="ignore"):
             thd = 100 * np.sqrt(np.sum(harmonics[:, 1:] ** 2, axis=1)) / harmonics[:, 0]
         return ToneTable(
-            label=self.recording.label,
+            **self.settings.origin(self.recording, channels, (*self.notes, *self._remarks(fitted, channels))),
             frequency_hz=f,
             leader=self.leader.label,
             reference=self.reference.label if self.reference else None,
-            channels=tuple(c.label for c in channels),
             roles=tuple(c.role for c in channels),
             units=tuple(c.target_unit for c in channels),
             rms=rms,
@@ -173,8 +172,6 @@ class ToneAccumulator:
             noise_rms=noise,
             mean=fitted.mean[shown],
             n_blocks=fitted.deviations.shape[1],
-            notes=(*self.notes, *self._remarks(fitted, channels)),
-            settings=self.settings.model_dump(),
             **relation,
         )
 

@@ -16,7 +16,6 @@ from specan.data.channel import Channel
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
 from specan.data.recording import Recording
 from specan.dsp.leakage import leakage_bias
-from specan.dsp.statistics import median
 from specan.dsp.transfer_function import Estimate, Estimator, Instrument, arrivals, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix, effective_averages, hop_of
 from specan.dsp.windows import WindowName, line_correlation, window, window_correlation
@@ -240,9 +239,8 @@ class TransferFunctionAccumulator:
         u_relative = np.hypot(found.u_relative, lost)
         step = self.reference.sampling_rate / settings.block
         return FrequencyResponse(
-            label=self.recording.label,
+            **settings.origin(self.recording, self.responses, (*self.notes, *self._remarks(found, lost))),
             frequency_hz=f,
-            channels=tuple(c.label for c in self.responses),
             units=tuple(quotient(c.target_unit, self.reference.target_unit) for c in self.responses),
             reference=self.reference.label,
             response=response,
@@ -264,8 +262,6 @@ class TransferFunctionAccumulator:
                 (*self.recording.flags, *_flags(spectra, found, u_relative, lost, row, first))
                 for row in range(len(self.responses))
             ),
-            notes=(*self.notes, *self._remarks(found, lost)),
-            settings=settings.model_dump(),
         )
 
     def _estimate(self, spectra: SpectralMatrix) -> Estimate:
@@ -310,7 +306,7 @@ class TransferFunctionAccumulator:
         worst = [
             row
             for row, (taken, u) in enumerate(zip(lost, found.u_relative, strict=True))
-            if median(leaking(100 * taken, 100 * np.hypot(u, taken))) > 0.5
+            if np.median(leaking(100 * taken, 100 * np.hypot(u, taken))) > 0.5
         ]
         if not worst:
             return remarks
@@ -368,11 +364,11 @@ def _flags(
         return ["no-reference"]
     flags = []
     with np.errstate(invalid="ignore"):
-        if not median(100 * u_relative[row]) <= LOW_SNR_PERCENT:
+        if not np.median(100 * u_relative[row]) <= LOW_SNR_PERCENT:
             flags.append("low-snr")
-        if median(found.coherence[row]) < LOW_COHERENCE:
+        if np.median(found.coherence[row]) < LOW_COHERENCE:
             flags.append("low-coherence")
-    if median(leaking(100 * lost[row], 100 * u_relative[row])) > 0.5:
+    if np.median(leaking(100 * lost[row], 100 * u_relative[row])) > 0.5:
         flags.append("leakage")
     return flags
 
@@ -491,7 +487,7 @@ def _foreign(coherence: Real, averages: float) -> float:
     known = coherence[np.isfinite(coherence)]
     if not known.size or averages <= 1:
         return float("nan")
-    seen = median(known)
+    seen = float(np.median(known))
     seen = (seen - 1 / averages) / (1 - 1 / averages)
     return 1 - seen if seen > _DRIVEN else float("nan")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 
 def exceeded(levels: NDArray[np.float64], percent: Sequence[float]) -> NDArray[np.float64]:
@@ -34,24 +34,6 @@ def exceeded(levels: NDArray[np.float64], percent: Sequence[float]) -> NDArray[n
         found = np.percentile(levels, [100.0 - n for n in percent], axis=1)
     silent = np.isneginf(levels).all(axis=1)
     return np.where(silent, -np.inf, found)
-
-
-def median(values: ArrayLike) -> float:
-    """The middle value, as `numpy.median` of one row gives it: NaN where one is NaN.
-
-    That function loads masked arrays for its answer, and takes twice the time over a few thousand lines.
-
-    Examples
-    --------
-    >>> median([3.0, 1.0, 2.0]), median([True, False]), median([])
-    (2.0, 0.5, nan)
-    """
-    given = np.asarray(values, dtype=np.float64)
-    if not given.size or np.isnan(given).any():
-        return float("nan")
-    low, high = (given.size - 1) // 2, given.size // 2
-    ordered = np.partition(given, (low, high))
-    return float((ordered[low] + ordered[high]) / 2.0)
 
 
 Real = NDArray[np.float64]

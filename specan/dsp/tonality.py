@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.dsp.sine_fit import fit_frequency, fit_sine, harmonics_below_nyquist, peak_frequency, tone_basis
-from specan.dsp.statistics import median
 from specan.dsp.windows import window
 
 Look = Literal[
@@ -168,7 +167,7 @@ def _background(power: Real, peak: int) -> float:
     own = _lobe(peak)
     before = power[max(peak - _NEIGHBOURS, _LOBE) : own.start]
     sides = np.concatenate([before, power[own.stop : peak + _NEIGHBOURS + 1]])
-    return float(median(sides) / np.log(2)) if sides.size else 0.0
+    return float(np.median(sides) / np.log(2)) if sides.size else 0.0
 
 
 def _is_steady(x: Real, rate: float, frequency: float, power: Real, peak: int) -> bool:
