@@ -135,14 +135,13 @@ class BandLevels(RecordingResult):
         """Arrays over `dimensions`."""
         shape = self.level_dB.shape
         references = np.array([[r.text] for r in self.references])
-        words = [[" ".join(flags) for flags in channel] for channel in self._all_flags()]
         return {
             "exact_hz": np.broadcast_to(self.exact_hz, shape),
             "level_dB": self.level_dB,
             "u_dB": np.broadcast_to(self.u_dB, shape),
             **{f"{percentile_name(n)}_dB": values for n, values in (self.percentile_dB or {}).items()},
             "level_reference": np.broadcast_to(references, shape),
-            "flags": np.array(words, dtype=object),
+            "flags": flag_words(self),
         }
 
     def about(self) -> list[str]:
@@ -161,7 +160,7 @@ class BandLevels(RecordingResult):
     def tables(self) -> Iterable[dict[str, Any]]:
         """One row for each band, and below for each overall level."""
         all_totals = self.percentile_overall_dB or {}
-        for row, (channel, flags) in enumerate(zip(self.channels, self._all_flags())):
+        for row, (channel, flags) in enumerate(zip(self.channels, all_flags(self))):
             totals = {w: v[row] for w, v in self.overall_dB.items() if v[row] == v[row] or w == "Z"}
             yield {
                 "channel": channel,
@@ -174,11 +173,6 @@ class BandLevels(RecordingResult):
                 },
                 "flags": [*flags, *(self.overall_flags(row, w) for w in totals)],
             }
-
-    def _all_flags(self) -> list[list[tuple[str, ...]]]:
-        return [
-            [self.band_flags(row, b) for b in range(self.exact_hz.size)] for row in range(len(self.channels))
-        ]
 
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""
@@ -201,7 +195,7 @@ class BandLevels(RecordingResult):
             "overall_dB": records(**self.overall_dB),
             "flags": self.flags,
             "overall_flags": [{w: self.overall_flags(row, w) for w in self.overall_dB} for row in rows],
-            "band_flags": self._all_flags(),
+            "band_flags": all_flags(self),
         }
         if self.other is not None:
             found["edges"] = self.edges
@@ -226,7 +220,9 @@ class BandLevels(RecordingResult):
         if rest := [r for r, text in enumerate(texts) if text not in many]:
             header = [f"{self.channels[r]}\ndB re {texts[r]}" for r in rest]
             found.append(Sheet("", ["Hz", *header, "u dB", ""], self._lines(rest)))
-        found[0] = found[0]._replace(title=f"{self._title()}\n{found[0].title}".rstrip())
+        found[0] = found[0]._replace(
+            title=f"{self.label}: {division_name(self.fraction)} levels, {self.how}\n{found[0].title}".rstrip()
+        )
         found += [self._percentiles(row) for row in range(len(self.channels)) if self.percentile_dB]
         exceeded = "LN: level exceeded during N % of the time that follows settling.\n"
         below = "u: standard deviation of noise."
@@ -259,11 +255,13 @@ class BandLevels(RecordingResult):
             if np.isfinite(levels[list(rows)]).any()
         ]  # fmt: skip
 
-    def _title(self) -> str:
+    @property
+    def how(self) -> str:
+        """Weighting, averaging and section, as titles say them."""
         held = f", {self.hold} hold" if self.hold else ""
+        stop = self.start_s + self.duration_s
         return (
-            f"{self.label}: {division_name(self.fraction)} levels, {self.weighting} weighting, {self.averaging} "
-            f"averaging{held}, {self.start_s:g} s to {self.start_s + self.duration_s:g} s"
+            f"{self.weighting} weighting, {self.averaging} averaging{held}, {self.start_s:g} s to {stop:g} s"
         )
 
     def _percentiles(self, row: int) -> Sheet:
@@ -341,6 +339,17 @@ def _common_words(flags: Sequence[tuple[str, ...]], known: Sequence[tuple[str, .
         each = [next((w.split("=")[1] for w in words if w.startswith(f"{name}=")), "-") for words in found]
         plain.append(f"{name}=" + "/".join(v if v == "-" else f"{float(v):.2f}" for v in each))
     return (" " if values else "\n").join(plain)
+
+
+def all_flags(found: Any) -> list[list[tuple[str, ...]]]:
+    """Flags of each channel in each band, of a result with bands."""
+    bands = range(found.exact_hz.size)
+    return [[found.band_flags(row, band) for band in bands] for row in range(len(found.channels))]
+
+
+def flag_words(found: Any) -> NDArray[np.object_]:
+    """The same, each as one text."""
+    return np.array([[" ".join(flags) for flags in row] for row in all_flags(found)], dtype=object)
 
 
 def percentile_name(percent: float) -> str:

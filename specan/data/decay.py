@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.data.band_levels import all_flags, flag_words
 from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording
 from specan.result import RecordingResult, Result, Sheet, cell, counted, crossed, picked
@@ -105,8 +106,7 @@ class DecayTimes(RecordingResult):
 
     def values_over(self) -> dict[str, Any]:
         """Arrays over `dimensions`."""
-        words = [[" ".join(words) for words in flags] for flags in self._all_flags()]
-        return {**picked(self, " ".join(VALUES)), "flags": np.array(words, dtype=object)}
+        return {**picked(self, " ".join(VALUES)), "flags": flag_words(self)}
 
     def about(self) -> list[str]:
         """Lines above the table in a text file."""
@@ -150,13 +150,7 @@ class DecayTimes(RecordingResult):
 
     def of_channels(self) -> dict[str, Any]:
         """What `content` says of each channel."""
-        return {**picked(self, f"group=groups start_s {' '.join(VALUES)}"), "flags": self._all_flags()}
-
-    def _all_flags(self) -> list[list[tuple[str, ...]]]:
-        return [
-            [self.band_flags(row, band) for band in range(self.exact_hz.size)]
-            for row in range(len(self.channels))
-        ]
+        return {**picked(self, f"group=groups start_s {' '.join(VALUES)}"), "flags": all_flags(self)}
 
 
 @dataclass(frozen=True, repr=False)

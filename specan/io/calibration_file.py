@@ -13,6 +13,11 @@ from specan.io.output_file import text_file
 from specan.schema import Settings, parse, read_toml
 
 FILE_NAME = "calibration.toml"
+# Keys of the file, and what they are called in `PhaseCalibration`.
+_PHASE = {
+    "tone_hz": "frequency_hz", "phase_deg": "phase_deg", "u_phase_deg": "u_phase_deg", "phase_model": "model",
+    "phase_group": "group",
+}  # fmt: skip
 _HEADER = """\
 # Sensitivities and phases of channels, as `specan calibrate` found them.
 # Phases are relative to the first channel of their phase group; positive means that the channel leads.
@@ -95,14 +100,8 @@ def write_calibration(calibration: Calibration, path: Path | str) -> None:
 def _channel(row: _Row) -> ChannelCalibration:
     phase = None
     if row.tone_hz:
-        phase = PhaseCalibration(
-            row.tone_hz,
-            row.phase_deg,
-            row.u_phase_deg,
-            row.phase_model,
-            group=row.phase_group,
-            inverted=row.polarity == "inverted",
-        )
+        own = {name: getattr(row, key) for key, name in _PHASE.items()}
+        phase = PhaseCalibration(inverted=row.polarity == "inverted", **own)
     own = {name: value for name, value in row if name in ChannelCalibration.__annotations__}
     return ChannelCalibration(phase=phase, **own)
 
@@ -110,14 +109,8 @@ def _channel(row: _Row) -> ChannelCalibration:
 def _row(channel: ChannelCalibration) -> _Row:
     own = {name: getattr(channel, name) for name in _Row.model_fields if hasattr(channel, name)}
     if (phase := channel.phase) is not None:
-        own |= {
-            "tone_hz": phase.frequency_hz,
-            "phase_deg": phase.phase_deg,
-            "u_phase_deg": phase.u_phase_deg,
-            "phase_model": phase.model,
-            "phase_group": phase.group,
-            "polarity": "inverted" if phase.inverted else "normal",
-        }
+        own |= {key: getattr(phase, name) for key, name in _PHASE.items()}
+        own["polarity"] = "inverted" if phase.inverted else "normal"
     return _Row(**own)
 
 

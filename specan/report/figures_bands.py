@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.band_levels import BandLevels
+from specan.data.band_levels import BandLevels, LevelHistory
 from specan.data.decay import DecayTimes
 from specan.data.levels import SignalLevels
 from specan.divisions import division_name
+from specan.errors import RequestError
 from specan.report.figure_style import (
     COLOURS,
     heading,
@@ -53,10 +54,9 @@ def band_panels(found: BandLevels) -> Drawing:
     labels = [level_label(reference.text) for reference in found.references]
     edges = np.append(found.lower_hz, found.upper_hz[-1])
     panels = level_panels(labels, found.channels, edges, found.level_dB, _DYNAMICS_DB)
-    return Drawing(
-        found.label or "Band levels", (*_facts(found), _loudest(found)), "Mid-band frequency / Hz", tuple(panels),
-        hertz=True,
-    )  # fmt: skip
+    facts = f"{division_name(found.fraction)}, {found.how}", _loudest(found)
+    title = found.label or "Band levels"
+    return Drawing(title, facts, "Mid-band frequency / Hz", tuple(panels), hertz=True)
 
 
 @styled
@@ -104,17 +104,19 @@ def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: Se
     axes.grid(False, axis="x")
 
 
-def history_panels(found: BandLevels, weighting: str) -> Drawing:
-    """Overall levels of all channels against time; Z for what has no such weighting.
+def _history(found: BandLevels) -> tuple[LevelHistory, NDArray[np.float64]]:
+    """The history, and the ends of its intervals: a reading is drawn over the interval that it ends."""
+    if found.history is None:
+        raise RequestError("a linear average has no history", remedy="use averaging fast, slow or seconds")
+    first = found.history.time_s[:1] - found.history.interval_s
+    return found.history, np.append(first, found.history.time_s)
 
-    A reading is drawn over the interval that it ends: it holds what happened there.
-    """
-    history = found.history
-    if history is None:
-        raise ValueError("a linear average has no history")
+
+def history_panels(found: BandLevels, weighting: str) -> Drawing:
+    """Overall levels of all channels against time; Z for what has no such weighting."""
+    history, times = _history(found)
     weighted = history.overall_dB[weighting] if weighting in history.overall_dB else history.overall_dB["Z"]
     levels = np.where(np.isfinite(weighted).any(axis=1, keepdims=True), weighted, history.overall_dB["Z"])
-    times = np.append(history.time_s[:1] - history.interval_s, history.time_s)
     labels = [level_label(reference.text) for reference in found.references]
     panels = level_panels(labels, found.channels, times, levels, _DYNAMICS_DB)
     about = f"{found.averaging} time weighting, {weighting} weighting for Pa"
@@ -122,14 +124,8 @@ def history_panels(found: BandLevels, weighting: str) -> Drawing:
 
 
 def figure_level_history(found: BandLevels, channel: int = 0) -> Drawing:
-    """Overall levels of one channel against time, and its time-weighted band levels below them.
-
-    A reading is drawn over the interval that it ends: it holds what happened there.
-    """
-    history = found.history
-    if history is None:
-        raise ValueError("a linear average has no history")
-    times = np.append(history.time_s[:1] - history.interval_s, history.time_s)
+    """Overall levels of one channel against time, and its time-weighted band levels below them."""
+    history, times = _history(found)
     edges = np.append(found.lower_hz, found.upper_hz[-1])
     text = level_label(found.references[channel].text)
     curves = tuple(
@@ -142,16 +138,7 @@ def figure_level_history(found: BandLevels, channel: int = 0) -> Drawing:
     levels = Panel(text, curves, kind="steps")
     bands = Picture("", times, edges, history.level_dB[channel], "Mid-band frequency / Hz", text, hertz=True)
     title = f"{found.label}, {found.channels[channel]}"
-    return Drawing(title, tuple(_facts(found)), "Time / s", (levels,), (bands,))
-
-
-def _facts(found: BandLevels) -> list[str]:
-    held = f", {found.hold} hold" if found.hold else ""
-    stop = found.start_s + found.duration_s
-    return [
-        f"{division_name(found.fraction)}, {found.weighting} weighting, {found.averaging} averaging{held}, "
-        f"{found.start_s:g} s to {stop:g} s"
-    ]
+    return Drawing(title, (f"{division_name(found.fraction)}, {found.how}",), "Time / s", (levels,), (bands,))
 
 
 def _loudest(found: BandLevels) -> str:

@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 import specan
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
+from specan.errors import RequestError
 from specan.report.figures_bands import figure_band_levels, figure_level_history
 from specan.report.panels import figure_of_panels
 
@@ -59,7 +60,7 @@ def test_a_history_against_time():
     assert [steps.get_label() for steps in above.patches] == [f"LZ, max {highest:.1f} dB"]
     mesh = below.collections[0]
     np.testing.assert_array_equal(np.asarray(mesh.get_array()), found.history.level_dB[1])
-    with pytest.raises(ValueError, match="no history"):
+    with pytest.raises(RequestError, match="no history"):
         figure_level_history(Octave()(recording("Pa")))
 
 
