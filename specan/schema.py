@@ -149,8 +149,30 @@ def regular(path: Path) -> Path:
     return path
 
 
+def decoded(raw: bytes) -> str:
+    """Text as editors and spreadsheets save it: UTF-8, UTF-16 that says so, else the code page of Western Windows.
+
+    The end may be in the middle of a character.
+
+    Raises
+    ------
+    UnicodeDecodeError
+        It is none of them.
+
+    Examples
+    --------
+    >>> decoded("Tür µm".encode("cp1252")), decoded("Tür".encode()[:2])
+    ('Tür µm', 'T')
+    """
+    encoding = "utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    for cut in range(4):
+        with suppress(UnicodeDecodeError):
+            return raw[: len(raw) - cut].decode(encoding)
+    return raw.decode("cp1252")
+
+
 def read_text(path: Path, expected: str, kind: type[SpecanError] = RequestError) -> str:
-    """The text of a small file in UTF-8; a fault names the file.
+    """The text of a small file; a fault names the file.
 
     Raises
     ------
@@ -158,7 +180,7 @@ def read_text(path: Path, expected: str, kind: type[SpecanError] = RequestError)
         Of this kind: it cannot be read.
     """
     try:
-        return regular(path).read_text(encoding="utf-8-sig")
+        return decoded(regular(path).read_bytes()).replace("\r\n", "\n")
     except FileNotFoundError:
         raise kind(f"the file {path} does not exist", remedy="check the path") from None
     except (OSError, UnicodeDecodeError) as fault:

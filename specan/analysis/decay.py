@@ -93,6 +93,9 @@ class Decay(SectionSettings):
                 expected="an impulse response",
                 remedy="choose other channels or another section",
             )
+        results: dict[str, Any] = {
+            name: np.stack([np.broadcast_to(v[name], width.shape) for v in values]) for name in _RESULTS
+        }
         without = [f"{c.label} {_REASONS[why]}: no decay times" for c, why in zip(chosen, reasons) if why]
         return DecayTimes(
             **self.origin(recording, chosen, (*notes, *without)),
@@ -101,7 +104,7 @@ class Decay(SectionSettings):
             exact_hz=found.mid,
             nominal_hz=found.nominal,
             bandwidth_hz=width,
-            **{name: np.stack([np.broadcast_to(v[name], width.shape) for v in values]) for name in _RESULTS},
+            **results,
             start_s=np.array([v["start_s"] for v in values]),
             words=tuple((why,) if why else () for why in reasons),
         )

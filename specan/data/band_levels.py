@@ -226,6 +226,9 @@ class BandLevels(RecordingResult):
         found += [self._percentiles(row) for row in range(len(self.channels)) if self.percentile_dB]
         exceeded = "LN: level exceeded during N % of the time that follows settling.\n"
         below = "u: standard deviation of noise."
+        if self.other is not None and any("edges" in row[-1] for sheet in found for row in sheet.rows):
+            way = "with" if self.other.name == "counted" else "without"
+            below += f"\nedges: what lies at the ends of the section changes the level; {self.other.name}: {way} it."
         if self.settings.get("settling") == "left-out":
             below += f" Settling: {self.settling}."
         found[-1] = found[-1]._replace(below=(exceeded if self.percentile_dB else "") + below)

@@ -15,10 +15,13 @@ from specan.errors import InputError
 from specan.io.channel_table import ChannelTable
 from specan.io.sampling_rate import Rate, is_time, rate_of_axis
 from specan.io.signals import Signal, recording_of
+from specan.schema import decoded
 
 SUFFIXES = (".csv",)
 
 LEAST = 5  # lines with text on them, below which a file is a note and no time series
+MOST_ABOVE = 30  # lines above the header
+BEGINNING = 4096  # characters that tell whether a file is text
 
 _WITH_UNIT = re.compile(r"^'?(?P<name>.*?)\s*[\[(](?P<unit>[^])]*)[\])]\s*$")
 _UNIT = re.compile(r"^[\[(]?[^\d\s][^\s]*[\])]?$|^$|^-$")
@@ -33,17 +36,10 @@ def recognises(start: bytes) -> bool:
     >>> recognises(b"time [s];a [N]\\n" + rows), recognises(b"speed [rpm];torque [N m]\\n" + rows)
     (True, False)
     """
-    try:
-        lines = _lines(decoded(start))
-    except InputError:
+    lines = lines_of(start)
+    if len(lines) < LEAST or not _is_header(lines[0]):
         return False
-    if len(lines) < LEAST:
-        return False
-    delimiter = _delimiter(lines[0])
-    titles = [cell.strip().strip('"') for cell in lines[0].split(delimiter)]
-    if len(titles) < 2 or not is_time(titles[0], "", {}):
-        return False
-    return all(_is_number(line.split(delimiter)[0]) for line in lines[2:LEAST])
+    return all(_is_number(line.split(_delimiter(lines[0]))[0]) for line in lines[2:LEAST])
 
 
 def open_recording(
@@ -60,7 +56,7 @@ def open_recording(
     InputError
         A cell that is not a number, rows of different lengths, times that are not equally spaced.
     """
-    lines = _lines(decoded(path.read_bytes()))
+    lines = lines_of(path.read_bytes())
     delimiter = _delimiter(lines[0])
     titles = [cell.strip() for cell in next(csv.reader([lines[0]], delimiter=delimiter))]
     units = [""] * len(titles)
@@ -117,28 +113,25 @@ def _numbers(path: Path, lines: list[str], delimiter: str, columns: int) -> NDAr
     return np.ascontiguousarray(found.T)
 
 
-def decoded(raw: bytes) -> str:
-    """The text of a file, or of its beginning, which may end in the middle of a character.
+def lines_of(raw: bytes) -> list[str]:
+    """Lines with text on them that are no comment, of a file or its beginning; none of what is no text.
 
-    Raises
-    ------
-    InputError
-        It is no text in UTF-8, nor in UTF-16 that says so.
+    What stands above the header, such as the name of a measurement, is left out.
     """
-    encoding = "utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    for cut in range(4):
-        try:
-            text = raw[: len(raw) - cut].decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if all(c.isprintable() or c in "\r\n\t" for c in text[:4096]):
-            return text
-        break
-    raise InputError("this is not text in UTF-8")
+    try:
+        text = decoded(raw)
+    except UnicodeDecodeError:
+        return []
+    if not all(c.isprintable() or c in "\r\n\t" for c in text[:BEGINNING]):
+        return []
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    header = next((k for k, line in enumerate(lines[:MOST_ABOVE]) if _is_header(line)), 0)
+    return lines[header:]
 
 
-def _lines(text: str) -> list[str]:
-    return [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+def _is_header(line: str) -> bool:
+    titles = [cell.strip().strip('"') for cell in line.split(_delimiter(line))]
+    return len(titles) > 1 and is_time(titles[0], "", {})
 
 
 def _delimiter(header: str) -> str:

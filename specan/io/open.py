@@ -15,7 +15,7 @@ from specan.data.recording import Recording
 from specan.errors import InputError, NoSignalError, RequestError, SpecanError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import NAMES, ChannelTable, find_channel_table, read_channel_table
-from specan.io.csv_signals import decoded
+from specan.io.csv_signals import lines_of
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ, is_rate
 from specan.schema import regular
 
@@ -225,7 +225,7 @@ def format_of(path: Path) -> Any:
     what, remedy = _describe(start)
     named = path.suffix.lower() in (".tdms", ".wav")
     expected = "a TDMS or WAV recording" if named else "a recording: TDMS, WAV, UFF, MAT, HDF5 or CSV"
-    kind = NoSignalError if _is_text(start) and not named else InputError
+    kind = NoSignalError if lines_of(start) and not named else InputError
     raise kind(f"{path.name} is {what}", expected=expected, remedy=remedy)
 
 
@@ -249,16 +249,9 @@ def _describe(start: bytes) -> tuple[str, str]:
             return what, remedy
     if not start.strip(b"\0"):
         return "filled with zeros", "copy it again: the copy was not completed"
-    if _is_text(start):
+    if lines_of(start):
         return "a text file", "name the recording itself"
     return f"of an unknown format (it begins with {start[:4]!r})", "name a recording"
-
-
-def _is_text(start: bytes) -> bool:
-    try:
-        return bool(decoded(start))
-    except InputError:
-        return False
 
 
 # File formats of recordings: the built-in ones, tried in this order, then those that installed packages bring.

@@ -27,8 +27,8 @@ def errors(found: Iterable[ObservableError], title: str = "", data: Sequence[str
     header = ["observable", "values", "RMS error", "bias", "unit", "relative RMS", "largest"]
     rows: list[list[Any]] = [
         [
-            e.observable, e.n, f"{e.rms:.4g}", f"{e.bias:+.2g}", unit_text(e.unit), f"{e.relative_rms:.2f} %",
-            f"{e.relative_max:.2f} %",
+            e.observable, e.n, f"{e.rms:.4g}", f"{e.bias if abs(e.bias) > 1e-9 * e.rms else 0.0:+.2g}",
+            unit_text(e.unit), f"{e.relative_rms:.2f} %", f"{e.relative_max:.2f} %",
         ]
         for e in found
     ]  # fmt: skip

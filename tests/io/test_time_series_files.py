@@ -35,11 +35,17 @@ TEXTS = {
     "decimal commas": ("t (s);force (N);x1 (mm)\n", ";", ","),
     "units below": ("Zeit\tforce\tx1\n[ms]\t[N]\t[mm]\n", "\t", "."),
     "a comment first": ("# made by a logger\ntime_s;force [N];x1 [mm]\n", ";", "."),
+    "lines above the header": (
+        "Messung vom 12.11.2026;;\nPrüfer: Müller;;\n\nZeit [s];force [N];x1 [mm]\n",
+        ";",
+        ",",
+    ),
 }
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
 @pytest.mark.parametrize("form", TEXTS)
-def test_text(tmp_path, form):
+def test_text(tmp_path, form, encoding):
     header, sign, decimal = TEXTS[form]
     scale = 1000 if "ms" in header else 1
     rows = "".join(
@@ -47,8 +53,17 @@ def test_text(tmp_path, form):
         for row in zip(scale * TIME, FORCE, 1e3 * MOVED, strict=True)
     )
     path = tmp_path / "run.csv"
-    path.write_text(header + rows.replace(".", decimal), encoding="utf-8")
+    path.write_text(header + rows.replace(".", decimal), encoding=encoding)
     check(open_recording(path))
+
+
+def test_names_and_units_of_a_spreadsheet_of_western_windows(tmp_path):
+    path = tmp_path / "run.csv"
+    rows = "".join(f"{k / 100:.2f};{k % 7};{k % 5}\r\n".replace(".", ",") for k in range(200))
+    path.write_bytes(("Zeit [s];Tür [Pa];Gehäuse [mm/s²]\r\n" + rows).encode("cp1252"))
+    found = open_recording(path)
+    assert [(c.name, c.unit) for c in found.channels] == [("Tür", "Pa"), ("Gehäuse", "m/s^2")]
+    assert found.read("Gehäuse")[0].max() == pytest.approx(4e-3)
 
 
 def test_what_export_writes_comes_back(tmp_path, monkeypatch):

@@ -131,6 +131,15 @@ def test_a_speed_per_second_is_ambiguous(tmp_path, pump):
         rows_of(path, pump)
 
 
+def test_units_say_which_header_is_which_column(tmp_path, pump):
+    path = tmp_path / "t.csv"
+    path.write_bytes("Förderstrom [l/s];Drehzahl [1/min];eta [%];Höhe [m]\n1,5;1500;20;2\n".encode("cp1252"))
+    with pytest.raises(InputError) as fault:
+        rows_of(path, pump)
+    pairs = ("flow=Förderstrom [l/s]", "speed=Drehzahl [1/min]", "share=eta [%]", "head=Höhe [m]")
+    assert " ".join(f'--column "{pair}"' for pair in pairs) in str(fault.value)
+
+
 def test_two_headers_for_one_column(tmp_path, pump):
     path = tmp_path / "t.csv"
     path.write_text("flow,flow [l/s],speed,share,head\n1,2,3,4,5\n", encoding="utf-8")

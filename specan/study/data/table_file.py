@@ -17,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError
-from specan.schema import regular
+from specan.schema import decoded, regular
 
 MOST_NAMED = 5  # lines in one message
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
@@ -133,7 +133,7 @@ def read_table(
 def _text_cells(path: Path, raw: bytes) -> tuple[dict[int, list[str]], bool]:
     """Cells of each line that is neither empty nor a comment; whether a comma may be a decimal one."""
     try:
-        text = raw.decode("utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
+        text = decoded(raw)
     except UnicodeDecodeError as fault:
         raise InputError(
             f"the table {path} cannot be read ({fault})",

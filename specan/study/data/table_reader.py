@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -286,9 +286,10 @@ class ColumnNames:
             hints.append(hint.rstrip("?"))
         names = ", ".join(map(repr, unknown))
         each = [f"{header!r}: {hint}" for header, hint in zip(unknown, hints, strict=True)]
-        example = next((c for c in self._targets if c not in known.values()), "")
-        way = f'assign columns with --column "{example}={unknown[0]}"'
-        if not example:
+        missing = [c for c in self._targets if c not in known.values()]
+        if missing:
+            way = f"assign columns with {self._assignment(missing, unknown)}"
+        else:
             header, column = next(iter(known.items()))
             way = f'no column is missing; to ignore the others, give --column "{column}={header}"'
         return InputError(
@@ -296,6 +297,17 @@ class ColumnNames:
             remedy=f"{'; '.join(each) if len(set(hints)) > 1 else hints[0]}; {way}; a column whose name begins with "
             "'note' is ignored",
         )
+
+    def _assignment(self, missing: Sequence[str], unknown: Sequence[str]) -> str:
+        """Options that give missing columns the unknown headers whose units fit; the first two where none does."""
+        left, pairs = list(unknown), []
+        for column in missing:
+            unit = _unit_of(self._targets[column])
+            fits = [h for h in left if (own := name_and_unit(h)[1]) and is_compatible(own, unit)]
+            if fits:
+                left.remove(fits[0])
+                pairs.append(f'--column "{column}={fits[0]}"')
+        return " ".join(pairs) or f'--column "{missing[0]}={unknown[0]}"'
 
 
 def _unit_of(target: Condition | Observable) -> str:
