@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ from specan.study.data.setpoints import ENOUGH, TIME
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.units import printed_unit
+
+DISCREPANCY_LENGTH = 0.5  # ranges of an operating variable, over which the declared discrepancy changes
 
 
 @dataclass(frozen=True)
@@ -132,13 +135,21 @@ class Uncertainty:
         return 1 / spread if spread > 0 else np.inf
 
     def _discrepancy_correlation(self, rows: Rows) -> Array:
-        """Correlation of the discrepancy between rows: it is smooth over every operating variable."""
-        distance = np.zeros((rows.n, rows.n))
-        for name, (low, high) in self.ranges.items():
-            u = stretched(rows.conditions[name], low, high)
-            # 0.5: correlation length of the discrepancy, in ranges of each operating variable
-            distance += ((u[:, None] - u) / 0.5) ** 2
-        return np.exp(-0.5 * distance)
+        """Correlation of the discrepancy between rows, which is smooth over the operating variables.
+
+        Equations tend to fail over one variable or two: every choice of them has an equal share of the variance. Half
+        of it is common to all observables.
+        """
+        squares = [
+            ((u[:, None] - u) / DISCREPANCY_LENGTH) ** 2
+            for u in (stretched(rows.conditions[name], *ends) for name, ends in self.ranges.items())
+        ]
+        kernels = [
+            np.exp(-0.5 * sum(squares[k] for k in chosen)) * np.ones((rows.n, rows.n))
+            for chosen in choices(len(squares))
+        ]
+        alike = np.where(rows.observable[:, None] == rows.observable, 1.0, 0.5)
+        return np.asarray(np.mean(kernels, axis=0) * alike)
 
 
 def uncertainty(model: Model, rows: Rows) -> Uncertainty:
@@ -355,6 +366,13 @@ def _piecewise_linear_basis(time: Array) -> list[Array]:
     span = max(float(np.ptp(time)), 1e-300)
     corners = time.min() + span * np.linspace(0, 1, 7) ** 2
     return [np.interp(time, corners, unit) for unit in np.eye(7)]
+
+
+def choices(count: int) -> list[list[int]]:
+    """Which of some operating variables something may depend on: any one, any two, all."""
+    alone = [[k] for k in range(count)]
+    pairs = [list(pair) for pair in combinations(range(count), 2)] if count > 2 else []
+    return [*alone, *pairs, *([list(range(count))] if count > 1 else [])] or [[]]
 
 
 def stretched(x: Array, low: float, high: float) -> Array:

@@ -170,7 +170,7 @@ class Explanations:
     found : list of Explanation
     """
 
-    fitted_anyway = 5  # single effects that are fitted whatever they promise
+    fitted_anyway = 5  # sets of one effect, and of two, that are fitted whatever they promise
     # Every effect is fitted from its default too, which one needs whose slope is nothing where it vanishes; and more is
     # expected beside a set as soon as it is fitted.
     cheap = True
@@ -222,9 +222,9 @@ class Explanations:
             key = id(form), uses
             if key in fitted:
                 continue
-            first = len(uses) == 1 and not form.parts
-            first = first and (len(fitted) < self.fitted_anyway or self._bends)
-            if not (first or self._worth_a_fit(uses, -promised)):
+            alike = sum(len(other) == len(uses) for _, other in fitted)
+            anyway = not form.parts and self._fitted_anyway(uses, alike)
+            if not (anyway or self._worth_a_fit(uses, -promised)):
                 left.setdefault(key, (-promised, form, promise))
                 continue
             fitted.add(key)
@@ -234,6 +234,12 @@ class Explanations:
             self._add(form, uses, promise)
         self._fit_parts()
         self._list({key: found for key, found in left.items() if key not in fitted})
+
+    def _fitted_anyway(self, uses: EffectSet, alike: int) -> bool:
+        """Whether a set is fitted whatever it promises, after so many of its size; pairs where something is left."""
+        if len(uses) == 1:
+            return self._bends or alike < self.fitted_anyway
+        return self.cheap and alike < self.fitted_anyway and self._something_is_left
 
     def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
         """Whether a promise comes near the best; where something is left a straight line tells little."""

@@ -11,12 +11,12 @@ the smooth part, or each has its own.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations
 from typing import Protocol
 
 import numpy as np
 from scipy.special import logsumexp
 
+from specan.study.data.table_covariance import choices
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import SIZES, levels, observable_rows, sizes_of
 from specan.study.evidence.marginal import Marginal
@@ -59,14 +59,14 @@ class OverConditions:
     def __init__(self, problem: Problem) -> None:
         self.points = operating_points(problem)
         self._roots = [
-            kernel_root(self.points[:, variables], FORM_LENGTH)
-            for variables in _choices(self.points.shape[1])
+            kernel_root(self.points[:, variables], FORM_LENGTH) for variables in choices(self.points.shape[1])
         ]
 
     def of_change(self, problem: Problem, change: Array) -> Iterator[Wrong]:
-        """See `FormErrors`."""
+        """See `FormErrors`. Several observables may be wrong alike, or each in a way of its own."""
         for root in self._roots:
-            yield None, problem.whiten(change[:, None] * root), FORMS
+            for one in _alike_or_not(problem, root):
+                yield None, problem.whiten(change[:, None] * one), FORMS
 
     def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
         """See `FormErrors`."""
@@ -85,15 +85,12 @@ class OverConditions:
 
         Several observables may fail alike, or each in a way of its own.
         """
-        relative, level = sizes_of(problem, predicted)
-        own = list(observable_rows(problem).values())
-        for variables in _choices(self.points.shape[1]):
+        sizes = sizes_of(problem, predicted)
+        for variables in choices(self.points.shape[1]):
             for length in UNKNOWN_LENGTHS:
-                root = kernel_root(self.points[:, variables], length)
-                roots = [root] if len(own) == 1 else [root, np.hstack([root * rows[:, None] for rows in own])]
-                for one in roots:
-                    for size in (relative, level):
-                        yield problem.whiten(size[:, None] * one)
+                for root in _alike_or_not(problem, kernel_root(self.points[:, variables], length)):
+                    for size in sizes:
+                        yield problem.whiten(size[:, None] * root)
 
     def functions_at_levels(self, problem: Problem, predicted: Array) -> Iterator[Array]:
         """The same of the rows at one level of an operating variable, as at a resonance, or from one on."""
@@ -135,8 +132,7 @@ class AlongLines:
         return float(logsumexp(found) - np.log(len(found))) - beside.ln_evidence
 
 
-def _choices(count: int) -> list[list[int]]:
-    """Which operating variables an unknown effect may depend on: any one, any two, all."""
-    alone = [[k] for k in range(count)]
-    pairs = [list(pair) for pair in combinations(range(count), 2)] if count > 2 else []
-    return [*alone, *pairs, *([list(range(count))] if count > 1 else [])] or [[]]
+def _alike_or_not(problem: Problem, root: Array) -> list[Array]:
+    """Columns that all observables share, and where there are several, the same of each alone."""
+    own = list(observable_rows(problem).values())
+    return [root] if len(own) == 1 else [root, np.hstack([root * rows[:, None] for rows in own])]

@@ -8,7 +8,8 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
-from specan.models import Use
+from specan.models import Model, Parameter, Use, effect
+from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.evidence.diagnosis import told as diagnosis_of
@@ -18,6 +19,7 @@ from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.noise import Autoregression, autoregressions
 from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Strategy
+from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refit
 from specan.study.verdict import headline
 
@@ -184,3 +186,43 @@ def test_where_a_model_fails_is_told_of_the_fit_that_a_person_is_shown(toy):
     shown = Refit(frozenset(), complete, fit(complete))
     assert diagnosis_of(explanations).fails_at
     assert not diagnosis_of(explanations, shown).fails_at
+
+
+@pytest.mark.parametrize(("of_speed", "of_temperature"), [(2.0, 40.0), (1.9, 38.0)])
+def test_a_strong_pair_is_found_where_each_alone_leaves_most_of_it(tmp_path, of_speed, of_temperature):
+    """Each effect alone is strained by the other, so that a straight line promises little of the second one."""
+
+    def power(flow, speed, friction, a, b):
+        return a * flow * speed + b * speed + friction
+
+    def friction(flow, drop):
+        return drop * flow**2
+
+    @effect("falls", scales="friction", neutral={"exponent": 0.0})
+    def falls(flow, *, exponent=Parameter(0.1, "1", min=0.01, max=0.5, lower=0, upper=1)):
+        return np.asarray(flow, dtype=float) ** -exponent
+
+    @effect("cold", adds_to="power", neutral={"size": 0.0})
+    def cold(speed, temperature, *, size=Parameter(20, "W", min=1, max=300, lower=0, upper=1000)):
+        return size * speed**2 * np.exp(-(temperature - 20) / 40)
+
+    model = Model.from_function(
+        power,
+        friction,
+        conditions={"flow": ("1", 0.2, 2), "speed": ("1", 0.5, 1.5), "temperature": ("1", -5, 45)},
+        observables={"power": ("W", 0.5)},
+        parameters={"a": (300.0, 50, 900, "W"), "b": (40.0, 5, 200, "W"), "drop": (100.0, 10, 500, "W")},
+        units={"friction": "W"},
+        effects=[falls, cold],
+    )
+    rng = np.random.default_rng(7)
+    flow, speed, warm = (
+        x.ravel() for x in np.meshgrid(np.linspace(0.2, 2, 8), [0.6, 0.9, 1.2], [-5.0, 20.0, 45.0])
+    )
+    read = 300 * flow * speed + 40 * speed + 100 * flow**1.82 + rng.normal(0, 0.5, flow.size)
+    read = read + 25 * speed**of_speed * np.exp(-(warm - 20) / of_temperature)
+    rows = [f"{f:.5g},{n},{t},{y:.3f}" for f, n, t, y in zip(flow, speed, warm, read, strict=True)]
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(["flow,speed,temperature,power", *rows]) + "\n", encoding="utf-8")
+    found = diagnose(base_problem(model, read_tables(model, [path]).fitted))
+    assert found.alternatives == (("cold", "falls"),)

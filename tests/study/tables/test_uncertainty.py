@@ -251,9 +251,12 @@ def test_a_declared_discrepancy_is_a_share_of_the_losses_and_smooth(tables, tmp_
     observed = data.fitted[0]
     losses = columns["input_torque_Nm"] - columns["output_torque_Nm"] / 7.5
     np.testing.assert_allclose(observed.parts["discrepancy"], 0.02 * losses, rtol=0.05)
-    extra = observed.covariance - np.diag(np.diag(observed.covariance))
-    near = np.abs(columns["speed_rpm"][:, None] - columns["speed_rpm"]) < 1
-    assert extra[near & (extra > 0)].mean() > 1.5 * extra[~near].mean()
+    correlation = observed.covariance / np.outer(losses, losses) / 0.02**2
+    # Rows that differ in one of three variables: four of the seven choices of variables hold that one.
+    levels = np.unique(columns["speed_rpm"])
+    (first, *_), (last, *_) = (np.flatnonzero(columns["speed_rpm"] == x) for x in levels[[0, -1]])
+    alone = np.exp(-0.5 * (1 / 0.5) ** 2)
+    assert correlation[first, last] == pytest.approx((3 + 4 * alone) / 7, rel=0.05)
 
 
 def test_the_model_under_test_does_not_change_the_covariance(tables, tmp_path):
