@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.options import json_option, opt
+from specan_cli.options import column_option, json_option, opt
 from specan_cli.output import emit_json, table
 
 if TYPE_CHECKING:
@@ -134,8 +134,17 @@ def rig_template(name: str) -> None:
 @click.argument("name")
 @click.argument("file", type=click.Path(path_type=Path), metavar="[EFFECT.py]", required=False)
 @opt("--rig", Path, "A rig file [default: the model's example].")
+@opt("--measurement", Path, "A recording to check a model of rates with.", "FILE")
+@column_option('Name of a channel in the recording: "force=Load cell"; repeatable.')
 @json_option
-def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None:
+def check(
+    name: str,
+    file: Path | None,
+    rig: Path | None,
+    measurement: Path | None,
+    columns: dict[str, str],
+    as_json: bool,
+) -> None:
     """Check a model of your own, or effects: neutral, finite, determined by some measurement.
 
     A model of your own is checked whole: its units, that it is finite over its limits, that some measurement
@@ -144,6 +153,7 @@ def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None
     \b
     specan model check worm-gear belt_loss.py
     specan model check pump.py
+    specan model check oscillator.py --measurement oscillator.tdms
     """
     from specan.api.models import load_model
     from specan.models import check_effect, conditions_over_limits
@@ -153,7 +163,17 @@ def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None
     for note in model.notes:
         click.echo(note, err=True)
     if file is None and is_file(name):
-        _check_whole(model, Path(name), as_json)
+        recorded = None
+        if measurement:
+            from specan.errors import RequestError
+            from specan.study.data.open_time import for_check
+            from specan.study.observation import DataFile
+
+            if not model.rates:
+                raise RequestError("--measurement is for models of rates", remedy="leave it out")
+            data = DataFile(measurement.name, measurement, columns=columns)
+            model, recorded = for_check(model, data)
+        _check_whole(model, Path(name), recorded, as_json)
         return
     effects = list(model.effects.values()) if file is None else effects_from_file(file)
     conditions = conditions_over_limits(model)
@@ -168,44 +188,49 @@ def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None
         )
 
 
-def _check_whole(model: Model, file: Path, as_json: bool) -> None:
+def _check_whole(model: Model, file: Path, recorded: Mapping[str, Any] | None, as_json: bool) -> None:
     from dataclasses import asdict
 
     from specan.models.check import check_model, without_limits
     from specan.study.user_effects import trust_file
 
     lacking = without_limits(model)
-    if lacking:  # a study takes such a model
+    if lacking and recorded is None:  # a study takes such a model
         trust_file(file)
         if as_json:
             emit_json({"passed": [], "without_limits": lacking})
+            return
+        if model.rates:
+            click.echo(f"{model.name} can be used in a study. Checked with a recording, it is told more:")
+            click.echo(f"specan model check {file} --measurement FILE")
             return
         click.echo(
             f"{model.name} can be used in a study. Nothing else was checked: no limits of {', '.join(lacking)}."
         )
         click.echo(f'To check it, give them: conditions={{"{lacking[0]}": (UNIT, LOW, HIGH)}}.')
         return
-    found = check_model(model)
+    found = check_model(model, recorded)
     trust_file(file)
     if as_json:
         emit_json({"passed": list(found.effects), **asdict(found)})
         return
+    where = "within the limits" if recorded is None else "of such inputs"
+    places = "places within its limits" if recorded is None else "samples"
     click.echo(
-        f"{model.name} is finite at {found.rows} places within its limits; one evaluation takes "
-        f"{1000 * found.seconds:.2g} ms."
+        f"{model.name} is finite at {found.rows} {places}; one evaluation takes {1000 * found.seconds:.2g} ms."
     )
     if found.parameters:
-        click.echo(
-            f"Some measurement within the limits determines each parameter: {', '.join(found.parameters)}."
-        )
+        click.echo(f"Some measurement {where} determines each parameter: {', '.join(found.parameters)}.")
     for name in found.effects:
-        click.echo(f"{name} passes: neutral, finite, determined by some measurement within the limits.")
+        click.echo(f"{name} passes: neutral, finite, determined by some measurement {where}.")
     for name in found.hidden:
-        click.echo(f"Note: the parameters of the base do the same as {name}; no measurement can detect it.")
+        click.echo(
+            f"Note: the parameters of the base do the same as {name}; no measurement {where} can detect it."
+        )
     for one, other in found.alike:
-        click.echo(f"Note: no measurement within the limits distinguishes {one} from {other}.")
+        click.echo(f"Note: no measurement {where} distinguishes {one} from {other}.")
     if len(found.effects) > 1 and not found.alike and not found.hidden:
-        click.echo("Some measurement within the limits distinguishes each of these effects from the others.")
+        click.echo(f"Some measurement {where} distinguishes each of these effects from the others.")
     for note in found.notes:
         click.echo(f"Note: {note}.")
 

@@ -70,6 +70,25 @@ limit_option = opt(
 )  # fmt: skip
 
 
+def _by_name(ctx: click.Context, option: click.Parameter, given: tuple[str, ...]) -> dict[str, str]:
+    from specan.errors import RequestError
+
+    found = {}
+    for text in given:
+        name, equals, header = text.partition("=")
+        if not equals or not name.strip() or not header.strip():
+            raise RequestError(
+                f"--column {text!r} cannot be read", expected='NAME=HEADER, "speed_rpm=n [1/min]"'
+            )
+        found[name.strip()] = header.strip()
+    return found
+
+
+def column_option(text: str) -> Decorator:
+    """The option ``--column NAME=HEADER``, as a dictionary."""
+    return opt("--column columns", None, text, "NAME=HEADER", multiple=True, callback=_by_name)
+
+
 def weighting_option(text: str) -> Decorator:
     """The option ``--weighting``."""
     return opt("--weighting", ["A", "B", "C", "Z"], text, "A|B|C|Z")

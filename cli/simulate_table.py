@@ -10,7 +10,7 @@ import click
 import numpy as np
 
 from specan.errors import RequestError
-from specan_cli.options import opt
+from specan_cli.options import column_option, opt
 from specan_cli.output import TABLES, OutputFile, decimal_option, emit_json, say
 from specan_cli.output import table as print_table
 
@@ -26,7 +26,7 @@ def table_options(function: Callable[..., None]) -> Callable[..., None]:
     """Options of a simulator that writes a table: its conditions, and how often each is read."""
     for option in (
         opt("--repeats", click.IntRange(min=1), "Readings of each condition.", default=1),
-        opt("--conditions", Path, "Use the conditions of the rows of a table."),
+        opt("--conditions", Path, "Use the conditions of the rows of a table, or the inputs of a recording."),
         decimal_option(),
         opt(
             "--grid", None,
@@ -38,11 +38,19 @@ def table_options(function: Callable[..., None]) -> Callable[..., None]:
     return function
 
 
+@column_option("Name of a channel of --conditions, for a model of rates; repeatable.")
 @table_options
 def run(model: Model, options: Mapping[str, Any]) -> None:
-    """A table of what the model predicts, over the limits of its rig unless --grid or --conditions say otherwise."""
-    from specan.models.chosen_model import simulated_table
+    """A table of what the model predicts, over the limits of its rig unless --grid or --conditions say otherwise.
 
+    A model of rates answers to the inputs of a recording (--conditions FILE), and -o writes a recording.
+    """
+    from specan.models.chosen_model import simulated_table
+    from specan_cli import simulate_rates
+
+    if model.rates:
+        simulate_rates.run(model, options)
+        return
     if "table" not in model.kinds:
         raise RequestError(f"the model {model.name!r} cannot be simulated from the command line")
     simulate(model, options, simulated_table, dict.fromkeys(model.rig.limits, POINTS))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.options import json_option, opt
+from specan_cli.options import column_option, json_option, opt
 from specan_cli.output import Verb, emit_json, show_sheets
 
 if TYPE_CHECKING:
@@ -29,11 +29,10 @@ FILE = click.Path(path_type=Path)
     required=True,
 )  # fmt: skip
 @opt("--sheet", None, "Sheet of a workbook.  [default: the first]", "NAME", default="")
-@opt(
-    "--column columns", None,
-    "Header of a column of the model in the table, with its unit: \"speed_rpm=n [1/min]\"; repeatable. "
-    "Unknown columns are ignored then.", "NAME=HEADER", multiple=True,
-)  # fmt: skip
+@column_option(
+    'Header of a column of the model in the table, with its unit: "speed_rpm=n [1/min]"; or name of a channel. '
+    "Repeatable; unknown columns are ignored then."
+)
 @opt(
     "--group groups", None,
     "A column of names, such as specimen: is a parameter different for each? Repeatable.", "NAME",
@@ -55,7 +54,7 @@ FILE = click.Path(path_type=Path)
 @json_option
 def command(
     directory: Path,
-    columns: tuple[str, ...],
+    columns: dict[str, str],
     effects: str | None,
     measurements: tuple[Path, ...],
     as_json: bool,
@@ -80,7 +79,7 @@ def command(
         options.pop("rig"),
         measurements,
         effects=chosen,
-        columns=_named_columns(columns),
+        columns=columns,
         **options,
     )
     content = _content(begun)
@@ -88,20 +87,6 @@ def command(
         emit_json(content)
     else:
         _print(begun, content)
-
-
-def _named_columns(given: tuple[str, ...]) -> dict[str, str]:
-    from specan.errors import RequestError
-
-    found = {}
-    for text in given:
-        name, equals, header = text.partition("=")
-        if not equals or not name.strip() or not header.strip():
-            raise RequestError(
-                f"--column {text!r} cannot be read", expected='NAME=HEADER, "speed_rpm=n [1/min]"'
-            )
-        found[name.strip()] = header.strip()
-    return found
 
 
 def _content(begun: Begun) -> dict[str, Any]:

@@ -50,7 +50,10 @@ class _Usual(NamedTuple):
 class _Shelf:
     """Effects on one quantity, and what the arguments of their functions are called in the model."""
 
-    def __init__(self, of: Named, reads: Mapping[str, str], prefix: str, instrument: bool = False) -> None:
+    def __init__(
+        self, of: Named, reads: Mapping[str, str], prefix: str, *others: Named, instrument: bool = False
+    ) -> None:
+        self.units = {name: unit for name, _, unit in (of, *others)}
         self.of, self.reads, self.prefix, self.instrument = _Usual(*of), dict(reads), prefix, instrument
         self.effects: list[Effect] = []
 
@@ -63,7 +66,8 @@ class _Shelf:
         return self._amplitude(doc, per, by, -1.0, -20.0)
 
     def _amplitude(self, doc: str, per: str, by: float, low: float, lower: float) -> Parameter:
-        unit = f"{self.of.unit}/{per}" if per else self.of.unit
+        below = f"({per})" if set(per) & set("/*") and not per.startswith("(") else per
+        unit = f"{self.of.unit}/{below}" if per else self.of.unit
         return _Usual("", self.of.size / by, unit).part(doc, 0.1, low, 1.0, lower, 20.0)
 
     def __call__(
@@ -76,7 +80,7 @@ class _Shelf:
         make = effect(
             f"{self.prefix}{name}", neutral=dict.fromkeys(("size", *neutral), 0.0), reference=source,
             states={own[key]: _with_names(state, names) for key, state in (states or {}).items()},
-            instrument=self.instrument, **given,
+            instrument=self.instrument, units=self.units, **given,
         )  # fmt: skip
 
         def put(function: Callable[..., Any]) -> None:
@@ -114,7 +118,7 @@ def mechanics(force: Named, x: Named, v: Named, *, prefix: str = "") -> list[Eff
     >>> [one.name for one in found][:3]
     ['cubic-spring', 'quadratic-spring', 'quintic-spring']
     """
-    on = _Shelf(force, {"x": x[0], "v": v[0], "time": "time"}, prefix)
+    on = _Shelf(force, {"x": x[0], "v": v[0], "time": "time"}, prefix, x, v)
     _springs(on, _Usual(*x))
     _friction(on, _Usual(*x), _Usual(*v))
     _hysteresis(on, _Usual(*x), _Usual(*v))
@@ -176,10 +180,10 @@ def _springs(on: _Shelf, usual: _Usual) -> None:
     @on("constant-force", "I. Newton, Principia, 1687, law II")
     def offset(x, *, size=on.either("force")):
         """A constant force: weight, preload, a fan."""
-        return size + 0.0 * x
+        return size * x**0
 
     @on("stiffness-drift", "ISO 6721-1:2019 (modulus over temperature)")
-    def drift(x, time, *, size=on.either("stiffness per second", f"{unit}/s", 10 * reach)):
+    def drift(x, time, *, size=on.either("stiffness per second", f"{unit}*s", 10 * reach)):
         """The stiffness drifts while it is recorded, as with warming."""
         return size * x * time
 
@@ -409,12 +413,12 @@ def _channel(on: _Shelf, late: float) -> None:
     @on("gain", GUIDE, adds_to=(), scales=on.of.name)
     def gain(time, *, size=a_little):
         """The sensitivity is off."""
-        return 1 + size + 0.0 * time
+        return (1 + size) * time**0
 
     @on("zero", GUIDE)
     def zero(time, *, size=on.either("offset")):
         """The zero is off."""
-        return size + 0.0 * time
+        return size * time**0
 
     @on("zero-drift", GUIDE)
     def drift(time, *, size=on.either("offset per second", "s", 10.0)):
@@ -460,7 +464,7 @@ def tank(outflow: Named, level: Named, *, prefix: str = "") -> list[Effect]:
     >>> [one.name for one in tank(outflow=("out", 1, "V/s"), level=("level", 5, "V"))]
     ['overflow', 'leak', 'laminar-outflow', 'constant-outflow']
     """
-    on = _Shelf(outflow, {"level": level[0]}, prefix)
+    on = _Shelf(outflow, {"level": level[0]}, prefix, level)
     _, high, _ = level
     height = _Usual(*level).part("level of the brim", 1, 0.3, 3, 0)
 
@@ -482,6 +486,6 @@ def tank(outflow: Named, level: Named, *, prefix: str = "") -> list[Effect]:
     @on("constant-outflow", "ISO 4006:1991")
     def constant(level, *, size=on.either("flow")):
         """A pump, or evaporation."""
-        return size + 0.0 * level
+        return size * level**0
 
     return on.effects

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -22,6 +22,7 @@ Conditions = Mapping[str, Array]
 STEP = 1e-4  # of a parameter's range: central differences are right to 1e-8 there
 # Share of a column below which nothing but rounding is left: differences are right to some 1e-8, see STEP.
 ROUNDING = 1e-6
+DETECTED = 4.0  # standard deviations of the noise: of an effect that ln of the evidence sees among thirty
 SEEN = 0.3  # share of a null direction from which a parameter belongs to it
 
 
@@ -81,7 +82,9 @@ def _check_values(use: Use, base: Assembly, active: Assembly, conditions: Condit
             changed |= len(without[name]) != len(with_it[name])
         if not node.comparable:
             continue
-        if not np.allclose(without[name], as_neutral[name], rtol=1e-12, atol=0, equal_nan=True):
+        # each set of effects takes the steps that it needs
+        close = 1e-3 * float(np.max(np.abs(without[name]))) if active.model.rates else 0.0
+        if not np.allclose(without[name], as_neutral[name], rtol=1e-12, atol=close, equal_nan=True):
             fail(f"changes {name} though it is neutral", "correct neutral= or the equation")
         old, new = np.asarray(without[name]), np.asarray(with_it[name])
         was = ~np.isfinite(old) if old.shape == new.shape else False  # a length may depend on what is there
@@ -165,8 +168,16 @@ class ModelReport:
     notes: tuple[str, ...]
 
 
-def check_model(model: Model) -> ModelReport:
-    """Hold a whole model, whose measurements are tables, to its promises, over the limits of its conditions.
+def check_model(model: Model, recorded: Conditions | None = None) -> ModelReport:
+    """Hold a whole model to its promises, over the limits of its conditions or over a recording.
+
+    Parameters
+    ----------
+    model : Model
+        Its measurements are tables; or it is one of rates, with the noise of its channels.
+    recorded : mapping, optional
+        SI conditions of a recording. Effects that its noise hides are then told, and values at the limits of parameters
+        at which the states run away.
 
     Raises
     ------
@@ -176,12 +187,12 @@ def check_model(model: Model) -> ModelReport:
         `check_effect`.
     """
     lacking = without_limits(model)
-    if lacking:
+    if lacking and recorded is None:
         raise RequestError(
             f"the condition {lacking[0]!r} has no limits to check over",
             remedy="give its lowest and highest value",
         )
-    conditions = _over(model, _dense_axes(model))
+    conditions = recorded or _over(model, _dense_axes(model))
     try_model(model, conditions)
     started = time.perf_counter()
     base = model.assemble(model.base_effects)
@@ -201,7 +212,23 @@ def check_model(model: Model) -> ModelReport:
             raise _told_of(effect, fault) from None
     alike, hidden = _indistinguishable(base, free, conditions)
     rows = len(next(iter(conditions.values())))
+    notes += tuple(_running_away(model, conditions)) if recorded else ()
     return ModelReport(rows, seconds, free, tuple(model.effects), alike, hidden, notes)
+
+
+def _running_away(model: Model, conditions: Conditions) -> Iterator[str]:
+    """Ends of plausible ranges at which a prediction is not finite."""
+    for names in ((), *((name,) for name, effect in model.effects.items() if not effect.at)):
+        assembly = model.assemble({*model.base_effects, *names})
+        for name in assembly.free(tuple(conditions)):
+            if names and not ParameterName(name).owned_by(names):
+                continue
+            p = assembly.parameters[name]
+            for end, value in ((p.min, p.si.min), (p.max, p.si.max)):
+                if np.isfinite(value) and not np.all(
+                    np.isfinite(_predict(assembly, conditions, {name: value}))
+                ):
+                    yield f"the states run away with {name} at {end:g} {p.unit}, an end of its range"
 
 
 def without_limits(model: Model) -> list[str]:
@@ -243,12 +270,15 @@ def _own(assembly: Assembly, use: Use, conditions: Conditions) -> list[str]:
 
 
 def _predict(assembly: Assembly, conditions: Conditions, values: Mapping[str, float]) -> Array:
-    """All observables one behind the other, real and imaginary parts of complex ones."""
-    nodes = [o.quantity for o in assembly.model.observables.values()]
+    """All observables one behind the other, real and imaginary parts of complex ones; over the noise of channels."""
+    model = assembly.model
+    nodes = [o.quantity for o in model.observables.values()]
     size = max(np.size(values) for values in conditions.values())
     with np.errstate(all="ignore"):
         found = assembly.evaluate(conditions, values, wanted=nodes)
     parts = [np.ravel(found[n]) if np.ndim(found[n]) else np.full(size, found[n]) for n in nodes]
+    if model.rates:
+        parts = [p / model.rig.reading.get(n, 1.0) for n, p in zip(model.observables, parts, strict=True)]
     return np.concatenate([real for part in parts for real in (part.real, part.imag)])
 
 
@@ -295,7 +325,8 @@ def _check_determined(base: Assembly, names: Sequence[str], conditions: Conditio
         norms = np.linalg.norm(jacobian, axis=0)
         largest = float(np.max(np.abs(_predict(base, conditions, place))) or 1.0) * np.sqrt(len(jacobian))
         dead = norms <= ROUNDING * STEP * largest
-        _, sizes, rows = np.linalg.svd(jacobian / np.where(dead, 1.0, norms), full_matrices=True)
+        few = len(jacobian) < len(names)
+        _, sizes, rows = np.linalg.svd(jacobian / np.where(dead, 1.0, norms), full_matrices=few)
         sizes = np.pad(sizes, (0, len(names) - sizes.size))
         null = np.abs(rows[sizes <= ROUNDING * max(sizes[0], 1e-300)])
         members = {
@@ -329,7 +360,7 @@ def _indistinguishable(
             continue
         trace = _predict(model.assemble({*base.uses, Use(name)}), conditions, {}) - plain
         left = float(np.linalg.norm(_beyond(tangent, trace)))
-        if left <= ROUNDING * float(np.linalg.norm(trace)):
+        if left <= max(ROUNDING * float(np.linalg.norm(trace)), _unseen(model)):
             hidden.append(name)
         else:
             traces[name] = (plain + trace, left)
@@ -339,6 +370,11 @@ def _indistinguishable(
         if any(_imitates(base, free, conditions, b, *traces[a]) for a, b in ((one, other), (other, one)))
     ]
     return tuple(alike), tuple(hidden)
+
+
+def _unseen(model: Model) -> float:
+    """Norm of a change that the noise of a recording hides."""
+    return DETECTED if model.rates else 0.0
 
 
 def _beyond(columns: Array, values: Array) -> Array:
@@ -362,6 +398,8 @@ def _imitates(
     columns = np.column_stack(
         [_jacobian(active, names, conditions, active.defaults), with_it - _predict(base, conditions, {})]
     )
+    if base.model.rates:
+        return float(np.linalg.norm(_beyond(columns, truth - with_it))) < _unseen(base.model)
     # fitted only where linear combination leaves less than three tenths of the trace
     if np.linalg.norm(_beyond(columns, truth - with_it)) > 0.3 * size:
         return False

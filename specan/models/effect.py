@@ -234,6 +234,7 @@ class Effect:
     instrument: bool = False
     source: str = ""
     states: Mapping[str, Any] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def changes(self) -> tuple[str, ...]:
@@ -266,6 +267,7 @@ def effect(
     reference: str = "",
     instrument: bool = False,
     states: Mapping[str, Any] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Callable[[Callable[..., Any]], Effect]:
     """Make a function an Effect.
 
@@ -298,6 +300,8 @@ def effect(
         True for what the instruments do wrong rather than the machine.
     states : mapping, optional
         ``{name: State(unit, rate=function)}`` that it brings into a model of rates.
+    units : mapping, optional
+        Of quantities of a model of rates, where the effect holds in these units only.
 
     Returns
     -------
@@ -324,7 +328,7 @@ def effect(
             name, function, reads, parameters, _names(adds_to), _names(scales), _names(joins), at,
             dict(neutral or {}), dict(valid or {}), tuple(needs), tuple(aliases), separate_by, reference,
             " ".join((inspect.getdoc(function) or "").split()), instrument,
-            inspect.getsourcefile(function) or "", dict(states or {}),
+            inspect.getsourcefile(function) or "", dict(states or {}), dict(units or {}),
         )  # fmt: skip
         _check_declaration(made)
         return made

@@ -150,7 +150,7 @@ class Program:
         if not self.switched:
             return self._with(lambda function: function)
         if self.identity not in _COMPILED:
-            made = self._with(_numba().njit)
+            made = self._with(_numba().njit(error_model="numpy"))
             n, d = len(self.states), len(self.drives)
             on = np.ones(len(self.uses), bool)
             made[0](np.arange(2.0), 1, np.ones((d, 2)), np.ones(len(self.parameters)), on, np.ones((n, 2)))
@@ -405,6 +405,6 @@ def _compile(assembly: Evaluator) -> Program | None:
     try:
         program = Program(assembly, switched=True)
         program.marches  # noqa: B018 - compiles
-    except (RequestError, numba.errors.NumbaError, TypeError, ZeroDivisionError):
+    except (RequestError, numba.errors.NumbaError, TypeError):
         return None
     return program

@@ -162,6 +162,7 @@ def fields_from_rates(
     input_units = {name: given if isinstance(given, str) else given[0] for name, given in inputs.items()}
     known = {name: state.unit for name, state in states.items()} | units | input_units
     signals = {name: _signal(name, given, known) for name, given in observables.items()}
+    _check_units(effects, known | {f"{name}_measured": one.unit for name, one in signals.items()})
     conditions = _conditions(states, known, channels)
     others = [
         *(_passed_on(n, known[n], f"The input {n}.", channel) for n, channel in channels.items()),
@@ -199,6 +200,16 @@ def _check_rates(functions: Sequence[Callable[..., Any]], states: Mapping[str, S
                 expected=f"a function d{name}",
                 remedy="write one, and pass it",
             )
+
+
+def _check_units(effects: Sequence[Effect], known: Mapping[str, str]) -> None:
+    for effect in effects:
+        for name, unit in effect.units.items():
+            if name in known and known[name] != unit:
+                raise RequestError(
+                    f"the effect {effect.name!r} was made for {name} in {unit}, which is in {known[name]}",
+                    remedy=f"give its usual size in {known[name]}",
+                )
 
 
 def _conditions(

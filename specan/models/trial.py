@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from inspect import signature
 from types import CodeType
 from typing import Any
 
@@ -95,9 +96,14 @@ def _in_time(evaluate: Callable[[], Evaluation]) -> Evaluation:
 def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> None:
     size = next((v.size for v in conditions.values()), 1)
     tabled = {o.quantity for o in model.observables.values() if o.kind == "table"}
-    for name, node in model.quantities.items():
-        if not node.comparable or node.axes or name not in found.values:
-            continue
+    nodes = [
+        (name, node)
+        for name, node in ((name, model.quantities[name]) for name in model.base_order)
+        if node.comparable and not node.axes and name in found.values
+    ]
+    if model.rates:  # what fails first makes everything fail that comes later
+        nodes.sort(key=lambda one: _first_wrong(found.values[one[0]]))
+    for name, node in nodes:
         values = found.values[name]
         if values is None:
             raise RequestError(
@@ -127,6 +133,11 @@ def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> No
                 + _first_place(model, conditions, wrong),
                 remedy="correct the equation, or narrow the limits to where it holds",
             )
+
+
+def _first_wrong(values: Any) -> int:
+    wrong = np.append(~np.isfinite(np.ravel(values)), True)
+    return int(np.argmax(wrong))
 
 
 def _first_place(model: Model, conditions: Conditions, wrong: NDArray[np.bool_]) -> str:
@@ -164,29 +175,39 @@ def check_units(model: Model, conditions: Mapping[str, NDArray[np.float64]]) -> 
         A formula without any gives another dimension than is declared; file and line are named.
     """
     row = {name: np.asarray(values)[len(values) // 2] for name, values in conditions.items()}
-    with np.errstate(all="ignore"):
-        known = model.assemble().evaluate(row)
-    units = {
-        **{n: q.unit for n, q in model.quantities.items()},
-        **{n: c.unit for n, c in model.conditions.items()},
-    }
+    known, units = _with_units(model, row, ())
     unchecked: list[str] = []
-
-    def read(names: Sequence[str]) -> list[Any]:
-        return [with_unit(known[name], units[name]) for name in names]
-
     for name, node in model.quantities.items():
         if not (node.reads and node.comparable) or node.axes:
             continue
-        _judge(name, node.function, read(node.reads), node.parameters, {name: node.unit}, unchecked)
+        given = [known[read] for read in node.reads]
+        _judge(name, node.function, given, node.parameters, {name: node.unit}, unchecked)
     for name, effect in model.effects.items():
-        if effect.at or effect.joins or any(r not in known.values for r in effect.reads):
+        there = _with_units(model, row, [name])[0] if effect.states else known
+        if effect.at or effect.joins or any(r not in there for r in effect.reads):
             continue
         wanted = {**{q: units[q] for q in effect.adds_to}, **dict.fromkeys(effect.scales, "1")}
-        _judge(name, effect.function, read(effect.reads), effect.parameters, wanted, unchecked)
+        _judge(name, effect.function, [there[r] for r in effect.reads], effect.parameters, wanted, unchecked)
+        for own, state in effect.states.items():
+            taken = {n: p for n, p in effect.parameters.items() if n in signature(state.rate).parameters}
+            given = [there[r] for r in state.reads]
+            _judge(f"d{own}", state.rate, given, taken, {own: f"{state.unit}/s"}, unchecked)
     if not unchecked:
         return ()
     return (f"units could not be checked in {', '.join(unchecked)}: bare numbers may hide a unit",)
+
+
+def _with_units(
+    model: Model, row: Mapping[str, Any], effects: Sequence[str]
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """What is known at one place, with units; and these."""
+    assembly = model.assemble(effects)
+    with np.errstate(all="ignore"):
+        found = assembly.evaluate(row)
+    nodes: dict[str, Any] = {**model.conditions, **model.quantities}
+    nodes |= model.rates.states_of(assembly) if model.rates else {}
+    units = {n: node.unit for n, node in nodes.items() if n in found.values}
+    return {n: with_unit(found[n], unit) for n, unit in units.items()}, units
 
 
 def _own(parameters: Mapping[str, Parameter]) -> dict[str, Any]:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-
-import numpy as np
+from typing import Any
 
 from specan.errors import ComputationError
+from specan.models import Assembly
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.levenberg_marquardt import descend
-from specan.study.estimation.linear import orthonormal
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.promises import Catalogue
 from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
+
+IMPULSE = 1e-3  # standard deviations of a state, small enough for a straight line
 
 
 def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit]:
@@ -41,22 +43,24 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit]:
             there = descend(more, more.start(promises[0].starts[0]))
             if there.chi2 < reached.chi2:
                 largest, reached = more, describe(more, there.theta)
-    basis = _directions(largest, reached)
-    residual = reached.residual[: problem.n_data]
-    parts = zip(
-        problem.observations,
-        problem.split(residual - basis @ (basis.T @ residual)),
-        problem.split(basis),
-        strict=False,
-    )
-    noisy = [o.with_noise_of(left, own) for o, left, own in parts if isinstance(o, TimeObservation)]
+    residual = problem.split(reached.residual[: problem.n_data])
+    noisy = [
+        o.with_noise_of(left, _responses(o, largest.assembly, largest.values_at(reached.theta)))
+        for o, left in zip(problem.observations, residual, strict=False)
+        if isinstance(o, TimeObservation)
+    ]
     known = replace(problem, observations=tuple(noisy))
     return known, fit(known, start=base.theta)
 
 
-def _directions(problem: Problem, reached: Fit) -> Array:
-    """What the parameters of a fit and every further effect do, an orthonormal basis."""
-    catalogue = Catalogue(problem, reached)
-    columns = [reached.jacobian[: problem.n_data]]
-    columns += [one.columns[: problem.n_data] for own in catalogue.signatures.values() for one in own]
-    return orthonormal(np.hstack(columns), 1e-3)
+def _responses(o: TimeObservation, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Array]:
+    """Change of all rows after an impulse in the rate of each state, when a recording begins."""
+    model, plain = assembly.model, o.predict(assembly, values)
+    found = {}
+    for name in model.rates.states if model.rates else ():
+        start = model.quantities[f"{name}_start"]
+        size = IMPULSE * o.spread(assembly, values, name)
+        moved = replace(start, function=lambda *given, of=start, by=size, **own: of(*given, **own) + by)
+        shifted = replace(model, quantities={**model.quantities, start.name: moved})
+        found[name] = o.predict(shifted.assemble(assembly.uses), values) - plain
+    return found

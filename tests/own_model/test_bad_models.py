@@ -146,7 +146,9 @@ def test_effects_that_no_measurement_tells_apart_are_named(place):
 
 
 def test_an_effect_that_the_base_does_itself_is_named(place):
-    assert "do the same as drag; no measurement can detect it" in checked(place, ("drag", "size * x"))
+    assert "do the same as drag; no measurement within the limits can detect it" in checked(
+        place, ("drag", "size * x")
+    )
 
 
 def test_a_faulty_effect_is_told_with_its_line(place):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.time import TimeObservation
 from specan.units import convert, is_compatible
 
+CHECKED = 2000  # samples that a model is checked with
 TITLE = "a recording (TDMS, WAV, CSV, MAT, HDF5, UFF)"
 
 
@@ -68,17 +70,32 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     return OpenedData((kept,), tuple(held_out), tuple(statements))
 
 
+def inputs_of(model: Model, file: DataFile) -> tuple[dict[str, Array], float]:
+    """Conditions of a recording that need hold nothing but the inputs, and its sampling rate."""
+    conditions, _, _ = _read(model, file, None, needs_outputs=False)
+    return conditions, 1 / float(conditions[TIME][1])
+
+
+def for_check(model: Model, file: DataFile) -> tuple[Model, dict[str, Array]]:
+    """A model that knows the noise of a recording's channels, and the first conditions of that."""
+    conditions, measured, _ = _read(model, file, None)
+    noise = {name: _noise(model, name, [values])[0] for name, values in measured.items()}
+    known = replace(model, rig=replace(model.rig, reading={**model.rig.reading, **noise}))
+    return known, {name: values[:CHECKED] for name, values in conditions.items()}
+
+
 def _observables(model: Model) -> dict[str, Observable]:
     return {name: o for name, o in model.observables.items() if o.kind == KIND}
 
 
 def _read(
-    model: Model, file: DataFile, calibration: Path | None
+    model: Model, file: DataFile, calibration: Path | None, needs_outputs: bool = True
 ) -> tuple[dict[str, Array], dict[str, Array], str]:
     """Conditions and measured values of a file, and what was found."""
     recording = open_recording(file.path, calibration=calibration)
     inputs = {c.name: c for c in model.conditions.values() if c.name in model.rates.inputs.values()}  # type: ignore[union-attr]
-    outputs = _observables(model)
+    firsts = {name.removesuffix("_first") for name in model.conditions if name.endswith("_first")}
+    outputs = {n: o for n, o in _observables(model).items() if needs_outputs or n in firsts}
     found: dict[str, tuple[Channel, Array]] = {}
     notes: list[str] = []
     targets: dict[str, Condition | Observable] = {**inputs, **outputs}
@@ -109,7 +126,11 @@ def _channel(
     recording: Recording, wanted: str, target: Condition | Observable, notes: list[str]
 ) -> tuple[Channel, Array]:
     """A channel in the unit of the model."""
-    channel = recording.channel(wanted)
+    try:
+        channel = recording.channel(wanted)
+    except RequestError as fault:
+        said = f'--column "{target.column}=CHANNEL"'
+        raise RequestError(fault.found, expected=fault.expected, remedy=f"{fault.remedy}; {said}") from None
     (values,) = recording.read([channel])
     unit = channel.unit
     if unit in ("", "1") and target.unit != "1":

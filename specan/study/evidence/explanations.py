@@ -447,10 +447,12 @@ class Explanations:
 
     def _noise(self) -> None:
         """The same explanations under noise that follows itself in time."""
-        top = self._top(20)
+        top, chains = self._top(20), chains_of(self.problem)
         largest = max(top, key=lambda e: e.tangent.theta.size)
-        for noise in autoregressions(chains_of(self.problem), largest.tangent.residual):
-            for one in top:
+        for one in top:
+            # of recordings each explanation's own: samples that follow each other closely foretell what is missing
+            of = one if self._bends else largest
+            for noise in autoregressions(chains, of.tangent.residual, self._bends):
                 tangent = one.tangent.with_noise(noise)
                 _, ln_evidence = self.weighed(one.form, one.tangent, noise)
                 self.found.append(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from specan.study.data.setpoints import TIME
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
-from specan.study.observation.autoregression import burg, innovations
+from specan.study.observation.autoregression import burg, innovations, ln_volume, of_likely_order
 
 ORDER = 2  # most coefficients: an oscillation of what is not measured has two
 LEAST_ROWS = 30  # of a chain, from which it is looked at
@@ -82,11 +82,8 @@ class Autoregression:
     @property
     def ln_volume(self) -> float:
         """-1/2 ln det of the correlation, less half ln of the rows for each estimated coefficient (Schwarz 1978)."""
-        total = -0.5 * len(self.reflections) * np.log(sum(rows.size for rows in self.chains))
-        for rows in self.chains:
-            for k, reflection in enumerate(self.reflections):
-                total -= 0.5 * (rows.size - k - 1) * np.log1p(-(reflection**2))
-        return float(total)
+        price = 0.5 * len(self.reflections) * np.log(sum(rows.size for rows in self.chains))
+        return ln_volume(self.chains, self.reflections) - float(price)
 
 
 def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:
@@ -96,7 +93,7 @@ def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:
         recording = getattr(o, "recording", None)
         observable = getattr(o, "observable", None)
         lines = o.conditions.get(TIME, getattr(o, "lines", None))
-        if recording is None or observable is None or lines is None or o.kind != "table":
+        if recording is None or observable is None or lines is None or o.kind not in ("table", "time"):
             first += o.n
             continue
         for number in np.unique(recording):
@@ -108,8 +105,10 @@ def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:
     return tuple(found)
 
 
-def autoregressions(chains: tuple[NDArray[np.intp], ...], residual: Array) -> list[Autoregression]:
-    """Forms of one to two coefficients, by Burg's recursion over all chains together.
+def autoregressions(
+    chains: tuple[NDArray[np.intp], ...], residual: Array, likeliest: bool = False
+) -> list[Autoregression]:
+    """Forms of one to two coefficients, or the likeliest, by Burg's recursion over all chains together.
 
     Examples
     --------
@@ -124,5 +123,8 @@ def autoregressions(chains: tuple[NDArray[np.intp], ...], residual: Array) -> li
     """
     if not chains:
         return []
+    if likeliest:
+        order = of_likely_order(chains, residual)
+        return [Autoregression(chains, order)] if order else []
     found, _ = burg(chains, residual, ORDER)
     return [Autoregression(chains, tuple(found[:k])) for k in range(1, ORDER + 1)]

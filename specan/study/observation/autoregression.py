@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache, reduce
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from specan.study.observation import Array
 
@@ -23,32 +25,61 @@ def innovations(columns: Array, chains: Chains, reflections: Sequence[float]) ->
     reflections : sequence of float
         Between -1 and 1.
     """
-    out = columns.copy()
+    out, order = columns.copy(), len(reflections)
+    taps = _predictor(tuple(reflections))
     for rows in chains:
-        forward = backward = columns[rows]
+        forward = backward = columns[rows[:order]]  # the first ones have fewer before them
         power = 1.0
         for k, reflection in enumerate(reflections, 1):
             ahead, behind = forward[1:], backward[:-1]
             forward, backward = ahead - reflection * behind, behind - reflection * ahead
             power *= 1 - reflection**2
-            out[rows[k:]] = forward / np.sqrt(power)
+            out[rows[k:order]] = forward / np.sqrt(power)
+        out[rows[order:]] = lfilter(taps, [1.0], columns[rows], axis=0)[order:] / np.sqrt(power)
     return out
 
 
-def spectrum(reflections: Sequence[float], size: int) -> Array:
-    """Power over the frequencies of `numpy.fft.rfft` of so many samples, with a mean of one.
+@lru_cache
+def _predictor(reflections: tuple[float, ...]) -> Array:
+    """The filter that makes innovations."""
+    return reduce(_longer, reflections, np.ones(1))
+
+
+def _longer(taps: Array, reflection: float) -> Array:
+    """The filter that makes innovations, one order higher."""
+    longer = np.append(taps, 0.0)
+    return np.asarray(longer - reflection * longer[::-1])
+
+
+def of_covariance(lags: Array) -> tuple[float, ...]:
+    """Reflection coefficients of a noise by its covariance over lags, the recursion of Levinson (1947).
 
     Examples
     --------
-    >>> spectrum([0.9], 100)[[0, -1]].round(2)
-    array([19.  ,  0.05])
+    >>> [round(float(c), 3) for c in of_covariance(np.array([1.0, 0.9, 0.81]))]
+    [0.9, 0.0]
     """
-    taps = np.ones(1)
-    for reflection in reflections:
-        longer = np.append(taps, 0.0)
-        taps = longer - reflection * longer[::-1]
-    power = 1 / np.abs(np.fft.rfft(taps, size)) ** 2
-    return np.asarray(power * np.prod(1 - np.square(reflections)))
+    taps, power, found = np.ones(1), lags[0], []
+    for k in range(1, lags.size):
+        found.append(float(np.clip(taps @ lags[k:0:-1] / power, -0.9999999, 0.9999999)))
+        taps, power = _longer(taps, found[-1]), power * (1 - found[-1] ** 2)
+    return tuple(found)
+
+
+def ln_volume(chains: Chains, reflections: Sequence[float]) -> float:
+    """-1/2 ln det of the correlation."""
+    return -0.5 * sum(
+        max(rows.size - k, 0) * float(np.log1p(-(reflection**2)))
+        for rows in chains
+        for k, reflection in enumerate(reflections, 1)
+    )
+
+
+def ln_likelihood(chains: Chains, residual: Array, reflections: Sequence[float]) -> float:
+    """Of a residual, at its likeliest size."""
+    rows = np.concatenate(chains)
+    power = float(np.mean(innovations(residual, chains, reflections)[rows] ** 2))
+    return ln_volume(chains, reflections) - 0.5 * rows.size * float(np.log(max(power, 1e-300)))
 
 
 def burg(chains: Chains, residual: Array, most: int) -> tuple[list[float], list[float]]:
@@ -88,3 +119,20 @@ def of_likely_order(chains: Chains, residual: Array, most: int = 30) -> tuple[fl
     found, power = burg(chains, residual, max(min(most, shortest // 10), 0))
     costs = [count * np.log(max(p, 1e-300)) + k * np.log(max(count, 1)) for k, p in enumerate(power)]
     return tuple(found[: int(np.argmin(costs))])
+
+
+def of_process(response: Array, share: float, most: int = 100) -> tuple[float, ...]:
+    """Reflection coefficients of white noise beside what a disturbance leaves that is white itself.
+
+    Parameters
+    ----------
+    response : array
+        To an impulse of the disturbance.
+    share : float
+        Of the variance that the disturbance makes.
+    """
+    power = np.abs(np.fft.rfft(response, 2 * response.size)) ** 2
+    lags = np.fft.irfft(power)[: min(most + 1, response.size)]
+    lags *= share / lags[0]
+    lags[0] = 1.0
+    return of_covariance(lags)

@@ -2,17 +2,60 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models import Assembly
 from specan.models.rates import TIME
 from specan.study.observation import Array, Strategy
-from specan.study.observation.autoregression import of_likely_order, spectrum
+from specan.study.observation.autoregression import (
+    innovations,
+    ln_likelihood,
+    of_likely_order,
+    of_process,
+)
 from specan.study.observation.table import TableObservation
+
+WHITE = (
+    0.9,
+    0.5,
+    0.2,
+    0.05,
+    0.01,
+    2e-3,
+    5e-4,
+    1e-4,
+    1e-5,
+)  # shares of white noise beside that of a disturbance
+
+
+@dataclass(frozen=True)
+class Noise:
+    """A form of the noise of one observable.
+
+    Attributes
+    ----------
+    words : str
+        What it is.
+    reflections : tuple of float
+        See `specan.study.observation.autoregression`.
+    numbers : int, optional
+        How many numbers were estimated for it; by default one for each of these.
+    """
+
+    words: str
+    reflections: tuple[float, ...] = ()
+    numbers: int | None = None
+
+    @property
+    def estimated(self) -> int:
+        """How many numbers were estimated for it."""
+        return len(self.reflections) if self.numbers is None else self.numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,12 +64,11 @@ class TimeObservation(TableObservation):
 
     Attributes
     ----------
-    inflation : float
-        Variance of noise along what the model can do, over that of white noise of the same size: so many samples are
-        worth one.
+    noise : mapping
+        Of each observable, where it is not white.
     """
 
-    inflation: float = 1.0
+    noise: Mapping[str, Noise] = field(default_factory=dict)
     kind: ClassVar[str] = "time"
     strategy: ClassVar[Strategy] = Strategy(frugal=True, exact_minimum=False)
 
@@ -44,28 +86,42 @@ class TimeObservation(TableObservation):
         """``3.2 s of run.tdms``."""
         return f"{self.conditions[TIME][row]:.4g} s of {self.recordings[int(self._recording[row])]}"
 
-    @property
-    def n_effective(self) -> float:
-        """Number of independent samples that they are worth."""
-        return self.n / self.inflation
+    def spread(self, assembly: Assembly, values: Mapping[str, Any], state: str) -> float:
+        """Standard deviation of a state over the first recording."""
+        number, conditions, _ = self._recorded[0]
+        own = {n: v[number] if np.ndim(v) else v for n, v in values.items()}
+        with np.errstate(all="ignore"):
+            return float(np.std(assembly.evaluate(conditions, own)[state]))
 
-    def with_noise_of(self, residual: Array, directions: Array) -> TimeObservation:
-        """The same with noise that follows itself as a residual does, as it shows along some directions.
+    def whiten(self, array: Array) -> Array:
+        """Apply V^(-1/2) along axis 0: what is left after all that the samples before tell."""
+        rows = super().whiten(array)
+        for name, form in self.noise.items():
+            rows = innovations(rows, self.chains.get(name, []), form.reflections)
+        return rows
+
+    def with_noise_of(self, residual: Array, responses: Mapping[str, Array]) -> TimeObservation:
+        """The same with the likeliest noise that a residual may be of.
 
         Parameters
         ----------
         residual : array (n,)
-            What the largest explanation leaves, in units of sigma.
-        directions : array (n, k)
-            Orthonormal: what parameters and effects do to the prediction.
+            Of the largest explanation, in units of sigma.
+        responses : mapping
+            Of each state of the model, the change of all rows after an impulse in its rate at the start.
         """
-        along = np.zeros(directions.shape[1])
-        for chains in self.chains.values():
-            reflections = of_likely_order(chains, residual)
-            for rows in chains:
-                power = np.abs(np.fft.rfft(directions[rows], 2 * rows.size, axis=0)) ** 2
-                power[1:-1] *= 2
-                along += spectrum(reflections, 2 * rows.size) @ power / (2 * rows.size)
-        # any recording is worth twenty independent samples
-        inflation = float(np.clip(np.max(along, initial=1.0), 1.0, max(self.n / 20.0, 1.0)))
-        return replace(self, covariance=self.covariance * inflation / self.inflation, inflation=inflation)
+        found, size = {}, np.ones(self.n)
+        for name, chains in self.chains.items():
+            forms = [Noise("white"), Noise("autoregressive", of_likely_order(chains, residual))]
+            for state, response in responses.items():
+                own = response[chains[0]]
+                if np.any(own):
+                    words = f"an unmeasured random change of d{state}"
+                    forms += [Noise(words, of_process(own, 1 - white), 1) for white in WHITE]
+            worth = [ln_likelihood(chains, residual, f.reflections) for f in forms]
+            price = 0.5 * np.log(max(sum(rows.size for rows in chains), 1))
+            best = forms[int(np.argmax([w - price * f.estimated for w, f in zip(worth, forms, strict=True)]))]
+            if best.reflections:
+                rows, found[name] = np.concatenate(chains), best
+                size[rows] = np.mean(innovations(residual, chains, best.reflections)[rows] ** 2)
+        return replace(self, noise=found, covariance=self.covariance * size)

@@ -1,0 +1,88 @@
+"""Noise of recordings: its predictor against that of Kalman, and models that lack nothing beside it."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_discrete_are
+from scipy.signal import lfilter
+
+from specan.models import Model, Signal, State
+from specan.study.diagnose import diagnose
+from specan.study.observation.autoregression import innovations, of_process
+from specan.study.observation.time import TimeObservation
+from specan.study.selection.candidates import base_problem
+from tests.rates.test_solver import cubic_spring, damper, dv, dx, spring
+
+RATE, COUNT = 500.0, 1000
+STEP = expm(np.array([[0, 1], [-1e4, -20.0]]) / RATE)  # mass 1 kg, stiffness 1e4 N/m, damping 20 N s/m
+
+# the same with a force, and its change until the next sample: a straight line
+LINES = expm(np.array([[0, 1, 0, 0], [-1e4, -20, 1, 0], [0, 0, 0, RATE], [0, 0, 0, 0]]) / RATE)
+
+
+def test_the_predictor_errs_as_that_of_kalman():
+    """Displacement of an oscillator that random kicks drive, under white noise: the variance of the innovations."""
+    kick, noise = 0.02, 2e-5
+    rng = np.random.default_rng(3)
+    covariance = solve_discrete_are(
+        STEP.T, np.array([[1.0], [0.0]]), np.diag([1e-30, kick**2]), np.array([[noise**2]])
+    )
+    expected = covariance[0, 0] + noise**2
+    response = np.array([np.linalg.matrix_power(STEP, k)[0, 1] for k in range(1000)])
+    moved = lfilter(response, [1.0], kick * rng.standard_normal(60000))[1000:]
+    y = moved + noise * rng.standard_normal(moved.size)
+    share = kick**2 * float(response @ response) / (kick**2 * float(response @ response) + noise**2)
+    rows = np.arange(y.size)
+    left = innovations(y / np.std(y), [rows], of_process(response, share))
+    gain = np.prod(1 - np.square(of_process(response, share)))  # of unit variance where y is
+    assert np.var(left) * gain * np.var(y) == pytest.approx(expected, rel=0.03)
+
+
+def observed(model, rng, disturbed, coloured, size=0.0):
+    """A recording by matrix exponentials, straight lines between samples."""
+    time = np.arange(COUNT) / RATE
+    force = sum(np.cos(2 * np.pi * f * time + rng.uniform(0, 6)) for f in np.arange(2, 40, 0.33))
+    force *= 30 / np.std(force)
+    force_then = force + disturbed * rng.standard_normal(COUNT)
+    states, y = np.zeros(2), np.zeros(COUNT)
+    for k in range(COUNT - 1):
+        pushed = force_then[k : k + 2] - size * states[0] ** 3
+        states = LINES[:2, :2] @ states + LINES[:2, 2:] @ [pushed[0], pushed[1] - pushed[0]]
+        y[k + 1] = 1e3 * states[0]
+    own = rng.standard_normal(COUNT)
+    y += 0.05 * lfilter([np.sqrt(1 - coloured**2)], [1, -coloured], own)
+    given = {"time": time, "force_channel": force}
+    rows = np.arange(COUNT)
+    return TimeObservation(
+        name="run", observable=np.full(COUNT, "x"), measured=y, conditions=given, covariance=np.full(COUNT, 0.05**2),
+        recordings=("run",), recording=np.zeros(COUNT, dtype=np.intp), noise_dof=1.0, available=frozenset(given),
+        series=(given, np.zeros(COUNT, dtype=np.intp)), position=rows, lines=rows + 1,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def model():
+    from specan import shelf
+
+    kept = ("dry-friction", "backlash", "viscous-friction", "tuned-mass", "maxwell-element", "bouc-wen")
+    on_spring = shelf.mechanics(force=("spring", 60, "N"), x=("x", 6e-3, "m"), v=("v", 0.6, "m/s"))
+    return Model.from_rates(
+        dx, dv, spring, damper, states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"},
+        observables={"x": Signal("mm")},
+        parameters={"stiffness": (1e4, 1e3, 1e5, "N/m"), "mass": (1.0, 0.1, 10, "kg"),
+            "damping": (20.0, 1, 200, "N*s/m")},
+        units={"spring": "N", "damper": "N"},
+        effects=[cubic_spring, *(e for e in on_spring if e.name in kept)],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("disturbed", "coloured"), [(3.0, 0.0), (0.5, 0.0), (0.0, 0.9)])
+def test_nothing_is_named_beside_noise_of_any_form(model, disturbed, coloured):
+    seen = observed(model, np.random.default_rng(0), disturbed, coloured)
+    found = diagnose(base_problem(model, [seen]))
+    assert (found.verdict, found.alternatives) == ("nothing-missing", ())
+
+
+def test_an_effect_is_named_beside_a_force_that_nobody_measured(model):
+    seen = observed(model, np.random.default_rng(1), 3.0, 0.0, size=2e7)
+    found = diagnose(base_problem(model, [seen]))
+    assert found.alternatives == (("cubic-spring",),)
