@@ -6,9 +6,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 
@@ -24,7 +22,7 @@ class Reader(Protocol):
     start: int
     stop: int
 
-    def add(self, samples: NDArray[np.float64], /) -> None:
+    def add(self, samples: Real, /) -> None:
         """Take the next samples (channels, m), as many as there are."""
         ...
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Flags, Real
 from specan.data.band_levels import BandLevels
 from specan.errors import RequestError
 
@@ -15,9 +15,7 @@ STANDS_OUT_DB = 6.0
 """By how much a level has to exceed the background's to be corrected with confidence; ISO 3744:2010, 8.2.3."""
 
 
-def background_correction(
-    level_dB: NDArray[np.float64], background_dB: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def background_correction(level_dB: Real, background_dB: Real) -> tuple[Real, Flags]:
     """Take the energy of the background off; where it is too loud for that, take off 1.26 dB and say so.
 
     K_1 = -10 lg(1 - 10^(-0.1 dL)) for dL = L - L_background of 6 dB or more; below that K_1 stays at its
@@ -56,7 +54,7 @@ def without_background(levels: BandLevels, background: BandLevels) -> BandLevels
     _check_alike(levels, background)
     rows = [_row(levels, row, background) for row in range(len(levels.channels))]
 
-    def corrected(mine: Any, other: Any) -> tuple[dict[str, Any], NDArray[np.bool_], NDArray[np.bool_]]:
+    def corrected(mine: Any, other: Any) -> tuple[dict[str, Any], Flags, Flags]:
         """Levels, which bands stand out too little, and which channels do in their overall levels."""
         level_dB, low = background_correction(mine.level_dB, other.level_dB[rows])
         found = [

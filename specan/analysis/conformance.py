@@ -11,19 +11,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.analysis.levels import Levels
 from specan.analysis.octave import Octave
 from specan.analysis.tone import Tone
+from specan.arrays import Real
 from specan.data.recording import Recording
 from specan.divisions import FRACTIONS
 from specan.dsp import bands
 from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio, class_1_limits
 from specan.dsp.weighting import Weighting, weighting_level
 from specan.errors import RequestError
-
-Real = NDArray[np.float64]
 
 FILTERS, METERS, RECORDERS = "IEC 61260-1:2014", "IEC 61672-1:2013", "IEEE 1057-2017"
 RATES = (44100.0, 1e6)  # in Hz

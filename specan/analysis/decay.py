@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.excitation import recognise
@@ -21,14 +20,13 @@ from specan.analysis.section import (
     section,
 )
 from specan.analysis.transfer_function import TransferFunction
+from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.decay import DecayTimes, ImpulseResponses
 from specan.data.recording import Recording
 from specan.dsp import bands
 from specan.dsp.energy_decay import decay_line, energy_decay, noise_floor
 from specan.errors import InputError, RequestError
-
-Real = NDArray[np.float64]
 
 # Evaluation ranges in dB below the beginning, and the range above the noise that they need: their end and 10 dB
 # (ISO 3382-1:2009, 5.3.3 and 6).
@@ -172,9 +170,7 @@ _RESULTS = tuple(
 )
 
 
-def _band_energy(
-    spectrum: NDArray[np.complex128], length: int, n: int, mid: float, fraction: int
-) -> tuple[Real, float]:
+def _band_energy(spectrum: Complex, length: int, n: int, mid: float, fraction: int) -> tuple[Real, float]:
     """Squared envelope of one band at a lower rate, and how many samples of the record one of it spans.
 
     The filter is reversed in time: its slow decay lies before each arrival and not after it (ISO 3382-1:2009, 7.3).

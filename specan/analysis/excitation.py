@@ -10,9 +10,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.analysis.quality import LARGEST
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.tone import Excitation, ExcitationKind
@@ -200,9 +200,7 @@ def _may_be_a_tone(recording: Recording) -> bool:
     return False
 
 
-def _without_switching(
-    sections: list[NDArray[np.float64]], looks: list[Appearance]
-) -> tuple[list[NDArray[np.float64]], list[Appearance]]:
+def _without_switching(sections: list[Real], looks: list[Appearance]) -> tuple[list[Real], list[Appearance]]:
     """Without the first or the last section where a tone begins or ends in it."""
     first = 1 if looks and looks[0].look == "transient" else 0
     last = len(looks) - 1 if len(looks) > first and looks[-1].look == "transient" else len(looks)
@@ -211,7 +209,7 @@ def _without_switching(
     return sections, looks
 
 
-def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64]] | None:
+def _sections(recording: Recording, channel: Channel) -> list[Real] | None:
     """The sections in which the channel is not silent, in their order; None where all hold what is not finite."""
     total, rate = channel.n_samples, channel.sampling_rate
     count = max(1, min(len(PLACES), int(total / max(LEAST_SECTION_S * rate, MIN_SAMPLES))))
@@ -237,9 +235,7 @@ def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64
     return [s for s, level in zip(sections, rms) if level > floor]
 
 
-def _verdict(
-    channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance]
-) -> Excitation:
+def _verdict(channel: Channel, sections: Sequence[Real], looks: Sequence[Appearance]) -> Excitation:
     where = f"{channel.role} channel {channel.label!r}"
     kinds = {look.look for look in looks}
     frequencies = [look.frequency_hz for look in looks]
@@ -278,7 +274,7 @@ _SAID = {
 
 
 def _moving(
-    channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance], where: str
+    channel: Channel, sections: Sequence[Real], looks: Sequence[Appearance], where: str
 ) -> Excitation | None:
     """A sweep, steps, or a tone that moves otherwise; None where there is no tone to follow."""
     rate = channel.sampling_rate
@@ -300,7 +296,7 @@ def _moving(
     return None
 
 
-def _is_noise(channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance]) -> bool:
+def _is_noise(channel: Channel, sections: Sequence[Real], looks: Sequence[Appearance]) -> bool:
     """Whether the sections scatter as noise does, and so does what surrounds the strongest line of any of them."""
     broad = scatters_as_noise(sections)
     narrow = any(look.look != "broad" for look in looks)

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.quality import LARGEST, QualityAccumulator
 from specan.analysis.section import reasons_apart
+from specan.arrays import Complex, Flags, Real
 from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
@@ -170,7 +170,7 @@ def _numbered(word: str, microphones: list[Channel], recording: Recording) -> Ch
     )
 
 
-def volts(recording: Recording, channels: Sequence[Channel], start: int, stop: int) -> NDArray[np.float64]:
+def volts(recording: Recording, channels: Sequence[Channel], start: int, stop: int) -> Real:
     """Samples in volts, whatever sensitivity the file states; NaN for all that is no number or too large to square."""
     back = np.array([[c.raw_scale / c.gain] for c in channels])
     samples = recording.read(channels, start, stop) * back
@@ -474,12 +474,12 @@ def _cut(label: str, found: Candidates, frequency: float, settings: CalibrationS
 class _Windows:
     """Fits of all channels to all windows, on one time axis; arrays (channels, windows) or (channels,)."""
 
-    phasors: NDArray[np.complex128]
-    there: NDArray[np.bool_]  # whether the window holds the tone
-    amplitude: NDArray[np.float64]  # mean over the windows that do, else 0
-    rest: NDArray[np.float64]  # RMS of everything else
-    finite: NDArray[np.bool_]
-    clipped: NDArray[np.bool_]
+    phasors: Complex
+    there: Flags  # whether the window holds the tone
+    amplitude: Real  # mean over the windows that do, else 0
+    rest: Real  # RMS of everything else
+    finite: Flags
+    clipped: Flags
 
 
 def _fit_windows(
@@ -527,7 +527,7 @@ def _clipped(quality: Quality, top: float | None) -> bool:
     return quality.clipped or reaches
 
 
-def _stands_still(samples: NDArray[np.float64], period: float) -> NDArray[np.bool_]:
+def _stands_still(samples: Real, period: float) -> Flags:
     """Whether each row holds the same value for a period of the tone or longer."""
     length = max(4, int(np.ceil(period)))
     with np.errstate(invalid="ignore"):
@@ -535,7 +535,7 @@ def _stands_still(samples: NDArray[np.float64], period: float) -> NDArray[np.boo
     if equal.shape[1] < length or not equal.any():
         return np.zeros(len(samples), dtype=bool)
     run = np.cumsum(np.pad(equal, ((0, 0), (1, 0))), axis=1)
-    still: NDArray[np.bool_] = (run[:, length - 1 :] - run[:, : 1 - length] == length - 1).any(axis=1)
+    still: Flags = (run[:, length - 1 :] - run[:, : 1 - length] == length - 1).any(axis=1)
     return still
 
 
@@ -613,9 +613,7 @@ def _heard(
     return tuple(h for h, together in zip(heard, common.any(axis=1), strict=True) if together)
 
 
-def _own_variance(
-    angle: NDArray[np.float64], common: NDArray[np.bool_], reference: int
-) -> NDArray[np.float64]:
+def _own_variance(angle: Real, common: Flags, reference: int) -> Real:
     r"""Variance of each channel's own phase in a window, from differences to the reference, deg^2.
 
     The phase of the tone itself is common to all channels of a window and unknown. With three channels or

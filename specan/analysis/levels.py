@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.accumulator import read_through
 from specan.analysis.quality import QualityAccumulator, quality_flags
 from specan.analysis.section import SectionSettings, joined, of_one_rate, section, slices, slow_part
+from specan.arrays import Real
 from specan.data.band_levels import apart
 from specan.data.levels import Quality, SignalLevels, level
 from specan.data.recording import Recording
@@ -27,7 +27,6 @@ from specan.dsp.weighting import FAST, SLOW, WEIGHTINGS, Weighting
 from specan.units import level_reference
 
 # Readings of the time-weighted level: five in a time constant, but no more of them than this.
-Real = NDArray[np.float64]
 READINGS_PER_TIME_CONSTANT, READINGS = 5, 200_000
 _SETTLING = (
     "about the mean; what A, B and C make of the cut at the start of the section is taken off; percentiles and minimum "
@@ -116,14 +115,14 @@ class LevelsAccumulator:
         )
         self._quality = QualityAccumulator(self.channels)
 
-    def _times(self) -> NDArray[np.float64]:
+    def _times(self) -> Real:
         """When the time-weighted level is read: after it has settled."""
         tau = self.settings.time_constant
         settled = SETTLING_TIME_CONSTANTS * tau + self._filters[0].settling
         step = max(tau / READINGS_PER_TIME_CONSTANT, self.duration / READINGS)
         return np.arange(settled, self.duration, step)
 
-    def add(self, samples: NDArray[np.float64]) -> None:
+    def add(self, samples: Real) -> None:
         """Take the next samples (channels, m) of `channels`."""
         self._quality.add(samples)
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be

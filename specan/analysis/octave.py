@@ -11,12 +11,12 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from specan.analysis.accumulator import feed
 from specan.analysis.quality import QualityAccumulator, quality_flags
 from specan.analysis.section import SectionSettings, joined, section, slices, slow_part, weightable
+from specan.arrays import Real
 from specan.data.band_levels import BandLevels, LevelHistory, OtherSettling
 from specan.data.levels import Quality, level
 from specan.data.recording import Recording
@@ -39,7 +39,6 @@ from specan.result import picked
 from specan.schema import Division
 from specan.units import level_reference
 
-Real = NDArray[np.float64]
 Settling = Literal["left-out", "counted"]
 AUDIO_RANGE = (20.0, 20000.0)
 TIME_CONSTANTS = {"fast": FAST, "slow": SLOW, "impulse": IMPULSE}
@@ -282,7 +281,7 @@ class OctaveAccumulator:
         lowest = float(self.bands.lower[0])
         return slow_part(self.recording, self.channels, self.start, self.stop, lowest)
 
-    def add(self, samples: NDArray[np.float64]) -> None:
+    def add(self, samples: Real) -> None:
         """Take the next samples (channels, m) of `channels`."""
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             self._at_work.add(samples)

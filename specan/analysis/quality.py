@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
@@ -67,12 +67,12 @@ class QualityAccumulator:
         self._rails = [(_Rail(), _Rail()) for _ in channels]
         self._tail = np.empty((len(channels), 0))
 
-    def add(self, block: NDArray[np.float64]) -> None:
+    def add(self, block: Real) -> None:
         """Take the next block, shape (channels, samples) of any length."""
         for part in self._grid.feed(block):
             self._take(part)
 
-    def _take(self, block: NDArray[np.float64]) -> None:
+    def _take(self, block: Real) -> None:
         if not block.shape[1]:
             return
         highest, lowest = block.max(axis=1), block.min(axis=1)
@@ -111,8 +111,8 @@ class QualityAccumulator:
 
 
 def _rests(
-    samples: NDArray[np.float64],
-    border: NDArray[np.float64],
+    samples: Real,
+    border: Real,
     top: float,
     span: float,
     full_scale: float | None,

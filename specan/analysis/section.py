@@ -7,9 +7,9 @@ from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.dsp.record_edges import SlowPart, drift_length, drift_spread
@@ -89,7 +89,7 @@ def slow_part(
         )
 
 
-def rms_about_mean(recording: Recording, channels: Sequence[Channel], n: int) -> NDArray[np.float64]:
+def rms_about_mean(recording: Recording, channels: Sequence[Channel], n: int) -> Real:
     """RMS of the first `n` samples about their mean, whose digits a large constant part would take otherwise.
 
     Examples

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from scipy.signal import cont2discrete, lfilter
 
 from specan.analysis.quality import QualityAccumulator, quality_flags
 from specan.analysis.section import SectionSettings, of_one_rate, section
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
@@ -19,12 +19,11 @@ from specan.data.spectrum import ShockResponse
 from specan.errors import RequestError
 from specan.units import MOTION
 
-Array = NDArray[np.float64]
 Response = Literal["acceleration", "pseudo-velocity", "displacement"]
 _INTEGRALS = {"acceleration": 0, "pseudo-velocity": 1, "displacement": 2}
 
 
-def oscillator(frequency_hz: float, quality: float, rate: float, response: Response) -> tuple[Array, Array]:
+def oscillator(frequency_hz: float, quality: float, rate: float, response: Response) -> tuple[Real, Real]:
     """Numerator and denominator of the ramp-invariant filter from the acceleration of the base to a response.
 
     Parameters

@@ -9,11 +9,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.accumulator import READ_BLOCK, read_through
 from specan.analysis.section import SectionSettings, compared, joined, section, weightable
+from specan.arrays import Complex, Flags, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.spectrum import Scaling, Spectrogram, Spectrum, SpectrumScale
@@ -140,7 +140,7 @@ class SpectrumAccumulator:
             derivatives=[channel.derivatives for channel in self.channels],
         )
 
-    def add(self, samples: NDArray[np.float64]) -> None:
+    def add(self, samples: Real) -> None:
         """Take the next samples (channels, m) of `channels`."""
         self._spectra.add(samples)
 
@@ -185,11 +185,11 @@ def single_blocks(recording: Recording, settings: FourierSpectrum) -> Iterator[S
     block = block_of(recording, settings, stop - start)
     rate, notes = channels[0].sampling_rate, (*notes, *integrated(shown, settings.window, block))
     scale, shape = scale_of(settings, block, rate), window(settings.window, block)
-    f: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
+    f: Real = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
     mirrored = has_mirror(f.size, block)
     peaks = np.where(mirrored, 2.0, 1.0) / np.sum(shape)
 
-    def spectrum(channel: Channel) -> NDArray[np.complex128]:
+    def spectrum(channel: Channel) -> Complex:
         """Peak values, exp(+j w t)."""
         samples = recording.read([channel], start, start + block)[0]
         if channel.derivatives:
@@ -216,7 +216,7 @@ def single_blocks(recording: Recording, settings: FourierSpectrum) -> Iterator[S
         del density, phase, lines  # while the next channel is read
 
 
-def correction_of_block(channel: Channel, f: NDArray[np.float64], name: WindowName) -> NDArray[np.complex128]:
+def correction_of_block(channel: Channel, f: Real, name: WindowName) -> Complex:
     """Factor on the lines of a block that `convert` has converted; zero below the lowest that it leaves right."""
     factor = replace(channel, derivatives=0).correction(f)
     if channel.derivatives:
@@ -267,7 +267,7 @@ def scale_of(settings: BlockSettings, block: int, rate: float) -> SpectrumScale:
     )
 
 
-def lines_between(frequency_hz: NDArray[np.float64], settings: BlockSettings) -> NDArray[np.bool_]:
+def lines_between(frequency_hz: Real, settings: BlockSettings) -> Flags:
     """Lines from `fmin_hz` to `fmax_hz`.
 
     Raises
@@ -288,9 +288,9 @@ def lines_between(frequency_hz: NDArray[np.float64], settings: BlockSettings) ->
 class Lines(NamedTuple):
     """Lines of blocks of `block` samples, and what was averaged."""
 
-    frequency_hz: NDArray[np.float64]
-    density: NDArray[np.float64]
-    phase: NDArray[np.float64] | None
+    frequency_hz: Real
+    density: Real
+    phase: Real | None
     block: int
     n_blocks: int = 1
     n_effective: float = 1.0
@@ -331,7 +331,7 @@ def spectrum_of(
     )
 
 
-def _flags(density: NDArray[np.float64]) -> tuple[str, ...]:
+def _flags(density: Real) -> tuple[str, ...]:
     if not np.all(np.isfinite(density)):
         return ("not-finite",)
     return () if np.any(density > 0) else ("dead",)
@@ -377,7 +377,7 @@ class SpectrogramSettings(BlockSettings):
         block = block_of(recording, self.model_copy(update={"lines": lines}), stop - start)
         hop = hop_of(block, self.overlap)
         n_blocks = (stop - start - block) // hop + 1
-        frequency: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
+        frequency: Real = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
         kept = lines_between(frequency, self)
         room = max(1, VALUES // (len(channels) * int(kept.sum())))
         per_column = -(-n_blocks // min(self.columns, room))
@@ -392,7 +392,7 @@ class SpectrogramSettings(BlockSettings):
         pieces = recording.blocks(channels, READ_BLOCK, start, stop)
         for column, auto in zip(range(count), _means(pieces, grid, average, per_column), strict=False):
             density[:, column] = (auto * gain)[:, kept]
-        time: NDArray[np.float64] = np.arange(count, dtype=np.float64) * (per_column * hop / rate)
+        time: Real = np.arange(count, dtype=np.float64) * (per_column * hop / rate)
         width = ((per_column - 1) * hop + block) / rate
         return Spectrogram(
             **self.origin(recording, channels, (*notes, *integrated(channels, self.window, block))),
@@ -407,8 +407,8 @@ class SpectrogramSettings(BlockSettings):
 
 
 def _means(
-    pieces: Iterable[NDArray[np.float64]], grid: OverlappedBlocks, average: CrossSpectra, count: int
-) -> Iterator[NDArray[np.float64]]:
+    pieces: Iterable[Real], grid: OverlappedBlocks, average: CrossSpectra, count: int
+) -> Iterator[Real]:
     """Power spectra, each a mean of `count` blocks."""
     for samples in pieces:
         for part in grid.feed(samples):

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.accumulator import read_through
 from specan.analysis.excitation import recognise
 from specan.analysis.section import SectionSettings, compared, of_one_rate, section
+from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
@@ -138,7 +138,7 @@ class ToneAccumulator:
             return channel, stated  # nothing to refine it on
         return channel, frequency
 
-    def add(self, samples: NDArray[np.float64]) -> None:
+    def add(self, samples: Real) -> None:
         """Take the next samples (channels, m) of `channels`."""
         self._series.add(samples)
 
@@ -175,7 +175,7 @@ class ToneAccumulator:
             **relation,
         )
 
-    def _relation(self, fitted: Fitted, channels: list[Channel], phasors: NDArray[np.complex128]) -> dict:
+    def _relation(self, fitted: Fitted, channels: list[Channel], phasors: Complex) -> dict:
         """Phase and magnitude over the reference, their uncertainties, and the flags."""
         f = np.array([fitted.frequency_hz])
         nothing = np.full(len(channels), np.nan)
@@ -227,7 +227,7 @@ class ToneAccumulator:
         return remarks
 
 
-def _tone_near(x: NDArray[np.float64], rate: float, stated: float | None) -> tuple[float, float]:
+def _tone_near(x: Real, rate: float, stated: float | None) -> tuple[float, float]:
     """Share of the power that the strongest tone holds (near a stated frequency), and its frequency."""
     x = x - x.mean()
     power = float(np.mean(x**2))

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.accumulator import READ_BLOCK, read_through
 from specan.analysis.section import SectionSettings, channel_named, compared, responses_to, section
+from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
 from specan.data.recording import Recording
@@ -23,8 +23,6 @@ from specan.errors import InputError
 from specan.units import quotient
 
 # Lines up to rate / 2.56: above them the converters' anti-aliasing filters fall off.
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 SAMPLES_PER_LINE = 2.56
 DEFAULT_LINES, LEAST_LINES = 3200, 100
 # Share of the reference's power that is not the generator's from which on H3c is recommended: H1 is low by as much.
@@ -215,7 +213,7 @@ class TransferFunctionAccumulator:
             whole=seen if until == stop else None,
         )
 
-    def add(self, samples: NDArray[np.float64]) -> None:
+    def add(self, samples: Real) -> None:
         """Take the next samples (channels, m) of `channels`."""
         if self._whole is None:
             self._spectra.add(samples)
@@ -279,11 +277,11 @@ class TransferFunctionAccumulator:
             instrument=instrument,
         )
 
-    def _together(self, of: Any) -> NDArray[np.float64]:
+    def _together(self, of: Any) -> Real:
         """Uncertainty of response and reference in quadrature, (responses, lines)."""
         return np.stack([np.hypot(of(c), of(self.reference)) for c in self.responses])
 
-    def _remarks(self, found: Estimate, lost: NDArray[np.float64]) -> list[str]:
+    def _remarks(self, found: Estimate, lost: Real) -> list[str]:
         remarks = [*self._on_lines(found, lost), *self._on_the_instrument()]
         channels = (self.reference, *self.responses)
         remarks += [f"{c.label}: {c.conversion}" for c in channels if c.conversion]
@@ -292,7 +290,7 @@ class TransferFunctionAccumulator:
             remarks.append(f"aligned before the analysis and turned back after it: {', '.join(late)}")
         return remarks
 
-    def _on_lines(self, found: Estimate, lost: NDArray[np.float64]) -> list[str]:
+    def _on_lines(self, found: Estimate, lost: Real) -> list[str]:
         """Who chose the number of lines, and whether the blocks are too short for the response."""
         settings, rate = self.settings, self.reference.sampling_rate
         remarks = []
@@ -350,8 +348,8 @@ def block_of(lines: int) -> int:
 def _flags(
     spectra: SpectralMatrix,
     found: Estimate,
-    u_relative: NDArray[np.float64],
-    lost: NDArray[np.float64],
+    u_relative: Real,
+    lost: Real,
     row: int,
     first: int,
 ) -> list[str]:
@@ -575,6 +573,6 @@ def leakage(
     return square
 
 
-def _mean_over(values: NDArray[np.float64], weights: Sequence[float]) -> NDArray[np.float64]:
+def _mean_over(values: Real, weights: Sequence[float]) -> Real:
     """Weighted mean over neighbouring lines (an odd number), the ends repeated."""
     return np.convolve(np.pad(values, len(weights) // 2, mode="edge"), weights, "valid")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Flags, Real
 from specan.divisions import division_name
 from specan.result import RecordingResult, Sheet, cell, counted, picked, records
 from specan.units import LevelReference
@@ -16,7 +17,6 @@ from specan.units import LevelReference
 if TYPE_CHECKING:
     from specan.data.limits import Kept, LimitCurve
 
-Real = NDArray[np.float64]
 
 # 18.9 degrees of freedom of bandwidth times time: a level that scatters by more than 1 dB.
 LOW_BT_DB = 1.0
@@ -115,8 +115,8 @@ class BandLevels(RecordingResult):
     settling: str
     flags: tuple[tuple[str, ...], ...]
     history: LevelHistory | None = None
-    unsettled: NDArray[np.bool_] | None = None
-    low_snr: NDArray[np.bool_] | None = None
+    unsettled: Flags | None = None
+    low_snr: Flags | None = None
     other: OtherSettling | None = None
     percentile_dB: Mapping[float, Real] | None = None
     percentile_overall_dB: Mapping[float, Mapping[str, Real]] | None = None
@@ -292,20 +292,20 @@ class BandLevels(RecordingResult):
         ]  # fmt: skip
 
     @property
-    def edges(self) -> NDArray[np.bool_]:
+    def edges(self) -> Flags:
         """Bands (channels, bands) whose level hangs on the cut at the ends of the section."""
         if self.other is None:
             return np.zeros(self.level_dB.shape, dtype=bool)
         return apart(self.level_dB, self.other.level_dB)
 
-    def overall_edges(self, weighting: str) -> NDArray[np.bool_]:
+    def overall_edges(self, weighting: str) -> Flags:
         """The same for an overall level, shape (channels,)."""
         if self.other is None:
             return np.zeros(len(self.channels), dtype=bool)
         return apart(self.overall_dB[weighting], self.other.overall_dB[weighting])
 
     @property
-    def low_bt(self) -> NDArray[np.bool_]:
+    def low_bt(self) -> Flags:
         """Bands (bands,) too narrow for the section: noise scatters by more than 1 dB there."""
         return self.u_dB > LOW_BT_DB
 
@@ -366,7 +366,7 @@ def percentile_name(percent: float) -> str:
     return {0.0: "max", 100.0: "min"}.get(percent, f"L{percent:g}")
 
 
-def apart(one: Real, other: Real) -> NDArray[np.bool_]:
+def apart(one: Real, other: Real) -> Flags:
     """Where two levels, of which each stands for a treatment of the cut, differ by more than 0.5 dB."""
     with np.errstate(invalid="ignore"):  # of nothing with nothing: not apart
         return np.asarray(np.abs(one - other) > EDGES_DB)

@@ -10,8 +10,8 @@ from functools import cache
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.errors import RequestError
 from specan.result import picked
 from specan.units import MOTION, QUANTITIES, Quantity, is_compatible, scale_to
@@ -36,7 +36,7 @@ class PhaseCalibration:
     group: str = ""  # phases are comparable within one group only
     inverted: bool = False
 
-    def at(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, frequency_hz: Real) -> Real:
         """Phase in degrees at the given frequencies."""
         f = np.asarray(frequency_hz, dtype=float)
         tones, phases = np.asarray(self.frequency_hz), np.asarray(self.phase_deg)
@@ -48,7 +48,7 @@ class PhaseCalibration:
         # phase / frequency is the delay in degrees per hertz: interpolated, and held beyond the tones.
         return f * np.interp(f, tones, phases / tones)
 
-    def u_at(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
+    def u_at(self, frequency_hz: Real) -> Real:
         """Standard uncertainty in degrees; it grows with the distance from the nearest tone.
 
         Under the delay model the stated uncertainty scales with frequency above the tone. In both
@@ -208,7 +208,7 @@ class Channel:
             start_offset_s=start_s,
         )
 
-    def correction(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def correction(self, frequency_hz: Real) -> Complex:
         """Factor on the channel's spectrum (exp(+j w t)) that removes its phase error and delay.
 
         A displacement or acceleration of a vibrometer becomes a velocity: (j w) ** derivatives.
@@ -223,7 +223,7 @@ class Channel:
                 factor = factor * np.where(omega > 0, (1j * omega) ** self.derivatives, 0.0)
         return factor
 
-    def u_phase_deg(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
+    def u_phase_deg(self, frequency_hz: Real) -> Real:
         """Standard uncertainty of the phase that calibration and delay leave, in degrees."""
         f = np.asarray(frequency_hz, dtype=float)
         late = 360.0 * f * self.u_delay_s

@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.band_levels import all_flags, flag_words
 from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording
 from specan.result import RecordingResult, Result, Sheet, cell, counted, crossed, picked
-
-Real = NDArray[np.float64]
 
 NOT_LINEAR_PERMILLE, CURVED_PERCENT = 10.0, 10.0
 """Above these a decay is far from a straight line: ISO 3382-2:2008, B.2 and B.3."""
@@ -181,7 +179,7 @@ class ImpulseResponses(Result):
     reference_unit: str
     method: str
     sampling_rate: float
-    samples: NDArray[np.float64]
+    samples: Real
     upper_hz: float
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -189,7 +187,7 @@ class ImpulseResponses(Result):
     dimensions = ("channel", "time_s")
 
     @property
-    def time_s(self) -> NDArray[np.float64]:
+    def time_s(self) -> Real:
         """From the reference's impulse on."""
         return np.arange(self.samples.shape[1]) / self.sampling_rate
 

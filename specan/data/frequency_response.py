@@ -8,16 +8,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Flags, Real
 from specan.errors import RequestError
 from specan.result import RecordingResult, Sheet, counted, picked
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # A line whose magnitude is known to no better than 10 % (0.9 dB), and one of which less than half is
 # linearly related to the reference.
@@ -225,7 +223,7 @@ class FrequencyResponse(RecordingResult):
         return phase
 
     @cached_property
-    def line_flags(self) -> dict[str, NDArray[np.bool_]]:
+    def line_flags(self) -> dict[str, Flags]:
         """Lines (channels, n) that are worth little: ``low-snr``, ``low-coherence`` and ``leakage``."""
         with np.errstate(invalid="ignore"):
             return {
@@ -235,7 +233,7 @@ class FrequencyResponse(RecordingResult):
             }
 
 
-def leaking(u_leakage_percent: Real, u_magnitude_percent: Real) -> NDArray[np.bool_]:
+def leaking(u_leakage_percent: Real, u_magnitude_percent: Real) -> Flags:
     """Lines whose leakage exceeds 1 % and what noise makes uncertain."""
     with np.errstate(invalid="ignore"):
         found = (u_leakage_percent > LEAKAGE_PERCENT) & (2 * u_leakage_percent**2 > u_magnitude_percent**2)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from specan.arrays import Real
 from specan.result import RecordingResult, Sheet, cell, counted, picked, records
 from specan.units import LevelReference, level_reference
-
-Real = NDArray[np.float64]
 
 
 def level(mean_square: Real, zero: Real | float) -> Real:

@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import RequestError
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

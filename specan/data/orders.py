@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.data.levels import rms_level
 from specan.data.spectrum import highest
 from specan.result import RecordingResult, Sheet, cell, counted, picked, records
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ class OrderLines:
     """
 
     order: Real
-    amplitude: NDArray[np.complex128]
+    amplitude: Complex
     u: Real
     u_scatter: Real
     turns: int

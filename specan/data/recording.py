@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from specan.arrays import Real
 from specan.data.channel import Channel, Role, channels_matching, channels_meant, plain_properties, si_unit
 from specan.errors import InputError, RequestError, library, nearest
 from specan.result import Result, Sheet, counted, shortened
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 class SampleSource(Protocol):
     """Where samples come from; a file format implements this."""
 
-    def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
+    def read(self, indices: Sequence[int], start: int, stop: int) -> Real:
         """Samples `start` to `stop` of the channels `indices`, after the file's own scaling.
 
         Returns an array (len(indices), stop - start). All channels of one call have the same rate.
@@ -35,9 +36,9 @@ class SampleSource(Protocol):
 class ArraySource:
     """Samples held in memory, one array a channel."""
 
-    samples: Sequence[NDArray[np.float64]]
+    samples: Sequence[Real]
 
-    def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
+    def read(self, indices: Sequence[int], start: int, stop: int) -> Real:
         """Samples of the chosen channels; see SampleSource."""
         return np.stack([np.asarray(self.samples[i][start:stop], dtype=np.float64) for i in indices])
 
@@ -406,7 +407,7 @@ class Recording(Result):
 
     def read(
         self, channels: Sequence[Channel | str] | Channel | str, start: int = 0, stop: int | None = None
-    ) -> NDArray[np.float64]:
+    ) -> Real:
         """Samples in the channels' units, shape (channels, samples); all of one rate.
 
         Delay and phase are not touched in the time domain; see `Channel.correction`.
@@ -431,7 +432,7 @@ class Recording(Result):
         wanted = [channels] if isinstance(channels, (Channel, str)) else channels
         return self._read([self.channel(c) if isinstance(c, str) else c for c in wanted], start, stop)
 
-    def _read(self, channels: Sequence[Channel], start: int, stop: int | None) -> NDArray[np.float64]:
+    def _read(self, channels: Sequence[Channel], start: int, stop: int | None) -> Real:
         length = min((c.n_samples for c in channels), default=0)
         stop = length if stop is None else stop
         if not 0 <= start <= stop <= length:
@@ -472,7 +473,7 @@ class Recording(Result):
 
     def blocks(
         self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None
-    ) -> Iterator[NDArray[np.float64]]:
+    ) -> Iterator[Real]:
         """The same in consecutive blocks of `size` samples; the last one may be shorter.
 
         Parameters

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Flags, Real
 from specan.result import RecordingResult, Sheet, cell, counted, picked
 from specan.units import level_reference
 
 if TYPE_CHECKING:
     from specan.data.limits import Kept, LimitCurve
 
-Real = NDArray[np.float64]
 Scaling = Literal["amplitude", "rms", "psd"]
 SCALINGS: tuple[Scaling, ...] = get_args(Scaling)
 PIECE = 1 << 15  # lines of a table at once
@@ -62,7 +61,7 @@ class SpectrumScale:
         decibels = "dB" if self.weighting == "Z" else f"dB({self.weighting})"
         return f"{decibels} re ({base})^2/Hz" if self.scaling == "psd" else f"{decibels} re {base}"
 
-    def values(self, density: Real, has_mirror: NDArray[np.bool_]) -> Real:
+    def values(self, density: Real, has_mirror: Flags) -> Real:
         """Density, RMS or amplitude of each line.
 
         The RMS of a line is the root of density times noise bandwidth: right for tones; for noise it goes with
@@ -100,7 +99,7 @@ class _Lines(RecordingResult):
     frequency_hz: Real
     units: tuple[str, ...]
     density: Real
-    has_mirror: NDArray[np.bool_]
+    has_mirror: Flags
     scale: SpectrumScale
 
     @property

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.levels import rms_level
 from specan.result import Result, counted, picked
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

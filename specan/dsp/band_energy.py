@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specan.arrays import Complex, Real
 from specan.dsp import bands
 from specan.dsp.bands import OCTAVE_RATIO, REFERENCE_FREQUENCY, Bands
 from specan.dsp.multirate import (
@@ -53,7 +54,7 @@ def node_range(sampling_rate: float) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=8)
-def node_frequencies(first: int, count: int) -> NDArray[np.float64]:
+def node_frequencies(first: int, count: int) -> Real:
     """Frequencies in Hz of `count` nodes from `first` on; kept for all who ask, not to be written to."""
     found = REFERENCE_FREQUENCY * OCTAVE_RATIO ** ((first + np.arange(count)) / NODES_PER_OCTAVE)
     found.flags.writeable = False
@@ -61,14 +62,14 @@ def node_frequencies(first: int, count: int) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=16)
-def node_weights(first: int, count: int, weighting: Weighting) -> NDArray[np.float64]:
+def node_weights(first: int, count: int, weighting: Weighting) -> Real:
     """A frequency weighting of mean squares at these nodes; likewise kept."""
     found = power_weighting(node_frequencies(first, count), weighting)
     found.flags.writeable = False
     return found
 
 
-def nearest_nodes(frequency: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def nearest_nodes(frequency: Real) -> tuple[NDArray[np.int64], Real]:
     """Numbers of the nodes nearest to frequencies, and how far beyond these they lie: 0 for octaves."""
     place = _place(frequency)
     nodes = np.rint(place)
@@ -92,7 +93,7 @@ class Spread:
         Distance of the lines in Hz; the first lies at 0 Hz.
     """
 
-    def __init__(self, first: int, share: NDArray[np.float64], spacing: float) -> None:
+    def __init__(self, first: int, share: Real, spacing: float) -> None:
         used = np.flatnonzero((share > 0.0) & (np.arange(share.size) * spacing >= LOWEST_NODE))
         self._lines = slice(int(used[0]), int(used[-1]) + 1) if used.size else None
         if self._lines is None:
@@ -102,7 +103,7 @@ class Spread:
         self._node, self._first = node - node[0], int(node[0]) - first
         self._count = int(self._node[-1]) + 1
 
-    def add(self, nodes: NDArray[np.float64], energy: NDArray[np.float64]) -> None:
+    def add(self, nodes: Real, energy: Real) -> None:
         """Add lines, shape (channels, lines), to the nodes, shape (channels, nodes), in place."""
         if self._lines is None:
             return
@@ -114,7 +115,7 @@ class Spread:
                 row[first : first + self._count] += np.bincount(self._node, shared, self._count)
 
 
-def _neighbours(low: int, high: int, spacing: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _neighbours(low: int, high: int, spacing: float) -> tuple[NDArray[np.int64], Real]:
     """The second of the four neighbours of each line, and the factors of all four."""
     place = _place(np.arange(low, high) * spacing)
     node = np.floor(place).astype(np.int64)
@@ -130,7 +131,7 @@ def _neighbours(low: int, high: int, spacing: float) -> tuple[NDArray[np.int64],
     return node, factors
 
 
-def _place(frequency: ArrayLike) -> NDArray[np.float64]:
+def _place(frequency: ArrayLike) -> Real:
     """Place of a frequency on the grid, in nodes from 1 kHz."""
     return np.asarray(
         NODES_PER_OCTAVE * np.log(np.asarray(frequency) / REFERENCE_FREQUENCY) / math.log(OCTAVE_RATIO)
@@ -178,17 +179,17 @@ class LagSpectrum:
         self._sum: NDArray[Any] = np.zeros((rows, length + 1), dtype=np.float64 if sparing else np.complex128)
         self._previous: NDArray[Any] | None = None
         # What a fade takes away from the samples of the previous block.
-        self._taken: NDArray[np.float64] | None = None
+        self._taken: Real | None = None
         self._blocks = self._half = self._count = self._longest = 0
 
     def add(
         self,
-        block: NDArray[np.float64],
-        transform: NDArray[np.complex128],
+        block: Real,
+        transform: Complex,
         half: int,
-        taken: NDArray[np.float64] | None = None,
-        end: NDArray[np.complex128] | None = None,
-    ) -> NDArray[np.float64] | None:
+        taken: Real | None = None,
+        end: Complex | None = None,
+    ) -> Real | None:
         """Take the next block, shape (rows, at most L); what `finish` is more for a record that is faded here.
 
         `transform` is that of 2 L samples, shape (rows, L + 1), of which the block fills the half that `half` says.
@@ -205,7 +206,7 @@ class LagSpectrum:
         self._blocks += 1
         return more
 
-    def _before(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+    def _before(self) -> tuple[Complex, Complex | None]:
         """Transforms of the previous block and of what is taken away from it."""
         assert self._previous is not None
         previous, half = self._previous, self._half
@@ -213,9 +214,7 @@ class LagSpectrum:
             previous = transformed("previous", self._previous[:, : self._count], half, self.length)
         return previous, None if self._taken is None else transformed("gone", self._taken, half, self.length)
 
-    def _correlate(
-        self, following: NDArray[np.complex128] | None, following_end: NDArray[np.complex128] | None
-    ) -> NDArray[np.float64] | None:
+    def _correlate(self, following: Complex | None, following_end: Complex | None) -> Real | None:
         """Add conj(X_b) (X_b + X_{b+1}); with Y = X - E what conj(Y_b) (Y_b + Y_{b+1}) is more."""
         previous, end = self._before()
         rows, lines = previous.shape
@@ -245,10 +244,10 @@ class LagSpectrum:
                     sum_up(total, np.multiply(conjugate, other, out=product), out=total)
         return self._energy_of(self._lags(total))
 
-    def _lags(self, cross: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def _lags(self, cross: Complex) -> Real:
         return np.fft.irfft(cross)[:, : self.length + 1]
 
-    def finish(self) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    def finish(self) -> tuple[Real, Real | None]:
         """Energy spectrum, shape (rows, L + 1), at m / (2 L) cycles a sample, and what it is more with the last fade.
 
         The sum over all 2 L lines, divided by 2 L, is the energy. Call it once, after the last block. Rounding leaves
@@ -262,15 +261,13 @@ class LagSpectrum:
         more = self._correlate(None, None)
         return self._energy_of(self._sum if self._sparing else self._lags(self._sum)), more
 
-    def _energy_of(self, lags: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _energy_of(self, lags: Real) -> Real:
         lags *= _fade(self.length)
         symmetric = np.concatenate([lags, lags[:, -2:0:-1]], axis=1)
         return np.asarray(np.fft.rfft(symmetric).real)
 
 
-def transformed(
-    name: str, block: NDArray[np.float64], half: int, length: int = LENGTH
-) -> NDArray[np.complex128]:
+def transformed(name: str, block: Real, half: int, length: int = LENGTH) -> Complex:
     """Transform of 2 `length` samples, of which a block fills a half; the next call of this name writes over it."""
     samples = _memory.take("padded", len(block), 2 * length, _REAL)
     samples[...] = 0.0
@@ -283,19 +280,19 @@ _memory = Memory()
 
 
 @lru_cache(maxsize=4)
-def _fade(length: int) -> NDArray[np.float64]:
+def _fade(length: int) -> Real:
     fade = falling_step(np.arange(length + 1.0), _UNTOUCHED * length, length)
     fade.flags.writeable = False
     return fade
 
 
-def _squared(transform: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _squared(transform: Complex) -> Real:
     squared = np.square(transform.real)
     squared += np.square(transform.imag)
     return np.asarray(squared)
 
 
-def total_energy(lines: NDArray[np.float64]) -> NDArray[np.float64]:
+def total_energy(lines: Real) -> Real:
     """Sum over all 2 L lines, divided by 2 L, of an energy spectrum with L + 1 lines."""
     inner = 2.0 * np.add.reduce(lines[:, 1:-1], axis=1)
     return (inner + lines[:, 0] + lines[:, -1]) / (2 * (lines.shape[1] - 1))
@@ -332,7 +329,7 @@ def _settling(fraction: int) -> int:
     )
 
 
-def share_of_lines(stage: Stage, points: int) -> NDArray[np.float64]:
+def share_of_lines(stage: Stage, points: int) -> Real:
     """Factor on each line of a transform of `points`: what belongs to the stage, mirrored lines, the time step."""
     over_rate = np.arange(points // 2 + 1) / points
     share = np.full(over_rate.size, 2.0)
@@ -346,13 +343,13 @@ def share_of_lines(stage: Stage, points: int) -> NDArray[np.float64]:
 
 
 def add_energy(
-    nodes: NDArray[np.float64],
-    samples: NDArray[np.float64],
+    nodes: Real,
+    samples: Real,
     sampling_rate: float,
     first: int,
     fraction: int = 24,
-    factors: NDArray[np.float64] | None = None,
-) -> NDArray[np.float64]:
+    factors: Real | None = None,
+) -> Real:
     """Add the energy of a record to the nodes of a frequency grid, in place; return its whole energy.
 
     By Parseval's theorem the energy behind a filter is the sum of |X|^2 |H|^2 over the lines of a transform, if that is
@@ -405,7 +402,7 @@ def add_energy(
     return energy
 
 
-def _thinned(transform: NDArray[np.complex128], count: int) -> NDArray[np.float64]:
+def _thinned(transform: Complex, count: int) -> Real:
     """One eighth of the rate, with what the low-pass filter rings before and after the `count` samples."""
     low = (transform.shape[1] - 1) // FACTOR
     filtered = np.fft.irfft(transform[:, : low + 1] * low_pass(low), 2 * low)
@@ -449,14 +446,14 @@ class EnergySpectrum:
     """
 
     first: int
-    nodes: NDArray[np.float64]
-    mean_square: NDArray[np.float64]
-    mean: NDArray[np.float64]
+    nodes: Real
+    mean_square: Real
+    mean: Real
     n_samples: int
     sampling_rate: float
-    inner: NDArray[np.float64]
+    inner: Real
     independent: float
-    cut: Mapping[Weighting, NDArray[np.float64]] = field(default_factory=dict)
+    cut: Mapping[Weighting, Real] = field(default_factory=dict)
 
     def between_ends(self) -> EnergySpectrum:
         """The energy spectrum of the record without what its two ends do to filters.
@@ -469,28 +466,26 @@ class EnergySpectrum:
         return replace(self, nodes=self.inner)
 
     @property
-    def frequencies(self) -> NDArray[np.float64]:
+    def frequencies(self) -> Real:
         """Frequencies of the nodes in Hz."""
         return node_frequencies(self.first, self.nodes.shape[1])
 
-    def weights(self, weighting: Weighting) -> NDArray[np.float64]:
+    def weights(self, weighting: Weighting) -> Real:
         """A frequency weighting of mean squares at the nodes."""
         return node_weights(self.first, self.nodes.shape[1], weighting)
 
-    def weighted(self, weighting: Weighting) -> NDArray[np.float64]:
+    def weighted(self, weighting: Weighting) -> Real:
         """Mean square behind a frequency weighting, shape (channels,)."""
         whole = np.add.reduce(self.nodes * self.weights(weighting), axis=1)
         # Rounding may leave less than nothing of a record that is all cut.
         return np.maximum(whole - self.cut[weighting], 0.0) if weighting in self.cut else whole
 
     @property
-    def alternating_mean_square(self) -> NDArray[np.float64]:
+    def alternating_mean_square(self) -> Real:
         """Mean square about the mean, shape (channels,)."""
         return np.maximum(self.mean_square - np.square(self.mean), 0.0)
 
-    def band_mean_square(
-        self, division: Bands, weights: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
+    def band_mean_square(self, division: Bands, weights: Real | None = None) -> Real:
         """Energy at the output of each band filter over the record's length, shape (channels, bands).
 
         Parameters
@@ -531,10 +526,10 @@ class _AtRate:
         # Lower rates have few blocks, and what they hold counts as much.
         self.lags: LagSpectrum | None = LagSpectrum(rows, sparing=stage.number > 0)
         self.place = _spread(stage, first)
-        self.gone: list[NDArray[np.float64] | None] = []
+        self.gone: list[Real | None] = []
         self.thinned = None if stage.last else (Decimator(), Decimator())
 
-    def taken(self, count: int) -> NDArray[np.float64] | None:
+    def taken(self, count: int) -> Real | None:
         """What is taken away from the next block."""
         size = LENGTH // FACTOR
         mine, self.gone = self.gone[: count // size], self.gone[count // size :]
@@ -569,15 +564,15 @@ class BandEnergy:
         sampling_rate: float,
         fade: Fade,
         first: int,
-        nodes: NDArray[np.float64],
-        inner: NDArray[np.float64],
+        nodes: Real,
+        inner: Real,
     ) -> None:
         self._fade, self._nodes, self._inner = fade, nodes, inner
         self._rates = [_AtRate(len(nodes), stage, first) for stage in stages_of(sampling_rate)]
         self._position = 0
         self.energy, self.total = np.zeros((2, len(nodes)))
 
-    def add(self, samples: NDArray[np.float64], number: int = 0) -> None:
+    def add(self, samples: Real, number: int = 0) -> None:
         """Take the next samples of a rate, shape (channels, n), n of any size."""
         for block in self._rates[number].blocks.feed(samples):
             self._take(number, block)
@@ -594,14 +589,12 @@ class BandEnergy:
                 self._pass_on(number + 1, *(thinned.rest for thinned in at.thinned))
             self._read(number)
 
-    def _pass_on(
-        self, number: int, samples: NDArray[np.float64] | None, gone: NDArray[np.float64] | None
-    ) -> None:
+    def _pass_on(self, number: int, samples: Real | None, gone: Real | None) -> None:
         assert samples is not None
         self._rates[number].gone.append(gone)
         self.add(samples, number)
 
-    def _take(self, number: int, block: NDArray[np.float64]) -> None:
+    def _take(self, number: int, block: Real) -> None:
         at, count = self._rates[number], block.shape[1]
         taken = at.taken(count) if number else None
         if number == 0 and self._fade.touches(self._position, count):
@@ -631,9 +624,7 @@ class BandEnergy:
                 at.place.add(self._inner, part)
 
 
-def _scale(
-    nodes: NDArray[np.float64], faded: NDArray[np.float64], sound: NDArray[np.float64], fade: Fade
-) -> NDArray[np.float64]:
+def _scale(nodes: Real, faded: Real, sound: Real, fade: Fade) -> Real:
     """Factors on the energy spectrum of the faded record; see `EnergySpectrum.between_ends`.
 
     `sound` is the A weighting of the nodes.
@@ -687,7 +678,7 @@ class BandEnergyAccumulator:
         self._cut = CutEnergy(sampling_rate) if self._weighted.any() else None
         self._first, count = node_range(sampling_rate)
         self._nodes, self._inner = np.zeros((2, rows, count))
-        self._short: list[NDArray[np.float64]] | None = [] if n_samples <= LONGEST else None
+        self._short: list[Real] | None = [] if n_samples <= LONGEST else None
         # A few channels at a time: enough to share the twiddle factors, few enough to stay in the cache.
         groups = [] if n_samples <= LONGEST else few_rows(rows)
         self._groups = [
@@ -699,7 +690,7 @@ class BandEnergyAccumulator:
         ]
         keep_freed_memory()
 
-    def add(self, samples: NDArray[np.float64]) -> None:
+    def add(self, samples: Real) -> None:
         """Take the next samples, shape (channels, n), n of any size."""
         if self._slow is not None:
             samples = self._slow.off(samples, self._taken)
@@ -753,7 +744,7 @@ def _spread(stage: Stage, first: int) -> Spread:
 
 
 @lru_cache(maxsize=64)
-def _tabulated_response(fraction: float, beyond: float) -> tuple[int, NDArray[np.float64]]:
+def _tabulated_response(fraction: float, beyond: float) -> tuple[int, Real]:
     """|H|^2 at the nodes around the one nearest to a band's middle, as far as it exceeds `_NOTHING`, and its place."""
     per_node = math.log(bands.OCTAVE_RATIO) / NODES_PER_OCTAVE
     reach = math.asinh(math.sinh(bands.filter_half_width(fraction)) * _NOTHING ** (-0.5 / bands.FILTER_ORDER))

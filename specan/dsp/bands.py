@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specan.arrays import Complex, Real
 from specan.divisions import TABLES
 
 OCTAVE_RATIO = 10.0**0.3
@@ -61,11 +62,11 @@ class Bands:
     [(840.0, 770.0, 920.0), (1000.0, 920.0, 1080.0)]
     """
 
-    mid: NDArray[np.float64]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    nominal: NDArray[np.float64]
-    designator: NDArray[np.float64]
+    mid: Real
+    lower: Real
+    upper: Real
+    nominal: Real
+    designator: Real
 
     @classmethod
     def octaves(cls, fraction: int, index: ArrayLike) -> Bands:
@@ -99,7 +100,7 @@ class Bands:
         )
 
 
-def mid_frequencies(index: ArrayLike, fraction: int) -> NDArray[np.float64]:
+def mid_frequencies(index: ArrayLike, fraction: int) -> Real:
     """Exact mid-band frequencies in Hz.
 
     f_m = f_r G^(k/b) for an odd fraction b, f_r G^((2k+1)/(2b)) for an even one: IEC 61260-1:2014,
@@ -123,7 +124,7 @@ def mid_frequencies(index: ArrayLike, fraction: int) -> NDArray[np.float64]:
     return REFERENCE_FREQUENCY * OCTAVE_RATIO ** (k / fraction + _even_shift(fraction))
 
 
-def band_edges(index: ArrayLike, fraction: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def band_edges(index: ArrayLike, fraction: int) -> tuple[Real, Real]:
     """Lower and upper band-edge frequencies f_m G^(-+1/(2b)) in Hz; IEC 61260-1:2014, formulas (4), (5)."""
     mid = mid_frequencies(index, fraction)
     half = OCTAVE_RATIO ** (0.5 / fraction)
@@ -189,7 +190,7 @@ def filter_half_width(fraction: float) -> float:
     return math.asinh(math.sinh(reference) * math.sin(angle) / angle)
 
 
-def power_response(log_ratio: ArrayLike, fraction: float) -> NDArray[np.float64]:
+def power_response(log_ratio: ArrayLike, fraction: float) -> Real:
     """|H|^2 of the band filter as a function of ln(f / f_m).
 
     |H|^2 = 1 / (1 + x^(2N)) with x = (f/f_m - f_m/f) / (r - 1/r), r the ratio of the upper -3 dB
@@ -205,7 +206,7 @@ def power_response(log_ratio: ArrayLike, fraction: float) -> NDArray[np.float64]
     return np.asarray(1.0 / (1.0 + np.minimum(np.abs(x), 1e30) ** (2 * FILTER_ORDER)))
 
 
-def complex_response(ratio: ArrayLike, fraction: float) -> NDArray[np.complex128]:
+def complex_response(ratio: ArrayLike, fraction: float) -> Complex:
     """Complex response of the band filter at f/f_m, whose squared magnitude is `power_response`; exp(+j w t)."""
     with np.errstate(divide="ignore", over="ignore"):
         x = np.sinh(np.log(np.asarray(ratio, dtype=np.float64))) / math.sinh(filter_half_width(fraction))
@@ -235,7 +236,7 @@ BREAKPOINTS = (0.0, 1 / 8, 1 / 4, 3 / 8, 1 / 2, 1.0, 2.0, 3.0, 4.0)
 """Exponents x of the octave-band breakpoints G^x."""
 
 
-def breakpoint_ratio(exponent: ArrayLike, fraction: int) -> NDArray[np.float64]:
+def breakpoint_ratio(exponent: ArrayLike, fraction: int) -> Real:
     """Ratio f/f_m >= 1 of a 1/b octave band that stands for G^x of an octave band.
 
     Omega_b = 1 + (G^(1/(2b)) - 1) / (G^(1/2) - 1) (G^x - 1): IEC 61260-1:2014, formula (9). Below the
@@ -250,7 +251,7 @@ def breakpoint_ratio(exponent: ArrayLike, fraction: int) -> NDArray[np.float64]:
     return np.asarray(1.0 + scale * (OCTAVE_RATIO ** np.asarray(exponent, dtype=np.float64) - 1.0))
 
 
-def class_1_limits(ratio: ArrayLike, fraction: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def class_1_limits(ratio: ArrayLike, fraction: int) -> tuple[Real, Real]:
     """Smallest and largest relative attenuation in dB at f/f_m; IEC 61260-1:2014, 5.10 and table 1.
 
     Between breakpoints the limits are linear in lg(f/f_m), formulas (11) and (12). On an edge both sets

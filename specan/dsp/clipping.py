@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Flags, Real
+
 # Values closer than this part of the span are one value: coarser than the last bits of a computed signal,
 # finer than the step of a 24-bit converter (6e-8 of its range).
 SAME = 1e-9
@@ -25,7 +27,7 @@ SHORT, SEEN = 100.0, 1e-4
 SHORTEST, LEANING, COARSE = 16, 0.02, 200
 
 
-def is_cut_off(samples: NDArray[np.float64], top: float, span: float) -> bool:
+def is_cut_off(samples: Real, top: float, span: float) -> bool:
     r"""Whether a signal without a known full scale rests on its largest value `top`.
 
     A converter or an amplifier that saturates gives the same value again and again, far more often than the
@@ -81,7 +83,7 @@ def is_cut_off(samples: NDArray[np.float64], top: float, span: float) -> bool:
     return _moving(samples, on_rail, samples <= top - span + same, same)
 
 
-def _falls_short(samples: NDArray[np.float64], on_rail: NDArray[np.bool_], top: float, span: float) -> bool:
+def _falls_short(samples: Real, on_rail: Flags, top: float, span: float) -> bool:
     """Whether one period of a signal that repeats exactly is a sine but for its rails, which are inside of it."""
     count, first = _period(samples, on_rail, SAME * span), int(np.argmax(on_rail))
     period, high = samples[first : first + count], on_rail[first : first + count]
@@ -103,7 +105,7 @@ def _falls_short(samples: NDArray[np.float64], on_rail: NDArray[np.bool_], top: 
     return bool(short.min() >= -SHORT * away and short.max() > max(SHORT * away, SEEN * span))
 
 
-def _leans(period: NDArray[np.float64], high: NDArray[np.bool_], span: float) -> bool:
+def _leans(period: Real, high: Flags, span: float) -> bool:
     """Whether neighbours on the rail are the top of a wave that is not the same on either side of it.
 
     Two neighbouring samples of a tone are equal at its top only if they lie alike about it; then all others do.
@@ -119,7 +121,7 @@ def _leans(period: NDArray[np.float64], high: NDArray[np.bool_], span: float) ->
     return bool(np.abs(period - mirrored).max() > LEANING * span)
 
 
-def _period(samples: NDArray[np.float64], on_rail: NDArray[np.bool_], same: float) -> int:
+def _period(samples: Real, on_rail: Flags, same: float) -> int:
     """After how many samples all of them repeat, three times at least; 0 if they do not."""
     places = np.flatnonzero(on_rail)
     steps = (places - places[0])[1:]
@@ -132,16 +134,14 @@ def _period(samples: NDArray[np.float64], on_rail: NDArray[np.bool_], same: floa
     return 0
 
 
-def _levels(depth: NDArray[np.float64], same: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _levels(depth: Real, same: float) -> tuple[Real, NDArray[np.int64]]:
     """Different values in increasing order, and how many samples each holds."""
     ordered = np.sort(depth)
     first = np.flatnonzero(np.diff(ordered, prepend=-np.inf) > same)
     return ordered[first], np.diff(first, append=ordered.size)
 
 
-def _moving(
-    samples: NDArray[np.float64], on_rail: NDArray[np.bool_], on_other: NDArray[np.bool_], same: float
-) -> bool:
+def _moving(samples: Real, on_rail: Flags, on_other: Flags, same: float) -> bool:
     """Whether most neighbours of the rests on the rail, but those on the other rail, differ from their next ones."""
     entered = np.flatnonzero(on_rail[2:] & ~on_rail[1:-1]) + 1
     left = np.flatnonzero(on_rail[:-2] & ~on_rail[1:-1]) + 1
@@ -151,7 +151,7 @@ def _moving(
     return bool(moves.size and np.mean(moves) >= MOVING)
 
 
-def longest_run(holds: NDArray[np.bool_]) -> int:
+def longest_run(holds: Flags) -> int:
     """Length of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], holds, [False]))))
     return int((edges[1::2] - edges[::2]).max()) if edges.size else 0

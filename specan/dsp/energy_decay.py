@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from specan.arrays import Real
 
 # Lundeby, Vigran, Bietz & Vorlaender, Acustica 81 (1995) 344: share of the end that is the first estimate of the
 # noise, margins above the noise in dB, range of the late slope in dB, averaging intervals in 10 dB of decay.

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.errors import RequestError
-
-Real = NDArray[np.float64]
 
 
 def envelope(samples: Real, sampling_rate: float, low_hz: float, high_hz: float) -> Real:
@@ -69,7 +67,7 @@ def octaves_below(sampling_rate: float) -> list[tuple[float, float]]:
     return found[::-1]
 
 
-def _band(samples: Real, sampling_rate: float, low_hz: float, high_hz: float) -> NDArray[np.complex128]:
+def _band(samples: Real, sampling_rate: float, low_hz: float, high_hz: float) -> Complex:
     if not 0 <= low_hz < high_hz < sampling_rate / 2:
         raise RequestError(
             f"the band from {low_hz:g} to {high_hz:g} Hz cannot be cut at {sampling_rate:g} samples a second",

@@ -10,10 +10,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.dsp.windows import WindowName, window_correlations
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Lines of a section whose lags are looked at together, per line of the block that is judged: 1/64 of a block
 # is the finest lag that is distinguished, where a Hann window costs 0.16 %.

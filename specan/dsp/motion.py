@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.dsp.windows import WindowName, window_properties
 
 # Beside the lobe of what integration leaves at 0 Hz, which the window makes as wide as that of a constant.
 _BESIDE = 2
 
 
-def convert(block: NDArray[np.float64], times: int) -> None:
+def convert(block: Real, times: int) -> None:
     """Replace samples (n,) by their `times`-th differences, or by sums if it is negative.
 
     A line divided by (j w)^2 afterwards would multiply what a window leaks from a tone to low lines. Sums have the
@@ -33,7 +33,7 @@ def convert(block: NDArray[np.float64], times: int) -> None:
     block -= np.polynomial.polynomial.polyval(t, np.linalg.solve(known, seen))
 
 
-def rest(frequency_hz: NDArray[np.float64], rate: float, times: int) -> NDArray[np.complex128]:
+def rest(frequency_hz: Real, rate: float, times: int) -> Complex:
     """Factor on the lines of what `convert` gives: (j w)^times over its response.
 
     Examples

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.dsp.windows import falling_step
 
 FACTOR = 8
@@ -36,7 +37,7 @@ def keep_freed_memory() -> None:
 
 
 @lru_cache(maxsize=16)
-def low_pass(low: int) -> NDArray[np.float64]:
+def low_pass(low: int) -> Real:
     """Response at `low` + 1 lines up to half the new rate, over the factor by which a transform becomes shorter."""
     response = falling_step(np.arange(low + 1) / (2.0 * low), PASS, STOP) / FACTOR
     response[-1] = 0.0
@@ -73,9 +74,9 @@ class Decimator:
 
     def __init__(self) -> None:
         self._response = low_pass(LENGTH // FACTOR)
-        self.rest: NDArray[np.float64] | None = None
+        self.rest: Real | None = None
 
-    def add(self, spectrum: NDArray[np.complex128] | None, half: int) -> NDArray[np.float64] | None:
+    def add(self, spectrum: Complex | None, half: int) -> Real | None:
         """Take the transform of the next block; return L / 8 samples of the decimated stream. None is zero.
 
         `half` says in which half of the 2 L samples the block stands. The stream begins L / 16 of its samples before
@@ -256,7 +257,7 @@ class Sections:
         self,
         rows: int,
         shape: Shape,
-        factor: NDArray[np.complex128] | None = None,
+        factor: Complex | None = None,
         *,
         filtered: bool = False,
         thinned: bool = False,
@@ -273,7 +274,7 @@ class Sections:
             self._store[:] = [np.empty(self._shared[0] * lines, dtype=np.complex64)]
         self.scale = np.ones(rows)
         self.low = np.empty((rows if thinned else 0, shape.hop // FACTOR))
-        self._exact: NDArray[np.complex128] | None = None
+        self._exact: Complex | None = None
         self._lines = np.empty((min(rows, _ROWS), lines), dtype=np.complex128)
 
     @property
@@ -282,7 +283,7 @@ class Sections:
         rows, lines = self._shared
         return self._store[0][: rows * lines].reshape(rows, lines)
 
-    def exact(self) -> NDArray[np.complex128]:
+    def exact(self) -> Complex:
         """`spectrum` in double precision, for the few sections that need it."""
         if self._exact is None:
             self._exact = np.fft.rfft(self._known)
@@ -291,18 +292,18 @@ class Sections:
             self._exact /= self.scale[:, None]
         return self._exact
 
-    def lines_of(self, samples: NDArray[np.float64]) -> NDArray[np.complex64]:
+    def lines_of(self, samples: Real) -> NDArray[np.complex64]:
         """What samples (rows, points) would add to `spectrum`."""
         lines = np.fft.rfft(samples)
         lines *= (1.0 if self._factor is None else self._factor) / self.scale[:, None]
         return lines.astype(np.complex64)
 
     @property
-    def fresh(self) -> NDArray[np.float64]:
+    def fresh(self) -> Real:
         """The section's new samples, silence behind the last ones."""
         return self._known[:, self.shape.before : self.shape.before + self.shape.hop]
 
-    def of(self, samples: NDArray[np.float64]) -> Iterator[int]:
+    def of(self, samples: Real) -> Iterator[int]:
         """How many new samples there are in each section that samples (rows, n) complete."""
         taken = 0
         while taken < samples.shape[1]:
@@ -343,13 +344,13 @@ class Sections:
             if self._filtered:
                 self._round(lines, rows)
 
-    def _thin(self, lines: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def _thin(self, lines: Complex) -> Real:
         low = self.shape.points // (2 * FACTOR)
         first = (self.shape.before - LATE) // FACTOR
         thin = np.fft.irfft(lines[:, : low + 1] * low_pass(low), 2 * low)
         return thin[:, first : first + self.shape.hop // FACTOR]
 
-    def _round(self, lines: NDArray[np.complex128], rows: slice) -> None:
+    def _round(self, lines: Complex, rows: slice) -> None:
         if self._factor is not None:
             lines *= self._factor[rows]
         numbers = lines.view(np.float64)

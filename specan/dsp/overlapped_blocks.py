@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from specan.arrays import Real
 
 
 class OverlappedBlocks:
@@ -39,9 +40,9 @@ class OverlappedBlocks:
         # Only differences matter: a shift below zero delays all the others instead.
         self._shifts = [] if shifts is None or len(set(shifts)) < 2 else [s - earliest for s in shifts]
         self._span = block + max(self._shifts, default=0)
-        self._held: NDArray[np.float64] | None = None
+        self._held: Real | None = None
 
-    def feed(self, samples: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    def feed(self, samples: Real) -> Iterator[Real]:
         """Take the next piece; yield every block (channels, block) that is complete by now.
 
         A block is a view wherever possible: use it before the next one is asked for.
@@ -63,18 +64,18 @@ class OverlappedBlocks:
             yield from self._whole(samples[:, start - held :])
 
     @property
-    def rest(self) -> NDArray[np.float64] | None:
+    def rest(self) -> Real | None:
         """The samples after the last complete block of those that follow each other; None before the first sample."""
         return self._held
 
-    def _whole(self, samples: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    def _whole(self, samples: Real) -> Iterator[Real]:
         start = 0
         while start + self._span <= samples.shape[1]:
             yield self._cut(samples, start)
             start += self.hop
         self._held = samples[:, start:].copy()
 
-    def _cut(self, samples: NDArray[np.float64], start: int) -> NDArray[np.float64]:
+    def _cut(self, samples: Real, start: int) -> Real:
         if not self._shifts:
             return samples[:, start : start + self.block]
         return np.stack(

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.dsp.multirate import fast_length
 from specan.dsp.weighting import WEIGHTINGS, WEIGHTINGS_RING, Weighting, sampled_weighting
 from specan.dsp.windows import falling_step
@@ -41,7 +41,7 @@ class Fade:
         """The fade that a record of this length gets."""
         return cls(n_samples, min(n_samples // SHORTEST_PART, round(LONGEST_FADE_S * sampling_rate)))
 
-    def weights(self, first: int, count: int) -> NDArray[np.float64]:
+    def weights(self, first: int, count: int) -> Real:
         """Factors on `count` samples from the number `first` on."""
         if not self.samples:
             return np.ones(count)
@@ -73,7 +73,7 @@ class Fade:
 
 
 @lru_cache(maxsize=4)
-def _rise(samples: int) -> NDArray[np.float64]:
+def _rise(samples: int) -> Real:
     return 1.0 - falling_step(np.arange(samples, dtype=np.float64) + 0.5, 0.0, float(samples))
 
 
@@ -121,7 +121,7 @@ class RecordStart:
     0.0
     """
 
-    def __init__(self, response: NDArray[np.float64], rate: float) -> None:
+    def __init__(self, response: Real, rate: float) -> None:
         n = response.size
         t = np.arange(-n, 0) / rate
         rises = np.exp(2.0 * np.pi * np.outer(_RISES, t))
@@ -134,14 +134,12 @@ class RecordStart:
         self._window, self._step = round(_WINDOW * rate), max(round(_STEP * rate), 1)
         self._later = int(_SINCE * n)
         self.seen = self._later + self._window + _LATER * self._step
-        self._bases: dict[
-            int, tuple[NDArray[np.float64], NDArray[np.float64]]
-        ] = {}  # of beginnings of one length
+        self._bases: dict[int, tuple[Real, Real]] = {}  # of beginnings of one length
         # What rings after a record is a sum of decays too: its products with them, of the last samples.
         whole = np.fft.rfft(self._base(n)[0], points)
         self._after = np.fft.irfft(np.conj(whole) * lines, points)[:, n:0:-1]
 
-    def decays(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def decays(self, y: Real) -> Real:
         """What is to be taken off the beginning of a record, shape (channels, n), of which later pieces are taken."""
         n = min(self._window, y.shape[1])
         base, whole = self._base(n)
@@ -164,18 +162,18 @@ class RecordStart:
                 amount -= np.linalg.solve(alike + least * np.eye(len(later)), later @ rest) @ share
         return amounts @ whole[:, : y.shape[1]]
 
-    def without(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def without(self, y: Real) -> Real:
         """The beginning of a record without its decays."""
         found, decays = y.astype(np.float64), self.decays(y)
         found[:, : decays.shape[1]] -= decays
         return found
 
-    def energy_after(self, last: NDArray[np.float64]) -> NDArray[np.float64]:
+    def energy_after(self, last: Real) -> Real:
         """Of what rings after the last samples, shape (channels, n)."""
         seen = self._after[:, self._after.shape[1] - last.shape[1] :]
         return np.array([np.add.reduce(np.square(seen @ row)) for row in last])
 
-    def _base(self, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _base(self, n: int) -> tuple[Real, Real]:
         """The decays as orthonormal rows of `n` samples, and the same rows going on."""
         if n not in self._bases:
             # Singular values of a triangle: those of long rows can take a hundred times as long.
@@ -187,7 +185,7 @@ class RecordStart:
 
 
 @lru_cache(maxsize=12)  # three weightings at the rates of a batch
-def start_of(weighting: Weighting, rate: float, samples: int) -> tuple[NDArray[np.float64], RecordStart]:
+def start_of(weighting: Weighting, rate: float, samples: int) -> tuple[Real, RecordStart]:
     """Impulse response of a weighting, and what takes its decays off a beginning."""
     response = sampled_weighting(weighting, rate, samples)
     response.flags.writeable = False
@@ -195,7 +193,7 @@ def start_of(weighting: Weighting, rate: float, samples: int) -> tuple[NDArray[n
 
 
 @lru_cache(maxsize=12)
-def _lines_of(weighting: Weighting, rate: float, samples: int, points: int) -> NDArray[np.complex128]:
+def _lines_of(weighting: Weighting, rate: float, samples: int, points: int) -> Complex:
     """The response as lines of a transform."""
     return np.asarray(np.fft.rfft(start_of(weighting, rate, samples)[0], points))
 
@@ -218,10 +216,10 @@ class CutEnergy:
     def __init__(self, rate: float) -> None:
         self._rate, self._ring = rate, round(WEIGHTINGS_RING * rate) if rate <= _HIGHEST_RATE else 0
         self._seen = start_of("A", rate, self._ring)[1].seen if self._ring else 0
-        self._beginning: NDArray[np.float64] | None = None
-        self._last: NDArray[np.float64] | None = None
+        self._beginning: Real | None = None
+        self._last: Real | None = None
 
-    def add(self, samples: NDArray[np.float64]) -> None:
+    def add(self, samples: Real) -> None:
         """Take the next samples, shape (channels, n)."""
         if self._beginning is None or self._last is None:
             self._beginning = self._last = samples[:, :0]
@@ -231,14 +229,14 @@ class CutEnergy:
         if self._ring:
             self._last = np.concatenate([self._last, samples[:, -self._ring :]], axis=1)[:, -self._ring :]
 
-    def result(self) -> dict[Weighting, NDArray[np.float64]]:
+    def result(self) -> dict[Weighting, Real]:
         """The energy behind each weighting, shape (channels,)."""
         if self._beginning is None or self._last is None or not self._ring:
             return {}
         count = self._beginning.shape[1]
         points = fast_length(count + self._ring - 1)
         lines = np.fft.rfft(self._beginning, points)
-        found: dict[Weighting, NDArray[np.float64]] = {}
+        found: dict[Weighting, Real] = {}
         for weighting in WEIGHTINGS:
             if weighting != "Z":
                 key = weighting, self._rate, self._ring
@@ -249,8 +247,6 @@ class CutEnergy:
                 found[weighting] = np.add.reduce(steady * decays, axis=1) + start.energy_after(self._last)
         return found
 
-
-Real = NDArray[np.float64]
 
 # At an end a drift is (a + b t + c t^2 + d t^3) exp(-t^2 / 2 s^2): there is nothing of it above 1 / s. With s of 0.1 s
 # it meets an oscillation of 0.5 Hz to 0.001 of itself; s is longer where oscillations from 1 / s on are analysed, which

@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.dsp.windows import window
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 class SineFit(NamedTuple):

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from specan.arrays import Real
 
 
-def exceeded(levels: NDArray[np.float64], percent: Sequence[float]) -> NDArray[np.float64]:
+def exceeded(levels: Real, percent: Sequence[float]) -> Real:
     """Level that is exceeded during N percent of the time, L_N of ISO 1996-1.
 
     Parameters
@@ -34,9 +35,6 @@ def exceeded(levels: NDArray[np.float64], percent: Sequence[float]) -> NDArray[n
         found = np.percentile(levels, [100.0 - n for n in percent], axis=1)
     silent = np.isneginf(levels).all(axis=1)
     return np.where(silent, -np.inf, found)
-
-
-Real = NDArray[np.float64]
 
 
 def low_and_high(samples: Real, parts: int) -> tuple[Real, Real]:

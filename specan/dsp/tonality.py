@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Flags, Real
 from specan.dsp.sine_fit import fit_frequency, fit_sine, harmonics_below_nyquist, peak_frequency, tone_basis
 from specan.dsp.windows import window
 
 Look = Literal[
     "tone", "broad", "narrow", "several tones", "square wave", "transient", "silence", "mixed", "slow"
 ]
-Real = NDArray[np.float64]
 
 _LOBE = 5  # lines on either side that hold a tone under the Blackman-Harris window
 _HARMONICS = 10
@@ -116,7 +115,7 @@ def tonal_share(samples: Real) -> float:
     return float(power[_family(power)].sum() / total) if total > 0 else 1.0
 
 
-def _family(power: Real) -> NDArray[np.bool_]:
+def _family(power: Real) -> Flags:
     """Lines of the strongest one and its harmonics."""
     peak, lines = int(np.argmax(power)), np.zeros(len(power), dtype=bool)
     for m in range(1, _HARMONICS + 1):
@@ -182,7 +181,7 @@ def _is_steady(x: Real, rate: float, frequency: float, power: Real, peak: int) -
     return bool(significant and rest[lobe].sum() < _MODULATED * power[lobe].sum() + 3 * noise)
 
 
-def _has_other_lines(x: Real, rate: float, phasors: NDArray[np.complex128], frequency: float) -> bool:
+def _has_other_lines(x: Real, rate: float, phasors: Complex, frequency: float) -> bool:
     """Whether a line besides the tone and its harmonics is more than hum, or there is a pair around the tone."""
     n = len(x)
     basis = tone_basis(n, rate, frequency, len(phasors))

@@ -11,10 +11,9 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.dsp.welch import log_bias, log_variance, student_factor
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Estimator = Literal["H1", "H2", "Hv", "H3c"]
 ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
 

@@ -9,6 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specan.arrays import Complex, Real
+
 Weighting = Literal["A", "B", "C", "Z"]
 WEIGHTINGS: tuple[Weighting, ...] = ("Z", "A", "B", "C")
 
@@ -45,7 +47,7 @@ POLES: dict[Weighting, tuple[float, ...]] = {
 """Frequencies in Hz, of poles on the negative real axis."""
 
 
-def power_weighting(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.float64]:
+def power_weighting(frequency: ArrayLike, weighting: Weighting) -> Real:
     """Factor on the mean square at each frequency, 1 at 1 kHz.
 
     ======  =====================================================================  =====================
@@ -66,13 +68,13 @@ def power_weighting(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.fl
     return np.asarray(found / _shape(np.asarray(1e6), 2, weighting))
 
 
-def weighting_level(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.float64]:
+def weighting_level(frequency: ArrayLike, weighting: Weighting) -> Real:
     """The same in dB; minus infinity at 0 Hz for A, B and C."""
     with np.errstate(divide="ignore"):
         return 10.0 * np.log10(power_weighting(frequency, weighting))
 
 
-def complex_weighting(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.complex128]:
+def complex_weighting(frequency: ArrayLike, weighting: Weighting) -> Complex:
     """Complex response of the analogue network, exp(+j w t); its squared magnitude is `power_weighting`.
 
     Poles at -f_1 (twice) and -f_4 (twice), for A also at -f_2 and -f_3, for B at -f_5; zeros at 0 Hz.
@@ -97,7 +99,7 @@ WEIGHTINGS_SETTLE = 5.0 * math.log(10.0) / (2.0 * math.pi * F_1)
 _LINES = 1 << 13
 
 
-def sampled_weighting(weighting: Weighting, rate: float, samples: int) -> NDArray[np.float64]:
+def sampled_weighting(weighting: Weighting, rate: float, samples: int) -> Real:
     """The first samples of the impulse response of the causal sampled filter with a weighting's magnitude.
 
     Each pole at -s and each zero at 0 becomes one of a recursive filter, at exp(-s / rate) and 1. What these leave of
@@ -112,7 +114,7 @@ def sampled_weighting(weighting: Weighting, rate: float, samples: int) -> NDArra
     poles = np.exp(-2.0 * np.pi * np.array(POLES[weighting]) / rate)
     zeros = np.arange(poles.size) < ZEROS[weighting]
 
-    def rest(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rest(frequency: Real) -> Real:
         later = np.exp(-2j * np.pi * frequency / rate)
         found = np.sqrt(power_weighting(frequency, weighting))
         for pole, zero in zip(poles, zeros, strict=True):
@@ -130,12 +132,12 @@ def sampled_weighting(weighting: Weighting, rate: float, samples: int) -> NDArra
 
 
 def minimum_phase(
-    magnitude: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    magnitude: Callable[[Real], Real],
     zeros: int,
     rate: float,
     lines: int,
     ringing: float,
-) -> NDArray[np.complex128]:
+) -> Complex:
     """Response of the sampled filter of minimum phase that has a given magnitude up to half the sampling rate.
 
     An analogue filter's response, cut off at half the rate, belongs to a filter that is no longer causal: it rings
@@ -231,9 +233,9 @@ class TimeWeighting:
 
     def __call__(
         self,
-        squared: NDArray[np.float64] | NDArray[np.float32],
-        factor: NDArray[np.float64] | None = None,
-    ) -> NDArray[np.float64]:
+        squared: Real | NDArray[np.float32],
+        factor: Real | None = None,
+    ) -> Real:
         """Weighted mean square at every sample; `squared` has the shape (rows, n), `factor` multiplies its rows."""
         given = squared.astype(np.float64)
         if factor is not None:
@@ -248,7 +250,7 @@ class TimeWeighting:
             self._state = piece[:, -1:].copy()
         return self._hold(given) if self._fall else given
 
-    def _hold(self, average: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _hold(self, average: Real) -> Real:
         """The largest of all earlier values, each with its decay: a running maximum of the logarithms."""
         fallen = self._fall * np.arange(1, average.shape[1] + 1)
         with np.errstate(divide="ignore"):

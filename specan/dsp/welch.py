@@ -8,13 +8,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specan.arrays import Complex, Flags, Real
 from specan.dsp.motion import convert
 from specan.dsp.multirate import Memory
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.windows import WindowName, window, window_correlation
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Averaging = Literal["linear", "exponential", "max", "min"]
 _REAL, _COMPLEX = np.dtype(np.float64), np.dtype(np.complex128)
 
@@ -52,7 +51,7 @@ class SpectralMatrix(NamedTuple):
         )
 
 
-def has_mirror(lines: int, block: int) -> NDArray[np.bool_]:
+def has_mirror(lines: int, block: int) -> Flags:
     """Which of the first lines of a DFT stand for two: all but 0 Hz and half the sampling rate."""
     number = np.arange(lines)
     return (number > 0) & (2 * number != block)

@@ -7,7 +7,8 @@ from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+
+from specan.arrays import Real
 
 WindowName = Literal["rectangular", "hann", "hamming", "blackman", "blackman-harris", "nuttall", "flat-top"]
 WINDOWS: tuple[WindowName, ...] = get_args(WindowName)
@@ -47,7 +48,7 @@ class WindowProperties(NamedTuple):
 _KEPT = 1 << 17  # windows up to this length are kept; longer ones are rarely asked for twice
 
 
-def window(name: WindowName, n: int) -> NDArray[np.float64]:
+def window(name: WindowName, n: int) -> Real:
     """Periodic (DFT-even) window of `n` samples; not to be written to, where it is kept for all who ask.
 
     Examples
@@ -59,13 +60,13 @@ def window(name: WindowName, n: int) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=16)
-def _kept(name: WindowName, n: int) -> NDArray[np.float64]:
+def _kept(name: WindowName, n: int) -> Real:
     shape = _made(name, n)
     shape.flags.writeable = False
     return shape
 
 
-def _made(name: WindowName, n: int) -> NDArray[np.float64]:
+def _made(name: WindowName, n: int) -> Real:
     turn = 2 * np.pi * np.arange(n) / n
     return np.asarray(sum((-1) ** m * a * np.cos(m * turn) for m, a in enumerate(_COEFFICIENTS[name])))
 
@@ -103,7 +104,7 @@ def window_correlation(name: WindowName, shift: float) -> float:
     return float(window_correlations(name, np.array([shift]))[0])
 
 
-def window_correlations(name: WindowName, shifts: NDArray[np.float64]) -> NDArray[np.float64]:
+def window_correlations(name: WindowName, shifts: Real) -> Real:
     """`window_correlation` of many shifts; 0 from one window length on.
 
     With w(t) = sum_m c_m cos(2 pi m t), s the shift and L = 1 - s the common part, it is the sum over all m and k
@@ -125,7 +126,7 @@ def window_correlations(name: WindowName, shifts: NDArray[np.float64]) -> NDArra
     return np.asarray(common / (a[0] ** 2 + sum(c**2 for c in a[1:]) / 2))
 
 
-def _cosine_integral(turns: int, lead: int, shift: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cosine_integral(turns: int, lead: int, shift: Real) -> Real:
     """Integral of cos(2 pi (turns t + lead shift)) over t from 0 to 1 - shift."""
     begin = 2 * np.pi * lead * shift
     if turns == 0:
@@ -150,7 +151,7 @@ def line_correlation(name: WindowName) -> float:
     return float(np.abs(turned) ** 2 / np.sum(shape) ** 2)
 
 
-def falling_step(x: NDArray[np.float64], last_one: float, first_zero: float) -> NDArray[np.float64]:
+def falling_step(x: Real, last_one: float, first_zero: float) -> Real:
     """1 up to `last_one`, 0 from `first_zero`, an error function between (it reaches both to 1e-17).
 
     The transform of its slope is a Gauss function: a filter with this response has no side lobes.

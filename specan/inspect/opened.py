@@ -7,9 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Lock
 
-import numpy as np
-from numpy.typing import NDArray
-
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording, SampleSource
 from specan.errors import InputError
@@ -32,7 +30,7 @@ class WatchedSource:
     stamp: tuple[int, int]
     lock: Lock = field(default_factory=Lock, repr=False)
 
-    def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
+    def read(self, indices: Sequence[int], start: int, stop: int) -> Real:
         """Samples of the chosen channels; see `SampleSource`.
 
         Raises

@@ -29,8 +29,8 @@ from bokeh.models import (
     WheelZoomTool,
 )
 from bokeh.plotting import figure
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.inspect.look import COLOURS
 from specan.report.figure_style import octave_ticks
 from specan.report.panels import FEW, Curve, Drawing, Panel, Picture, numbered
@@ -250,7 +250,7 @@ def _columns(names: tuple[str, ...], rows: list[tuple[Any, ...]]) -> dict[str, A
     return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
 
-def _line(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _line(curve: Curve) -> tuple[Real, Real]:
     """Through its points, or along its steps."""
     y = np.where(np.isfinite(curve.y), curve.y, np.nan)
     if curve.x.size == y.size + 1:
@@ -268,7 +268,7 @@ def _ends(curves: tuple[Curve, ...]) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def outline(x: Any, low: Any, high: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def outline(x: Any, low: Any, high: Any) -> tuple[Real, Real]:
     """Closed outlines of the pieces of a band where both ends are known, NaN between them."""
     known = np.isfinite(low) & np.isfinite(high)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
@@ -380,9 +380,7 @@ class HeatMap(Spectral):
         self._bar.title = shown.unit.removeprefix("Level / ")
 
 
-def even(
-    picture: Picture, hertz: bool
-) -> tuple[NDArray[np.float64], tuple[float, float], tuple[float, float]]:
+def even(picture: Picture, hertz: bool) -> tuple[Real, tuple[float, float], tuple[float, float]]:
     """Levels at even steps, of the logarithm where `hertz`; and the ends of both axes.
 
     Each row is that of the nearest place in y. Of more columns than the screen has, the highest of its neighbours is

@@ -6,9 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from threading import Lock, RLock
 
-import numpy as np
-from numpy.typing import NDArray
-
+from specan.arrays import Real
 from specan.errors import RequestError
 from specan.inspect.opened import stamp_of
 from specan.inspect.work import Superseded, Tell
@@ -48,7 +46,7 @@ class Trial:
     problem: Problem
     fit: Fit
     errors: tuple[ObservableError, ...]
-    predictions: tuple[NDArray[np.float64], ...]
+    predictions: tuple[Real, ...]
     where: ResidualMap | None
 
     @property

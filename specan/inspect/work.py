@@ -9,9 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import SpecanError
@@ -107,7 +105,7 @@ class Heard(Recording):
 
     def blocks(
         self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None
-    ) -> Iterator[NDArray[np.float64]]:
+    ) -> Iterator[Real]:
         """Consecutive blocks, as of any recording.
 
         Raises

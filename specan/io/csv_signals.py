@@ -8,8 +8,8 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError
 from specan.io.channel_table import ChannelTable
@@ -70,7 +70,7 @@ def open_recording(
     time = samples[0]
     properties = {"unit_string": units[0]} if units[0] else {}
 
-    def stamps(start: int, stop: int) -> NDArray[np.float64]:
+    def stamps(start: int, stop: int) -> Real:
         return time[start:stop]
 
     found = rate_of_axis(titles[0], "DoubleFloat", properties, time.size, stamps)
@@ -96,7 +96,7 @@ def _named(title: str, unit: str) -> tuple[str, str]:
     return title.removeprefix("'"), "" if unit == "-" else unit
 
 
-def _numbers(path: Path, lines: list[str], delimiter: str, columns: int) -> NDArray[np.float64]:
+def _numbers(path: Path, lines: list[str], delimiter: str, columns: int) -> Real:
     text = "\n".join(lines)
     if delimiter != ",":
         text = text.replace(",", ".")

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan import __version__
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
@@ -49,7 +49,7 @@ class Excerpt:
         """Number of samples of each channel."""
         return self.stop - self.start
 
-    def blocks(self) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def blocks(self) -> Iterator[tuple[Real, Real]]:
         """Time in seconds from the beginning of the recording, and samples (channels, n)."""
         first = self.start
         for samples in self.recording.blocks(self.channels, BLOCK, self.start, self.stop):
@@ -293,7 +293,7 @@ def _over_frequency(found: FrequencyResponse | Spectrum, row: int) -> dict[str, 
 
 
 def _described(
-    name: str, row: int, label: str, x: NDArray[np.float64], step: float, axis: tuple[int, str]
+    name: str, row: int, label: str, x: Real, step: float, axis: tuple[int, str]
 ) -> dict[str, Any]:
     """Names and abscissa of a data set; the type and unit of the axis."""
     return {

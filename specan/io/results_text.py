@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from specan.arrays import Real
 from specan.errors import RequestError, library, nearest
 from specan.io.output_file import text_file, whole_file, write_encoded
 
@@ -73,7 +74,7 @@ def fixed(values: ArrayLike, decimals: int) -> list[str]:
     return _printed(rounded, f"%.{decimals}f")
 
 
-def _printed(values: NDArray[np.float64], form: str) -> list[str]:
+def _printed(values: Real, form: str) -> list[str]:
     """Each number in one form, all at once; empty where not finite."""
     if not values.size:
         return []

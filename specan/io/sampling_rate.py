@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import InputError, NoSignalError
 
 TIME_UNITS = {
@@ -290,7 +291,7 @@ def _unit(name: str, properties: Mapping[str, Any]) -> str:
 
 def _sample(
     read: Callable[[int, int], NDArray[Any]], n_samples: int, scale: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+) -> tuple[Real, NDArray[np.int64]]:
     """Seconds since the first stamp and the places of the stamps; all, or three stretches of a long axis."""
     if n_samples <= _ALL:
         spans = [(0, n_samples)]
@@ -303,7 +304,7 @@ def _sample(
     return seconds, np.concatenate([np.arange(a, b) for a, b in spans])
 
 
-def _elapsed(raw: NDArray[Any], first: NDArray[Any], scale: float) -> NDArray[np.float64]:
+def _elapsed(raw: NDArray[Any], first: NDArray[Any], scale: float) -> Real:
     """Seconds since the first stamp; differences are taken before anything is rounded to float64."""
     if raw.dtype.names:
         whole = (raw["seconds"] - first["seconds"]).astype(np.float64)

@@ -15,6 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import InputError
 from specan.io.tdms_headers import TdmsObject, quiet
 from specan.io.tdms_layout import Layout, Part, Strip
@@ -58,7 +59,7 @@ class TdmsSource:
     def __init__(self, path: Path, layout: Layout, feeds: Sequence[Feed]) -> None:
         self.path, self.layout, self.feeds = path, layout, tuple(feeds)
 
-    def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
+    def read(self, indices: Sequence[int], start: int, stop: int) -> Real:
         """Samples of the chosen channels after the file's own scaling; see SampleSource."""
         out = np.empty((len(indices), stop - start), dtype=np.float64)
         feeds = [self.feeds[i] for i in indices]
@@ -161,7 +162,7 @@ class TdmsSource:
                 )
             done += got
 
-    def _read_foreign(self, feed: Feed, start: int, stop: int) -> NDArray[np.float64]:
+    def _read_foreign(self, feed: Feed, start: int, stop: int) -> Real:
         from nptdms import TdmsFile
 
         with self.path.open("rb") as file, quiet():

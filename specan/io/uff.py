@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError, NoSignalError, library
 from specan.io.channel_table import ChannelTable
@@ -54,7 +55,7 @@ class DataSet:
     reference: str
     names: tuple[tuple[str, ...], tuple[str, ...]]
     unit: str
-    x: NDArray[np.float64]
+    x: Real
     values: NDArray[Any]
     title: str = ""
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.recording import Recording
 from specan.errors import InputError
 from specan.io.channel_table import ChannelTable
@@ -40,9 +40,9 @@ class WavSource:
     n_channels: int
     text: str
     top: float | None
-    block: Callable[[int, int], NDArray[np.float64]]
+    block: Callable[[int, int], Real]
 
-    def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
+    def read(self, indices: Sequence[int], start: int, stop: int) -> Real:
         """See `specan.data.recording.SampleSource`."""
         out = np.empty((len(indices), stop - start))
         for first in range(start, stop, _BLOCK):
@@ -135,7 +135,7 @@ def _frames(path: Path) -> WavSource:
     scale, middle, text, top = _scale(data.dtype)
     where, dtype, n_frames = data.offset, data.dtype, data.shape[0]
 
-    def read(start: int, stop: int) -> NDArray[np.float64]:
+    def read(start: int, stop: int) -> Real:
         # Mapped for this block only: pages of a mapping count as memory as long as it lives.
         offset = where + start * n_channels * dtype.itemsize
         with path.open("rb") as file:
@@ -161,7 +161,7 @@ def _frames_24(path: Path, said: str) -> WavSource:
     if n_frames * n_channels * width > path.stat().st_size:
         raise InputError(f"{path.name} is cut off", remedy="copy or record it again")
 
-    def read(start: int, stop: int) -> NDArray[np.float64]:
+    def read(start: int, stop: int) -> Real:
         with wave.open(str(path), "rb") as file:
             file.setpos(start)
             raw = np.frombuffer(file.readframes(stop - start), dtype=np.uint8)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import RequestError
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ def octave_axis(axes: Axes, low_hz: float, high_hz: float, which: Literal["x", "
 
 
 def level_limits(
-    level: NDArray[np.float64], dynamics_dB: float, below: float = 3.0, above: float = 3.0
+    level: Real, dynamics_dB: float, below: float = 3.0, above: float = 3.0
 ) -> tuple[float, float]:
     """From the highest level down to the lowest, but no further than `dynamics_dB`, with margins."""
     finite = level[np.isfinite(level)]
@@ -212,7 +212,7 @@ def phase_axis(axes: Axes, text: str = "Phase / degrees") -> None:
     axes.set(ylabel=text, ylim=(-190, 190), yticks=range(-180, 181, 90))
 
 
-def with_gaps(phase: NDArray[np.float64]) -> NDArray[np.float64]:
+def with_gaps(phase: Real) -> Real:
     """A wrapped phase in degrees with a gap where it jumps instead of a vertical line."""
     gapped = phase.copy()
     with np.errstate(invalid="ignore"):
@@ -220,9 +220,7 @@ def with_gaps(phase: NDArray[np.float64]) -> NDArray[np.float64]:
     return gapped
 
 
-def band_about(
-    level_dB: NDArray[np.float64], relative: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def band_about(level_dB: Real, relative: Real) -> tuple[Real, Real]:
     """Levels below and above a level whose magnitude is uncertain by a relative amount; -40 dB of it at the lowest.
 
     Examples

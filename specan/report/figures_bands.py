@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.band_levels import BandLevels, LevelHistory
 from specan.data.decay import DecayTimes
 from specan.data.levels import SignalLevels
@@ -40,7 +40,6 @@ from specan.report.panels import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
 _BARS = 2  # channels up to which bands are filled; more are outlines
 _DYNAMICS_DB = 90.0  # that a figure shows at most
@@ -104,7 +103,7 @@ def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: Se
     axes.grid(False, axis="x")
 
 
-def _history(found: BandLevels) -> tuple[LevelHistory, NDArray[np.float64]]:
+def _history(found: BandLevels) -> tuple[LevelHistory, Real]:
     """The history, and the ends of its intervals: a reading is drawn over the interval that it ends."""
     if found.history is None:
         raise RequestError("a linear average has no history", remedy="use averaging fast, slow or seconds")
@@ -185,7 +184,7 @@ def figure_levels(found: SignalLevels) -> Figure:
     return figure
 
 
-def equivalent(found: SignalLevels) -> NDArray[np.float64]:
+def equivalent(found: SignalLevels) -> Real:
     """Equivalent levels with the weighting of the time-weighted ones, between whose ends they lie."""
     weighted = found.equivalent_dB[found.weighting]
     return np.where(np.isfinite(weighted), weighted, found.level_dB)
@@ -195,7 +194,7 @@ def _draw(axes: Axes, found: SignalLevels, rows: list[int]) -> None:
     places = np.arange(len(rows))
     ordered = sorted(found.percentile_dB)
 
-    def finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def finite(values: Real) -> Real:
         return np.where(np.isfinite(values[rows]), values[rows], np.nan)
 
     axes.hlines(

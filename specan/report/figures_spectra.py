@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.orders import OrderSpectrum
 from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum
@@ -58,7 +58,7 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     return Drawing(found.label or "Transfer functions", facts, "Frequency / Hz", tuple(panels), hertz=True)
 
 
-def _worth(found: FrequencyResponse, relative: NDArray[np.float64]) -> str:
+def _worth(found: FrequencyResponse, relative: Real) -> str:
     """How well the result is known: median of the 95 % band, and of the coherence."""
     known = relative[np.isfinite(relative)]
     texts = []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Flags, Real
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, heading, legend_below, new_figure, styled
 from specan.report.figures import figure_named
@@ -38,7 +39,7 @@ class _Panel:
     """Rows of one observable at one level of the third variable; which variable goes where."""
 
     observable: str
-    rows: NDArray[np.bool_]
+    rows: Flags
     x: str
     line: str | None
     title: str
@@ -103,7 +104,7 @@ def _explained(study: Study) -> str:
     return f"Points: measured{bars}. Lines: model.{band}"
 
 
-def _order(labels: Mapping[str, NDArray[Any]], rows: NDArray[np.bool_]) -> list[str]:
+def _order(labels: Mapping[str, NDArray[Any]], rows: Flags) -> list[str]:
     """Operating variables that vary over some rows, the one with most levels first; names behind numbers."""
     counts = {n: np.unique(v[rows]).size for n, v in labels.items() if n != "measurement"}
     return sorted(
@@ -134,7 +135,7 @@ def _panels(observation: TableObservation) -> list[_Panel]:
 def _draw(
     study: Study,
     observation: TableObservation,
-    predicted: NDArray[np.float64],
+    predicted: Real,
     panel: _Panel,
     top: Axes,
     bottom: Axes,
@@ -155,7 +156,7 @@ def _draw(
     bottom.set_xlabel(axis_text(panel.x, observation.variables))
 
 
-def _lines(observation: TableObservation, panel: _Panel) -> list[tuple[str, str, NDArray[np.bool_]]]:
+def _lines(observation: TableObservation, panel: _Panel) -> list[tuple[str, str, Flags]]:
     """Text, colour and rows of each level that gets a line of its own; thinned out where they are many."""
     if panel.line is None:
         return [("model", COLOURS[0], panel.rows)]
@@ -173,7 +174,7 @@ def _condition_of(study: Study, column: str) -> str | None:
     return next((n for n, c in study.model.conditions.items() if c.column == column), None)
 
 
-def _at_levels(study: Study, observation: TableObservation, but: str) -> dict[str, NDArray[np.float64]]:
+def _at_levels(study: Study, observation: TableObservation, but: str) -> dict[str, Real]:
     """Conditions with every operating variable at its level, except one."""
     moved = dict(observation.conditions)
     for column, level in observation.labels.items():
@@ -186,16 +187,12 @@ def _at_levels(study: Study, observation: TableObservation, but: str) -> dict[st
     return moved
 
 
-def _predict(
-    study: Study, observation: TableObservation, conditions: Mapping[str, NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def _predict(study: Study, observation: TableObservation, conditions: Mapping[str, Real]) -> Real:
     moved = replace(observation, conditions=dict(conditions), series=None, position=None)
     return moved.predict(study.problem.assembly, study.problem.values_at(study.shown.theta))
 
 
-def _curve(
-    study: Study, observation: TableObservation, panel: _Panel, mine: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _curve(study: Study, observation: TableObservation, panel: _Panel, mine: Flags) -> tuple[Real, Real]:
     """The model along x, everything else as in the first of the rows."""
     x = readings(study.model, observation, panel.x)[mine]
     name = _condition_of(study, panel.x)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.errors import RequestError, nearest
 from specan.report.figure_style import (
     band_about,
@@ -115,8 +115,6 @@ def response_drawing(
 
 
 RESPONSES = ("measured", "model", "model before")
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,18 +137,18 @@ class MeasuredTransfer:
 
     name: str
     channels: tuple[str, ...]
-    frequency_hz: Array
+    frequency_hz: Real
     measured: Complex
     model: Complex
-    u_relative: Array
-    u_phase_deg: Array
+    u_relative: Real
+    u_phase_deg: Real
 
-    def band_dB(self) -> tuple[Array, Array]:
+    def band_dB(self) -> tuple[Real, Real]:
         """Levels two standard uncertainties below and above the measured one."""
         return band_about(level_dB(self.measured), 2 * self.u_relative)
 
     @property
-    def error_dB(self) -> Array:
+    def error_dB(self) -> Real:
         """Level of the model less that of the measurement."""
         return np.asarray(level_dB(self.model) - level_dB(self.measured))
 
@@ -163,7 +161,7 @@ class MeasuredTransfer:
         return [int(k) for k in np.argsort(share, kind="stable")[::-1] if used[k]]
 
 
-def measured_transfer(observation: FrfObservation, predicted: Array) -> MeasuredTransfer:
+def measured_transfer(observation: FrfObservation, predicted: Real) -> MeasuredTransfer:
     """What was measured and what a model expects in its place.
 
     Parameters
@@ -197,12 +195,12 @@ def measured_transfer(observation: FrfObservation, predicted: Array) -> Measured
     )
 
 
-def level_dB(response: Complex) -> Array:
+def level_dB(response: Complex) -> Real:
     """``20 log10 |H|``, minus infinity of zero."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(20 * np.log10(np.abs(response)))
 
 
-def phase_deg(response: Complex) -> Array:
+def phase_deg(response: Complex) -> Real:
     """Phase in (-180, 180] degrees."""
     return np.asarray(np.degrees(np.angle(response)))

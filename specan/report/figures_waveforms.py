@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
@@ -89,7 +89,7 @@ def figure_impulse_responses(found: ImpulseResponses) -> Figure:
     return figure_waveforms(found.recording())
 
 
-def _common_reach(shown: Sequence[Channel], drawn: Sequence[NDArray[np.float64]]) -> dict[str, float]:
+def _common_reach(shown: Sequence[Channel], drawn: Sequence[Real]) -> dict[str, float]:
     """Largest magnitude among the channels of each unit."""
     reach: dict[str, float] = {}
     for channel, values in zip(shown, drawn, strict=True):

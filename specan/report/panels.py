@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.report.figure_style import (
     heading,
     legend_above,
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Real = NDArray[np.float64]
 FEW = 8  # channels that are drawn each in its own colour
 APART = 3  # of many: those that are drawn over the range
 _SPARSE = 60  # points up to which a line has marks

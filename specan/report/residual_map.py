@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Flags, Real
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block, localise
@@ -44,14 +45,14 @@ class ResidualMap:
     variables: Mapping[str, Variable]
 
     @property
-    def z(self) -> NDArray[np.float64]:
+    def z(self) -> Real:
         """Mean errors (rows, columns) in standard uncertainties: of the block that is furthest off, or NaN."""
         return np.array(
             [[max((b.z for b in cell), key=abs, default=np.nan) for cell in row] for row in self.blocks]
         )
 
     @property
-    def significant(self) -> NDArray[np.bool_]:
+    def significant(self) -> Flags:
         """Passed at a false discovery rate of 5 % (rows, columns); of transfer functions by level or phase."""
         return np.array([[any(b.significant for b in cell) for cell in row] for row in self.blocks])
 

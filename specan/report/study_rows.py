@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.models import Model
 from specan.report.panels import Curve, Panel
 from specan.report.residual_map import axis_text, map_axes
@@ -101,7 +102,7 @@ class Rows:
 
 
 def table_rows(
-    model: Model, tables: Sequence[TableObservation], predicted: Sequence[NDArray[np.float64]], known: bool
+    model: Model, tables: Sequence[TableObservation], predicted: Sequence[Real], known: bool
 ) -> Rows:
     """Rows of tables with what a model predicts for each."""
     names = [n for n in tables[0].labels if n != "measurement" and all(n in o.labels for o in tables)]

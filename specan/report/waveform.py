@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.dsp.statistics import low_and_high
@@ -60,9 +60,7 @@ class Waveform:
         first, last = self._samples(start_s, stop_s)
         return last - first > DIRECT and not self.overview.finished
 
-    def part(
-        self, start_s: float, stop_s: float, columns: int = COLUMNS
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def part(self, start_s: float, stop_s: float, columns: int = COLUMNS) -> tuple[Real, Real]:
         """Times and samples to draw a line through: all of them where they are few, else two a column."""
         first, last = self._samples(start_s, stop_s)
         rate = self.channel.sampling_rate

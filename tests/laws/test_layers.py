@@ -8,8 +8,9 @@ import pytest
 import specan
 
 ROOT = Path(specan.__file__).parent
-BASE = {"errors", "units", "schema", "result", "divisions", "__init__"}
+BASE = {"arrays", "errors", "units", "schema", "result", "divisions", "__init__"}
 ALLOWED = {
+    "arrays": set(),
     "errors": set(),
     "units": {"errors"},
     "divisions": set(),
