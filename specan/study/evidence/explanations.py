@@ -48,7 +48,7 @@ BEYOND = 0.01  # that a value lies beyond what is known of it: what a range is d
 PULLED = 1.0  # standard deviations outside of what is known, from which a value is also fitted without that
 SETS = 0.7  # share of a diagnosis that is over when sets are fitted
 WITHIN = 3.0  # ln of the best probability over a promised one that is still fitted
-SLACK = 1.5  # ln by which a linear promise may fall short of a fit
+SLACK = 1.5  # ln by which a linear promise may fall short of a fit, or more where that of the best did
 AS_GOOD = 1.0  # ln of the best probability over that of something else, from where every effect is fitted
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to a promise
 LISTED = 9.0  # ln of the best probability over that of what counts at all
@@ -189,6 +189,7 @@ class Explanations:
         self._weighed: dict[tuple[Tangent, Autoregression | None], tuple[Marginal, float]] = {}
         self._waiting: list[tuple[float, int, Form, EffectSet, Promise]] = []
         self._order = count()
+        self._slack = SLACK
         self.set_up()
         self._search()
         progress("unknown effects, implausible values, noise, faults of the data", SETS)
@@ -231,7 +232,10 @@ class Explanations:
             self.progress(
                 f"fitting with {' and '.join(map(str, sorted(uses)))}", SETS * (1 - 0.9 ** len(fitted))
             )
-            self._add(form, uses, promise)
+            new = self._add(form, uses, promise)
+            if new is not None and new.ln_joint == self.best:
+                # What is much like the best has as much to gain by a fit.
+                self._slack = max(SLACK, new.ln_joint + promised)
         self._fit_parts()
         self._list({key: found for key, found in left.items() if key not in fitted})
 
@@ -243,7 +247,8 @@ class Explanations:
 
     def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
         """Whether a promise comes near the best; where something is left a straight line tells little."""
-        return promised + SLACK > self.best - WITHIN or (len(uses) == 1 and self._something_is_left)
+        near = promised + self._slack > self.best - WITHIN
+        return near or (len(uses) == 1 and self._something_is_left)
 
     def _expect(self, one: Explanation) -> None:
         """Put what every further effect promises beside a set with what waits to be fitted."""
@@ -311,19 +316,20 @@ class Explanations:
                 found.append(form)
         return found
 
-    def _add(self, form: Form, uses: EffectSet, promise: Promise) -> None:
-        """Fit a set and keep it, and what is to be expected beside it."""
+    def _add(self, form: Form, uses: EffectSet, promise: Promise) -> Explanation | None:
+        """Fit a set and keep it, and what is to be expected beside it; None where no fit is found."""
         start = form.refits.done[uses - {promise.use}]
         default = [start.fit.values] if self.cheap and len(uses) == 1 else []
         refit = form.refits.fit(start, uses, [*self._along(promise), *default])
         if refit is None:
-            return
+            return None
         tangent = Tangent.at(refit.problem, refit.fit.theta, refit.fit.residual, refit.fit.jacobian)
         _, ln_evidence = self.weighed(form, tangent)
         one = Explanation("effects", form, uses, tangent, self._ln_prior(form, uses), ln_evidence)
         self.found.append(one)
         if self.cheap and len(uses) < len(OF_SIZE):
             self._expect(one)
+        return one
 
     def _fit_parts(self) -> None:
         """Fit the effects of the likeliest pairs alone too, from there: a linear promise may have ruled one out."""

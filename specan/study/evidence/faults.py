@@ -19,7 +19,6 @@ from specan.models.quantity import Condition
 from specan.study.data.setpoints import MOST_LEVELS, TIME, round_step
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal, Tangent
-from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.units import convert, printed_unit
@@ -270,34 +269,25 @@ def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array
     if not np.any(change):
         return
 
-    def fault(kind: str, text: str, rows: Rows) -> Fault:
-        at = int(np.argmax(rows))
-        read, step = float(x[at]), float(np.broadcast_to(scale, x.shape)[at])
+    def fault(kind: str, text: str, course: Array | Rows) -> Fault:
+        course = course.reshape(o.n, -1)
 
         def in_words(coefficients: Array) -> str:
-            true = read + float(coefficients[0]) * step
+            off = scale * (course @ coefficients)
+            at = int(np.argmax(np.abs(off)))
+            read, true = float(x[at]), float(x[at] + off[at])
             return f": where it says {_shown(condition, read)} it would be {_shown(condition, true)}"
 
-        return Fault(f"{words} {kind}", text, (change * rows)[:, None], sizes, in_words)
+        return Fault(f"{words} {kind}", text, change[:, None] * course, sizes, in_words)
 
     for text, rows in _levels(condition, o):
         yield fault("of a level", f"the {words} {text} is off", rows)
     for line, rows in _from_a_row_on(o):
         yield fault("from a row on", f"the {words} differs from {line} on", rows)
-    if setting.absolute:
-        text = f"the {words} that was measured is not the one that acts: its sensor may be in another place"
-        for root in _elsewhere(problem, o, x):
-            columns = change[:, None] * root
-            yield Fault(f"{words} of another place", text, columns, sizes, lambda _: "")
-
-
-def _elsewhere(problem: Problem, o: TableObservation, x: Array) -> Iterator[Array]:
-    """Courses of what lies between a sensor and what it is to measure: with its reading, the operation, the time."""
-    if np.ptp(x) > 0:
-        yield np.column_stack([np.ones(o.n), (x - x.mean()) / x.std()])
-    points, row = operating_points(problem), _order(o)
-    yield kernel_root(points, 1.0)
-    yield kernel_root(np.column_stack([points, 2 * row / max(row.max(), 1.0)]), 1.0)
+    # Any smooth course of the difference would imitate every effect that this condition could carry.
+    if setting.absolute and np.ptp(x) > 0:
+        text = f"the {words} is not the one that acts, its sensor may be in another place"
+        yield fault("of another place", text, np.column_stack([np.ones(o.n), (x - x.mean()) / x.std()]))
 
 
 def _levels(condition: Condition, o: TableObservation) -> Iterator[tuple[str, Rows]]:

@@ -188,8 +188,9 @@ def test_where_a_model_fails_is_told_of_the_fit_that_a_person_is_shown(toy):
     assert not diagnosis_of(explanations, shown).fails_at
 
 
+@pytest.mark.parametrize("rival", [False, True])
 @pytest.mark.parametrize(("of_speed", "of_temperature"), [(2.0, 40.0), (1.9, 38.0)])
-def test_a_strong_pair_is_found_where_each_alone_leaves_most_of_it(tmp_path, of_speed, of_temperature):
+def test_a_strong_pair_and_its_rival_are_found(tmp_path, of_speed, of_temperature, rival):
     """Each effect alone is strained by the other, so that a straight line promises little of the second one."""
 
     def power(flow, speed, friction, a, b):
@@ -206,6 +207,10 @@ def test_a_strong_pair_is_found_where_each_alone_leaves_most_of_it(tmp_path, of_
     def cold(speed, temperature, *, size=Parameter(20, "W", min=1, max=300, lower=0, upper=1000)):
         return size * speed**2 * np.exp(-(temperature - 20) / 40)
 
+    @effect("stiff", adds_to="power", neutral={"size": 0.0})
+    def stiff(speed, temperature, *, size=Parameter(20, "W", min=1, max=300, lower=0, upper=1000)):
+        return size * speed**2 * np.exp(-(temperature - 20) / 40.2)
+
     model = Model.from_function(
         power,
         friction,
@@ -213,7 +218,7 @@ def test_a_strong_pair_is_found_where_each_alone_leaves_most_of_it(tmp_path, of_
         observables={"power": ("W", 0.5)},
         parameters={"a": (300.0, 50, 900, "W"), "b": (40.0, 5, 200, "W"), "drop": (100.0, 10, 500, "W")},
         units={"friction": "W"},
-        effects=[falls, cold],
+        effects=[falls, cold, *([stiff] if rival else [])],
     )
     rng = np.random.default_rng(7)
     flow, speed, warm = (
@@ -225,4 +230,4 @@ def test_a_strong_pair_is_found_where_each_alone_leaves_most_of_it(tmp_path, of_
     path = tmp_path / "t.csv"
     path.write_text("\n".join(["flow,speed,temperature,power", *rows]) + "\n", encoding="utf-8")
     found = diagnose(base_problem(model, read_tables(model, [path]).fitted))
-    assert found.alternatives == (("cold", "falls"),)
+    assert set(found.alternatives) == {("cold", "falls"), *([("falls", "stiff")] if rival else [])}
