@@ -3,10 +3,12 @@
 from collections import Counter
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from specan.models.catalogue import load_model
-from specan.study.estimation.fit import fit
+from specan.study.estimation.fit import describe, fit
+from specan.study.evidence.diagnosis import told
 from specan.study.evidence.of_responses import OfResponses
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.initial_fit import InitialFit
@@ -14,9 +16,8 @@ from specan.study.selection.refits import Refit
 from tests.study.test_coarse import RIG, recorded
 
 
-@pytest.mark.parametrize("promising", [False, True])
-def test_each_explanation_is_counted_once_where_the_model_is_far_off(promising, monkeypatch):
-    """A lined wall; where no effect promises anything, and where the wall and the displaced receivers do."""
+def lined():
+    """A lined wall that a model without one is far from, as it was fitted."""
     model = load_model("room", RIG)
     lining = {"wall-impedance@y1.conductance": 0.4, "wall-impedance@y1.mass": 0.2}
     measured = recorded(model, ["wall-impedance@y1"], lining)
@@ -24,12 +25,32 @@ def test_each_explanation_is_counted_once_where_the_model_is_far_off(promising, 
     kept = {*base, "wall-impedance", "microphone-position"}
     model = replace(model, effects={name: effect for name, effect in model.effects.items() if name in kept})
     problem = base_problem(model, [measured])
-    start = Refit(frozenset(), problem, fit(problem))
+    return Refit(frozenset(), problem, fit(problem))
+
+
+@pytest.mark.parametrize("promising", [False, True])
+def test_each_explanation_is_counted_once_where_the_model_is_far_off(promising, monkeypatch):
+    """A lined wall; where no effect promises anything, and where the wall and the displaced receivers do."""
+    start = lined()
     assert start.poor_fit
-    assert problem.strategy.linearised_covariance
+    assert start.problem.strategy.linearised_covariance
     if not promising:
         monkeypatch.setattr(OfResponses, "_promises", lambda self, one: iter(()))
     found = OfResponses(InitialFit(start)).found
     assert any(one.kind == "effects" for one in found) == promising
     counts = Counter((one.kind, one.uses, one.follows_itself) for one in found)
     assert set(counts.values()) == {1}
+
+
+def test_what_is_said_of_the_model_is_said_of_the_fit_that_is_shown(monkeypatch):
+    """A search may begin from another fit than that of the study: errors and misfit told are the study's."""
+    monkeypatch.setattr(OfResponses, "_promises", lambda self, one: iter(()))
+    start = lined()
+    theta = start.fit.theta + 0.1 * start.problem.scale
+    elsewhere = replace(start, fit=describe(start.problem, theta))
+    verdict = told(OfResponses(InitialFit(elsewhere)), start)
+    assert elsewhere.reduced != pytest.approx(start.reduced, rel=0.01)
+    assert verdict.verdict == "unknown-effect"
+    assert verdict.lack_of_fit.reduced_chi2 == start.reduced
+    off = np.concatenate(start.problem.plain(start.fit.theta)) - start.problem.observations[0].measured
+    assert verdict.error.before.rms == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-6)

@@ -95,7 +95,7 @@ class _Telling:
         fails_at = self.try_to(
             "where the model fails", lambda: localise(self.given.problem, self.given.fit).fails_at, ()
         )
-        error = self.try_to("the error", lambda: error_fall(base, best if sets else base), None)
+        error = self.try_to("the error", lambda: error_fall(self.given, best if sets else self.given), None)
         law = None
         if kind == "unknown-effect":
             law = self.try_to("a law for the residuals", lambda: likeliest_law(base), None)
@@ -115,7 +115,7 @@ class _Telling:
             or self._off_form,
             probabilities=tuple(self._probabilities()),
             ranking=rows,
-            lack_of_fit=LackOfFit(base.reduced, base.fit.p_value, base.problem.n_effective),
+            lack_of_fit=LackOfFit(self.given.reduced, self.given.fit.p_value, self.problem.n_effective),
             model_discrepancy_percent=float(self.problem.assembly.model.rig.discrepancy_percent),
             fails_at=tuple(block.as_dict() for block in fails_at[:MOST_TOLD]),
             residual_law=law and {"text": law.text_with_values, "quantity": law.quantity},
@@ -209,7 +209,7 @@ class _Telling:
         if not found:
             return ""
         best = max(found, key=lambda one: one.best.ln_evidence)
-        before, after = errors(self.base)[0], errors(self.refit(best.best))[0]
+        before, after = errors(self.given)[0], errors(self.refit(best.best))[0]
         if after.rms > 0.8 * before.rms:
             return ""
         unit = "" if before.unit == "1" else f" {before.unit}"
@@ -254,7 +254,7 @@ class _Telling:
         if kind == "faulty-data":
             return ()
         if kind == "unknown-effect":
-            return explore(self.base, fails_at)
+            return explore(self.given, fails_at)
         told = [one for one in self.judged.stated if one.kind in ("effects", "nothing") and one.best.fitted]
         if told[0].probability > SURE:
             return ()

@@ -48,7 +48,7 @@ class OfResponses(Explanations):
     cheap = False
 
     def __init__(self, near: InitialFit, progress: Progress = unheard) -> None:
-        self.fitted_anyway = 3 if near.base.poor_fit else 1
+        self.fitted_anyway = 8 if near.base.poor_fit else 1
         self.errors = AlongLines()
         self._catalogues: dict[EffectSet, Catalogue] = {}
         self._about(near)
@@ -115,6 +115,7 @@ class OfResponses(Explanations):
                 yield np.inf, Promise(use, 0.0, ())
             return
         refit, beside = one.form.refits.done[one.uses], self.looked_at(one)
+        whole, _ = self.weighed(one.form, one.tangent)
         part, tangent = beside.tangent.problem, beside.tangent
         worth = self.problem.n_data / part.n_data
         here = replace(
@@ -127,14 +128,15 @@ class OfResponses(Explanations):
         self._catalogues[one.uses] = catalogue
         led = displaced(refit, [c.use for c in catalogue.candidates])
         for promise in catalogue.promises(beside):
-            gain, own = promise.ln_gain, led.get(promise.use)
+            # From afar a few lines at resonances are most of chi-square, and a part of the rows has too many or too few.
+            gain, own = promise.ln_gain * min(whole.chi2 / beside.chi2, 1.0), led.get(promise.use)
             if own is not None:
                 values = {**refit.problem.values_at(refit.fit.theta), **own.values}
                 promise = replace(promise, starts=(values, *promise.starts))
                 price = len(own.values) * np.log(self.problem.n_data)
                 gain = max(gain, (own.gain - price) / 2)
             if refit.poor_fit:
-                gain += SHORT * max(beside.chi2 / 2 - gain, 0.0)
+                gain += SHORT * max(whole.chi2 / 2 - gain, 0.0)
             if not one.uses and promise.use in self.near.likely:
                 gain = np.inf
             self._promised[one.uses | {promise.use}] = promise
@@ -182,11 +184,11 @@ class OfResponses(Explanations):
         return (Marginal(best.tangent) if self.problem.strategy.frugal else best), ln_evidence
 
     def _beside_unknown(self) -> None:
-        """The likeliest sets with something else that is missing too, which takes in what their forms are wrong by."""
+        """The likeliest sets with something else that is missing too, which takes in what is smoothly wrong of them."""
         for one in [e for e in self._top(BESIDE) if e.uses]:
-            bare = Marginal(one.tangent)
-            gain = self._gain_of_unknown(one.form, bare)
+            beside, _ = self.weighed(one.form, one.tangent)
+            gain = self._gain_of_unknown(one.form, beside)
             ln_prior = one.ln_prior + np.log(UNKNOWN / NOTHING)
             self.found.append(
-                replace(one, kind="unknown", ln_prior=ln_prior, ln_evidence=bare.ln_evidence + gain)
+                replace(one, kind="unknown", ln_prior=ln_prior, ln_evidence=beside.ln_evidence + gain)
             )
