@@ -15,15 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import ComputationError
-from specan.room.model.mode_shifts import USUAL_PERCENT, with_usual_shifts
+from specan.models.model import Model
+from specan.room.model.mode_shifts import SOUND_SPEED, USUAL_PERCENT, with_usual_shifts
 from specan.room.model.places import PATTERNS_READ, source_words, with_source
 from specan.room.model.receivers import FieldReceivers, receivers_of
 from specan.room.model.rig import WALLS, Rig
+from specan.room.model.rigid_modes import mode_names
 from specan.room.study.field_observation import FieldObservation
 from specan.room.study.matched_field import explained
 from specan.study.estimation.continuation import STAGES, continuation_fit, down_weighted, linearised
-from specan.study.estimation.fit import fit
+from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
+from specan.study.localisation.by_band_and_channel import NEAR_MODE
 from specan.study.localisation.localise import MistakenSetUp
 
 Array = NDArray[np.float64]
@@ -238,19 +241,24 @@ class _Misfit:
         return total
 
 
-def undeclared_shifts(problem: Problem, least: float) -> str:
-    """A sentence where shifts that nobody has declared let the model meet the data; empty where they do not.
+def undeclared_shifts(problem: Problem, best: Fit, least: float) -> str:
+    """Shifts of single modes that nobody has declared, as a sentence: they explain all, or are seen; else empty.
 
     Parameters
     ----------
     problem : Problem
-        A model that does not meet them.
+        A model that does not meet the data.
+    best : Fit
+        Its minimum.
     least : float
         Probability of its misfit from which a model meets the data.
     """
     model = with_usual_shifts(problem.assembly.model) if problem.strategy.linearised_covariance else None
-    if model is None:
-        return ""
+    return "" if model is None else _usual_shifts(problem, model, least) or _rings_elsewhere(problem, best)
+
+
+def _usual_shifts(problem: Problem, model: Model, least: float) -> str:
+    """Of the size that built rooms have."""
     seen = [
         replace(o, declared=replace(o.declared, shifts=receivers_of(model).shifts))
         for o in problem.observations
@@ -269,4 +277,30 @@ def undeclared_shifts(problem: Problem, least: float) -> str:
         f"small frequency shifts of single modes would explain it (reduced chi-square "
         f"{met.reduced_chi2:.2f}), as seams, suspensions and cables cause them: declare them by "
         f"[uncertainty] mode_frequency_percent = {USUAL_PERCENT:g}, and diagnose again"
+    )
+
+
+def _rings_elsewhere(problem: Problem, best: Fit) -> str:
+    """Modes that stand apart, with peaks over all microphones at other frequencies than the fitted model's."""
+    receivers = receivers_of(problem.assembly.model)
+    assert receivers.box is not None
+    named = mode_names(receivers.box, SOUND_SPEED, receivers.rig.band.f_max_hz)
+    told: dict[str, str] = {}
+    for o, predicted in zip(problem.observations, problem.plain(best.theta), strict=True):
+        assert isinstance(o, FieldObservation)
+        powers = [np.sum(np.abs(h * o.kept) ** 2, axis=0) for h in (o.response, o.lines_of(predicted))]
+        for f, name in named:
+            near = np.flatnonzero(np.abs(o.frequency_hz - f) < NEAR_MODE * f)
+            if near.size < 5 or sum(abs(other - f) < 2 * NEAR_MODE * f for other, _ in named) > 1:
+                continue
+            peaks = near[[int(np.argmax(power[near])) for power in powers]]
+            at, expected = o.frequency_hz[peaks].tolist()
+            inside = near[0] < peaks.min() and peaks.max() < near[-1]
+            if inside and abs(at - expected) > 2 * o.line_hz:
+                told[name] = f"{name} at {at:.4g} Hz, not {expected:.4g} Hz"
+    if not told:
+        return ""
+    return (
+        f"modes ring elsewhere than in the fitted model ({'; '.join([*told.values()][:4])}): the room may be no "
+        "box of these edges (a wall that leans, a niche, a large object), or a wall gives way"
     )

@@ -128,7 +128,7 @@ class OfResponses(Explanations):
         self._catalogues[one.uses] = catalogue
         led = displaced(refit, [c.use for c in catalogue.candidates])
         for promise in catalogue.promises(beside):
-            # From afar a few lines at resonances are most of chi-square, and a part of the rows has too many or too few.
+            # From afar few lines at resonances are most of chi-square, and part of the rows has too many of them.
             gain, own = promise.ln_gain * min(whole.chi2 / beside.chi2, 1.0), led.get(promise.use)
             if own is not None:
                 values = {**refit.problem.values_at(refit.fit.theta), **own.values}
