@@ -61,7 +61,7 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
     specan model show worm-gear --rig sample_data/worm_gear/rig.toml
     specan model show room wall-impedance
     """
-    from specan.api.models import load_model
+    from specan.models.catalogue import load_model
     from specan.models.describe import describe_effect, describe_model, describe_quantity, find_part
     from specan.models.effect import Effect
 
@@ -155,9 +155,8 @@ def check(
     specan model check pump.py
     specan model check oscillator.py --measurement oscillator.tdms
     """
-    from specan.api.models import load_model
     from specan.models import check_effect, conditions_over_limits
-    from specan.models.catalogue import effects_from_file, is_file
+    from specan.models.catalogue import effects_from_file, is_file, load_model
 
     model = load_model(name, rig)
     for note in model.notes:

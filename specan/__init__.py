@@ -9,8 +9,6 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # for type checkers and editors: the same names as in `_PLACES`
-    from specan.api.drawing import plot as plot
-    from specan.api.models import load_model as load_model
     from specan.api.recordings import batch as batch
     from specan.api.recordings import calibrate as calibrate
     from specan.api.recordings import decay as decay
@@ -38,6 +36,8 @@ if TYPE_CHECKING:  # for type checkers and editors: the same names as in `_PLACE
     from specan.models import constant as constant
     from specan.models import effect as effect
     from specan.models import quantity as quantity
+    from specan.models.catalogue import load_model as load_model
+    from specan.report.figures import plot as plot
 
 __version__ = "0.2.0"
 
@@ -46,14 +46,14 @@ _PLACES = {
         "read", "octave", "fft", "spectrogram", "frf", "impulse", "decay", "rms", "tones", "orders", "srs", "calibrate",
         "batch", "read_functions",
     ),
-    "specan.api.drawing": ("plot",),
-    "specan.api.models": ("load_model",),
     "specan.api.studies": ("Study", "diagnose"),
     "specan.data.recording": ("Recording",),
     "specan.errors": ("SpecanError",),
     "specan.models": (
         "Model", "Condition", "Observable", "Parameter", "Reading", "quantity", "constant", "effect", "check_effect",
     ),
+    "specan.models.catalogue": ("load_model",),
+    "specan.report.figures": ("plot",),
 }  # fmt: skip
 _HOME = {name: place for place, names in _PLACES.items() for name in names}
 

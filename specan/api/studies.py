@@ -8,9 +8,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeAlias, Union
 
-from specan.api.drawing import plot
 from specan.errors import RequestError
 from specan.io.output_file import check_output
+from specan.report.figures import plot
 from specan.study.study import Study as OpenedStudy
 
 if TYPE_CHECKING:

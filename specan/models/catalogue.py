@@ -28,7 +28,7 @@ def model_names() -> list[str]:
     return sorted({point.name for point in entry_points(group=MODEL_ENTRY_POINTS)})
 
 
-def load_model(name: str | Path, rig: Mapping[str, Any]) -> Model:
+def load_model(name: str | Path, rig: Mapping[str, Any] | str | Path | None = None) -> Model:
     """Build a model for a rig, installed plug-in effects included.
 
     Parameters
@@ -36,8 +36,8 @@ def load_model(name: str | Path, rig: Mapping[str, Any]) -> Model:
     name : str or Path
         Name of a built-in or installed model, a Python file that holds one Model or a function
         ``build(rig) -> Model``, or an FMU with a TOML file beside it.
-    rig : mapping
-        The parsed rig file.
+    rig : mapping or path, optional
+        A rig file, or what it says; by default the example that comes with the model, to look at.
 
     Returns
     -------
@@ -48,7 +48,16 @@ def load_model(name: str | Path, rig: Mapping[str, Any]) -> Model:
     ------
     RequestError
         Unknown model, a file that holds none, or a rig that is incomplete or impossible.
+
+    Examples
+    --------
+    >>> "windage" in load_model("worm-gear").effects
+    True
     """
+    if rig is None:
+        rig = example_rig(str(name))
+    elif not isinstance(rig, Mapping):
+        rig = read_rig_file(Path(rig))
     if str(name).startswith(_MEMORY):
         return _from_memory(str(name), rig)
     if is_file(name):

@@ -5,10 +5,11 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan.errors import RequestError
-from specan.report.figure_style import remark
+from specan.report.figure_style import remark, save_figure
 from specan.report.panels import Drawing, figure_of_panels
 
 if TYPE_CHECKING:
@@ -37,6 +38,36 @@ FIGURES = {
     "History": "specan.report.figures_change:figure_history",
     "Diagnosis": "specan.report.figures_diagnosis:figure_diagnosis",
 }
+
+
+def plot(result: Any, path: str | Path | None = None, *, view: str = "", **options: Any) -> Figure:
+    """Draw a result as ``--plot`` of its verb does.
+
+    Parameters
+    ----------
+    result : Recording, or a result of specan
+        What to draw.
+    path : str or Path, optional
+        Also save it there: .png, .svg or .pdf.
+    view : str, optional
+        ``history`` of band levels against time, ``map`` of orders against speed.
+    **options
+        Of the figure: ``channels``, ``start_s`` and ``stop_s`` of waveforms, ``unwrapped`` of transfer functions.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Not shown; that is up to the caller.
+
+    Raises
+    ------
+    RequestError
+        There is no figure of it.
+    """
+    figure = figure_of(result, view, **options)
+    if path is not None:
+        save_figure(figure, Path(path))
+    return figure
 
 
 def description_of(result: Any, view: str = "", **options: Any) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,17 +17,15 @@ PIECE = STEP * 512
 DIRECT = 2_000_000  # samples that are read for a view; above that the overview serves
 
 
-@dataclass
-class Overview:
-    """Lowest and highest sample of every `STEP` samples of one channel, as far as they were read."""
+class Waveform:
+    """Draws parts of one channel; short parts are read from the file.
 
-    recording: Recording
-    channel: Channel
+    Long ones are drawn from an overview: the lowest and highest of every `STEP` samples, read piece by piece.
+    """
 
-    def __post_init__(self) -> None:
-        count = -(-self.channel.n_samples // STEP)
-        self.low, self.high = np.full(count, np.nan), np.full(count, np.nan)
-        self.read_to = 0
+    def __init__(self, recording: Recording, channel: Channel) -> None:
+        self.recording, self.channel, self.read_to = recording, channel, 0
+        self._low, self._high = np.full((2, -(-channel.n_samples // STEP)), np.nan)
 
     @property
     def finished(self) -> bool:
@@ -38,27 +35,17 @@ class Overview:
     def read_on(self) -> None:
         """Read the next piece."""
         start, stop = self.read_to, min(self.read_to + PIECE, self.channel.n_samples)
-        if start >= stop:
-            return
         samples = self.recording.read([self.channel], start, stop)[0]
         edges = np.arange(0, samples.size, STEP)
         pairs = slice(start // STEP, start // STEP + edges.size)
-        self.low[pairs] = np.fmin.reduceat(samples, edges)
-        self.high[pairs] = np.fmax.reduceat(samples, edges)
+        self._low[pairs] = np.fmin.reduceat(samples, edges)
+        self._high[pairs] = np.fmax.reduceat(samples, edges)
         self.read_to = stop
-
-
-class Waveform:
-    """Draws parts of one channel; short parts are read from the file, long ones from the overview."""
-
-    def __init__(self, recording: Recording, channel: Channel) -> None:
-        self.recording, self.channel = recording, channel
-        self.overview = Overview(recording, channel)
 
     def needs_overview(self, start_s: float, stop_s: float) -> bool:
         """Whether a part is longer than what is read for a view."""
         first, last = self._samples(start_s, stop_s)
-        return last - first > DIRECT and not self.overview.finished
+        return last - first > DIRECT and not self.finished
 
     def part(self, start_s: float, stop_s: float, columns: int = COLUMNS) -> tuple[Real, Real]:
         """Times and samples to draw a line through: all of them where they are few, else two a column."""
@@ -71,7 +58,7 @@ class Waveform:
             low, high = low_and_high(self.recording.read([self.channel], first, last)[0], columns)
         else:
             pairs = slice(first // STEP, -(-last // STEP))
-            low, high = self.overview.low[pairs], self.overview.high[pairs]
+            low, high = self._low[pairs], self._high[pairs]
             first, last = pairs.start * STEP, pairs.stop * STEP
             if low.size > columns:
                 low, high = low_and_high(low, columns)[0], low_and_high(high, columns)[1]
@@ -88,8 +75,8 @@ class Waveform:
 def read_overviews(waveforms: list[Waveform], tell: Callable[[float], bool] = lambda part: True) -> None:
     """Read what the overviews lack, piece by piece; `tell` hears the part done and says whether to go on."""
     total = max(sum(w.channel.n_samples for w in waveforms), 1)
-    while waiting := [w for w in waveforms if not w.overview.finished]:
+    while waiting := [w for w in waveforms if not w.finished]:
         for waveform in waiting:
-            waveform.overview.read_on()
-        if not tell(sum(w.overview.read_to for w in waveforms) / total):
+            waveform.read_on()
+        if not tell(sum(w.read_to for w in waveforms) / total):
             return

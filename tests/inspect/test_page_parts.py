@@ -117,7 +117,7 @@ def test_an_hour_is_read_once_and_then_pans_without_reading_it_again():
 def test_what_is_not_read_yet_is_a_gap():
     one, _ = hour()
     waveform = Waveform(one, one.channels[0])
-    waveform.overview.read_on()
+    waveform.read_on()
     _, values = waveform.part(0.0, 3600.0, 500)
     assert np.isfinite(values[0])
     assert np.isnan(values[-1])
