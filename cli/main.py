@@ -32,7 +32,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
     "batch": ("batch", "All analyses of a directory of recordings, as text tables."),
     "inspect": ("inspect", "One recording, or a study, on an interactive page in the browser."),
-    "export": ("export", "Samples written for other tools: CSV, UFF58, WAV, Parquet."),
+    "export": ("export", "Samples written for other tools: CSV, UFF58, WAV, Parquet, TDMS."),
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
     "simulate": ("simulate", "Predictions of a model as a table, a look-up map, a recording or a figure."),
     "study": ("study", "Compare a model with measurements: where it fails, what is missing, what to add."),
@@ -112,7 +112,7 @@ class Program(LazyGroup):
 @click.option("--debug", is_flag=True, help="Show a traceback with an error.")
 @click.pass_context
 def main(ctx: click.Context, debug: bool) -> None:
-    """Spectral analysis of TDMS recordings, and models compared with them."""
+    """Spectral analysis of recordings, and models compared with them."""
     ctx.obj = {"debug": debug}
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
