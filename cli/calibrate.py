@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import json_option, opt
-from specan_cli.output import Delivery, OutputFile, Verb, delivered, plot_option, say, show_sheets
+from specan_cli.output import Delivery, OutputFile, plot_option, say, show_sheets, verb
 from specan_cli.recording_verb import expand, given, left_out
 
 if TYPE_CHECKING:
     from specan.analysis.insertion import CalibrationSettings, Insertion
 
 
-@click.command("calibrate", cls=Verb)
+@verb("calibrate")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @opt(
     "-o --output", OutputFile(".toml"), "The calibration to write.",
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 @opt("--budget", bool, "Print where each uncertainty comes from.")
 @plot_option("sensitivities and phases")
 @json_option
-@delivered
 def command(
     files: tuple[Path, ...],
     deliver: Delivery,

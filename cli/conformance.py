@@ -8,30 +8,19 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.options import EXCEEDED, json_option, opt
-from specan_cli.output import (
-    TABLES,
-    Delivery,
-    OutputFile,
-    Verb,
-    decimal_option,
-    delivered,
-    is_quiet,
-    say,
-    table,
-)
+from specan_cli.output import TABLES, Delivery, OutputFile, decimal_option, is_quiet, say, table, verb
 
 if TYPE_CHECKING:
     from specan.analysis.conformance import Check
 
 
-@click.command("conformance", cls=Verb)
+@verb("conformance")
 @opt(
     "--sampling-rate rate", float, "Of the signals that are made for it.", "HZ", default=51200.0, show_default=True
 )  # fmt: skip
 @opt("-o --output", OutputFile(*TABLES), "Write the table.")
 @decimal_option()
 @json_option
-@delivered
 def command(rate: float, deliver: Delivery) -> int:
     """Try what IEC 61260-1, IEC 61672-1 and IEEE 1057 ask of an analyser.
 

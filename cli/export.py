@@ -9,20 +9,11 @@ from typing import Any
 import click
 
 from specan_cli.options import json_option, opening_options, opt, section_options
-from specan_cli.output import (
-    SAMPLES,
-    Delivery,
-    OutputFile,
-    Verb,
-    decimal_option,
-    delivered,
-    plot_option,
-    refuse_unsafe,
-)
+from specan_cli.output import SAMPLES, Delivery, OutputFile, decimal_option, plot_option, refuse_unsafe, verb
 from specan_cli.recording_verb import opened_with, say_notes
 
 
-@click.command("export", cls=Verb)
+@verb("export")
 @click.argument("file", type=click.Path(path_type=Path))
 @opt(
     "-o --output",
@@ -34,7 +25,6 @@ from specan_cli.recording_verb import opened_with, say_notes
 @opening_options
 @plot_option("what was written")
 @json_option
-@delivered
 def command(file: Path, deliver: Delivery, **options: Any) -> int:
     """Write the samples of a recording, in SI units, for other programs.
 

@@ -9,11 +9,11 @@ from typing import Any
 import click
 
 from specan_cli.options import json_option, opening_options, opt, section_options
-from specan_cli.output import SAMPLES, Delivery, OutputFile, Verb, delivered, plot_option, refuse_unsafe
+from specan_cli.output import SAMPLES, Delivery, OutputFile, plot_option, refuse_unsafe, verb
 from specan_cli.recording_verb import given, opened_with, say_calibration, say_notes
 
 
-@click.command("impulse", cls=Verb)
+@verb("impulse")
 @click.argument("file", type=click.Path(path_type=Path))
 @opt("--reference", None, "Channel of the excitation.  [default: the generator, else the vibrometer]", "CH")
 @opt(
@@ -31,7 +31,6 @@ from specan_cli.recording_verb import given, opened_with, say_calibration, say_n
 @plot_option("the responses")
 @json_option
 @opening_options
-@delivered
 def command(file: Path, deliver: Delivery, **options: Any) -> int:
     """Find impulse responses of microphones and accelerometers to the excitation, and write them.
 

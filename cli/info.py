@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opening_options, opt
-from specan_cli.output import Delivery, Verb, delivered, plot_option, show_sheets, table
+from specan_cli.output import Delivery, plot_option, show_sheets, table, verb
 from specan_cli.recording_verb import expand, left_out, opened_with
 
 if TYPE_CHECKING:
@@ -18,14 +18,13 @@ if TYPE_CHECKING:
     from specan.data.tone import Excitation
 
 
-@click.command("info", cls=Verb)
+@verb("info")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @opening_options
 @opt("--levels", bool, "Read all samples: RMS, peak, clipped, dead, NaN.")
 @opt("--all show_all", bool, "Every channel and the whole of every property.")
 @plot_option("the waveforms of one recording")
 @opt("--json as_json", bool, "Everything, as JSON.")
-@delivered
 def command(files: tuple[Path, ...], levels: bool, show_all: bool, deliver: Delivery, **opening: Any) -> int:
     """Show groups, channels, roles, rates, units, excitation, notes and integrity of recordings.
 

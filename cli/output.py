@@ -351,7 +351,7 @@ class Delivery:
 
 
 def delivered(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator above the options of a verb: where its result goes reaches it as `deliver`."""
+    """Where the result of a verb goes reaches it as `deliver`."""
 
     @wraps(function)
     def gathered(
@@ -364,3 +364,8 @@ def delivered(function: Callable[..., Any]) -> Callable[..., Any]:
         return function(deliver=Delivery(plot, output, as_json, decimal), **options)
 
     return gathered
+
+
+def verb(name: str) -> Callable[[Any], click.Command]:
+    """Decorator above the options of a verb that writes files."""
+    return lambda function: click.command(name, cls=Verb)(delivered(function))

@@ -17,7 +17,7 @@ import click
 
 from specan_cli.main import LazyGroup
 from specan_cli.options import json_option, opt, together
-from specan_cli.output import Delivery, OutputFile, Verb, delivered, is_quiet, plot_option, say, show_sheets
+from specan_cli.output import Delivery, OutputFile, is_quiet, plot_option, say, show_sheets, verb
 
 if TYPE_CHECKING:
     from specan.study.processes import Progress
@@ -145,11 +145,10 @@ def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
             click.echo(f"{number}. {row['text']}")
 
 
-@click.command("history", cls=Verb)
+@verb("history")
 @click.argument("directory", type=click.Path(path_type=Path), metavar="DIR")
 @plot_option("the staircase of errors")
 @opt("--json as_json", bool, "Print the steps as JSON.")
-@delivered
 def history(directory: Path, deliver: Delivery) -> None:
     """Show every step of DIR with its error on fitted and on held-out data.
 
@@ -177,10 +176,9 @@ def history(directory: Path, deliver: Delivery) -> None:
     deliver.put_out([step.as_dict() for step in steps], show)
 
 
-@click.command("next", cls=Verb)
+@verb("next")
 @study_options
 @plot_option("what each explanation predicts")
-@delivered
 def next_measurement(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> None:
     """Propose the measurements, within the rig's limits, that best distinguish the possible explanations.
 
@@ -205,10 +203,9 @@ def next_measurement(directory: Path, effects: tuple[Path, ...], deliver: Delive
     deliver.put_out(found.to_dict(), show)
 
 
-@click.command("report", cls=Verb)
+@verb("report")
 @study_options
 @opt("-o --output", OutputFile(".html", ".htm"), "HTML file to write.", required=True)
-@delivered
 def report(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> None:
     """Write a report of DIR on one page: figures, verdict, history, assumptions.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.options import opt, together
-from specan_cli.output import Delivery, Verb, delivered, plot_option, show_sheets
+from specan_cli.output import Delivery, plot_option, show_sheets, verb
 from specan_cli.study import open_study, study_options
 
 if TYPE_CHECKING:
@@ -20,11 +20,10 @@ change_options = together(
     click.argument("effect_name", metavar="EFFECT"),
     opt("--because", None, "Reason, kept in the history.", "TEXT", default=""),
     plot_option("measurement and changed model"),
-    delivered,
 )
 
 
-@click.command("add", cls=Verb)
+@verb("add")
 @change_options
 def add(
     directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, deliver: Delivery
@@ -42,7 +41,7 @@ def add(
     _show(add_effect(open_study(directory, effects), effect_name, because), deliver)
 
 
-@click.command("drop", cls=Verb)
+@verb("drop")
 @change_options
 def drop(
     directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, deliver: Delivery

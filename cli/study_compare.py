@@ -12,12 +12,11 @@ from specan_cli.output import (
     TABLES,
     Delivery,
     OutputFile,
-    Verb,
     decimal_option,
-    delivered,
     plot_option,
     say,
     show_sheets,
+    verb,
 )
 from specan_cli.study import open_study, probability, study_options
 
@@ -32,14 +31,13 @@ FITS = 1e-3  # probability of a worse fit of a true model
 BLOCKS = 8  # of conditions where it fails
 
 
-@click.command("compare", cls=Verb)
+@verb("compare")
 @study_options
 @plot_option("measured and model")
 @opt("-o --output", OutputFile(*TABLES, ".json"), "Write every value: measured, model, residual.")
 @decimal_option()
 @opt("--channel", None, "Recordings: the channel whose curves --plot shows.", "NAME")
 @opt("--accept-changes", bool, "Continue although measured files have changed.")
-@delivered
 def command(
     directory: Path, effects: tuple[Path, ...], deliver: Delivery, channel: str | None, accept_changes: bool
 ) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.options import opt
-from specan_cli.output import Delivery, Verb, delivered, plot_option, show_sheets
+from specan_cli.output import Delivery, plot_option, show_sheets, verb
 from specan_cli.study import open_study, probability, show_next, study_options, told
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ BY_PROBABILITY = (
 )
 
 
-@click.command("diagnose", cls=Verb)
+@verb("diagnose")
 @study_options
 @plot_option("the candidates in their order")
 @opt(
@@ -33,7 +33,6 @@ BY_PROBABILITY = (
     "Number of processes for transfer functions, on Linux; the result is the same.", default=1,
     show_default=True,
 )  # fmt: skip
-@delivered
 def command(directory: Path, effects: tuple[Path, ...], deliver: Delivery, jobs: int) -> None:
     """Find the effect that the model of DIR lacks. Held-out data are not used.
 

@@ -125,13 +125,9 @@ def _cut(values: NDArray, size: int, hop: int, count: int) -> NDArray:
 
 
 def _neighbours(values: Real, axis: int, *, circular: bool) -> Real:
-    """Mean over three neighbours, the middle one twice; the ends stand for what is beyond them."""
-    mean = 2 * np.moveaxis(values, axis, -1)
-    values = np.moveaxis(values, axis, -1)
-    before, after = (-1, 0) if circular else (0, -1)
-    mean[..., 1:] += values[..., :-1]
-    mean[..., 0] += values[..., before]
-    mean[..., :-1] += values[..., 1:]
-    mean[..., -1] += values[..., after]
-    mean /= 4
-    return np.moveaxis(mean, -1, axis)
+    """Means over a value (half) and its two neighbours (a quarter each)."""
+    along = np.moveaxis(values, axis, -1)
+    ends = (-1, 0) if circular else (0, -1)
+    before, after = (along[..., end, None] for end in ends)
+    wide = np.concatenate([before, along, after], axis=-1)
+    return np.moveaxis((2 * along + wide[..., :-2] + wide[..., 2:]) / 4, -1, axis)
