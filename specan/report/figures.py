@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan.errors import RequestError
-from specan.report.figure_style import remark, save_figure
+from specan.report import figure_style
 from specan.report.panels import Drawing, figure_of_panels
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def plot(result: Any, path: str | Path | None = None, *, view: str = "", **optio
     """
     figure = figure_of(result, view, **options)
     if path is not None:
-        save_figure(figure, Path(path))
+        figure_style.save_figure(figure, Path(path))
     return figure
 
 
@@ -94,7 +94,7 @@ def figure_of(result: Any, view: str = "", **options: Any) -> Figure:
     drawn = description_of(result, view, **options)
     figure = figure_of_panels(drawn) if isinstance(drawn, Drawing) else drawn
     if said := getattr(result, "settings", {}).get("calibration"):
-        remark(figure, f"Calibration: {said}")
+        figure_style.remark(figure, f"Calibration: {said}")
     return figure
 
 

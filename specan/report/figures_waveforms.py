@@ -10,7 +10,7 @@ import numpy as np
 from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.report.figure_style import COLOURS, heading, new_figure, styled
+from specan.report.figure_style import COLOURS, heading, new_figure, remark, styled
 from specan.report.waveform import COLUMNS, Waveform, read_overviews
 
 if TYPE_CHECKING:
@@ -80,6 +80,8 @@ def figure_waveforms(
         (stop - start) * c.sampling_rate > 2 * COLUMNS for c, (start, stop) in zip(shown, ends, strict=True)
     )
     extremes = "From the lowest to the highest sample of each column." if long else ""
+    if (said := recording.calibration_of([c.name for c in shown])) != "none":
+        remark(figure, f"Calibration: {said}")
     heading(figure, recording.label or "Waveforms", left_out + about + extremes)
     return figure
 
