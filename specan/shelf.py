@@ -23,7 +23,7 @@ from specan.models.rates import State
 Named = tuple[str, float, str]  # name, usual size, unit
 
 OVER = 0.005  # (3 % of the usual level) to the power 1.5: a brim lets the usual flow out at that height
-SHARP = 0.01  # of the usual speed, over which friction turns round
+SHARP = 0.003  # of the usual speed, over which friction turns round
 
 NAYFEH = "A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley 1979"
 SHAW = "S. W. Shaw, P. J. Holmes, J. Sound Vib. 90 (1983) 129"
@@ -159,14 +159,14 @@ def _springs(on: _Shelf, usual: _Usual) -> None:
     begins = usual.part("where it begins", 0.8, -3, 3)
 
     @on("stop", SHAW)
-    def stop(x, *, size=on.once("stiffness", unit, 0.1 * reach), place=begins):
+    def stop(x, *, size=on.once("stiffness", unit, 0.01 * reach), place=begins):
         """A stop on the positive side."""
         return size * np.maximum(x - place, 0.0)
 
     begin = usual.part("where they begin", 0.8, 0.1, 3)
 
     @on("two-stops", SHAW)
-    def two_stops(x, *, size=on.once("stiffness", unit, 0.1 * reach), place=begin):
+    def two_stops(x, *, size=on.once("stiffness", unit, 0.01 * reach), place=begin):
         """Stops on both sides."""
         return size * (np.maximum(x - place, 0.0) + np.minimum(x + place, 0.0))
 

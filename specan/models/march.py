@@ -5,29 +5,34 @@ compiled once for a model with all of its effects, those that are off being skip
 values march together, as columns. Quantities that no state moves are evaluated beforehand and taken as straight lines
 between the samples.
 
-Runge-Kutta's classical method, with as many steps a sample as its change on doubling them asks for. Where that takes
-too many the system is stiff, and the L-stable Rosenbrock method of Shampine and Reichelt (1997, SIAM J. Sci. Comput.
-18:1) marches instead.
+Runge-Kutta's method marches with as many steps a sample as its change on doubling them asks for. Where that takes too
+many the system is stiff, and the implicit method marches instead. Machine code is kept for the next program.
 """
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import types
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models import marching
 from specan.models.effect import ParameterName
 from specan.models.loops import reached
+from specan.user_folder import user_folder
 
 Array = NDArray[np.float64]
 Evaluator = Any  # an assembly: its module imports this one
+KEPT = 40  # programs
+MOST_STEPS = 16  # a sample
 UNSETTLED = False, 4  # method and steps at values at which nothing settles
 
 
@@ -139,28 +144,56 @@ class Program:
         """The function as text."""
         return "def rates(s, d, p, on, out):\n    " + "\n    ".join(self._lines) + "\n"
 
-    @property
-    def identity(self) -> Any:
-        """What the function is made of: its text, the code of the functions in it, and what they take from outside."""
-        return self.source, tuple(_outside(f) for f in self.functions.values())
-
     @cached_property
     def marches(self) -> tuple[Any, Any]:
         """Runge-Kutta's method and the implicit one over all samples; with numba where effects are switched."""
+        text = f"{inspect.getsource(marching)}\n\n{self.source}"
         if not self.switched:
-            return self._with(lambda function: function)
-        if self.identity not in _COMPILED:
-            made = self._with(_numba().njit(error_model="numpy"))
-            n, d = len(self.states), len(self.drives)
-            on = np.ones(len(self.uses), bool)
-            made[0](np.arange(2.0), 1, np.ones((d, 2)), np.ones(len(self.parameters)), on, np.ones((n, 2)))
-            _COMPILED[self.identity] = made
-        return _COMPILED[self.identity]
+            space = _run(text, "rates of a model", self.functions)
+            return space["explicit"], space["implicit"]
+        parts = [text, *(_described(f) for f in self.functions.values())]
+        key = hashlib.sha256("\n".join(map(str, parts)).encode()).hexdigest()
+        if key not in _COMPILED:
+            _COMPILED[key] = self._compiled(text, _file_of(text, key) if all(parts) else None)
+        return _COMPILED[key]
 
-    def _with(self, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
-        space: dict[str, Any] = {name: decorate(f) for name, f in self.functions.items()}
-        exec(self.source, space)
-        return _marches(decorate(space["rates"]), decorate)
+    def _compiled(self, text: str, file: Path | None) -> tuple[Any, Any]:
+        """Both methods, from machine code that was kept beside `file` where there is some."""
+        numba = _numba()
+        space = _run(
+            text, str(file), {n: numba.njit(error_model="numpy")(f) for n, f in self.functions.items()}
+        )
+        for name, _ in inspect.getmembers(marching, inspect.isfunction):
+            cached = file is not None and name in ("explicit", "implicit")
+            space[name] = numba.njit(error_model="numpy", cache=cached)(space[name])
+        n, d = len(self.states), len(self.drives)
+        on = np.ones(len(self.uses), bool)
+        space["explicit"](
+            np.arange(2.0), 1, np.ones((d, 2)), np.ones(len(self.parameters)), on, np.ones((n, 2))
+        )
+        return space["explicit"], space["implicit"]
+
+
+def _run(text: str, file: str, names: Mapping[str, Any]) -> dict[str, Any]:
+    space: dict[str, Any] = {"__name__": marching.__name__, **names}
+    exec(compile(text, file, "exec"), space)
+    return space
+
+
+def _file_of(text: str, key: str) -> Path | None:
+    """Where the text of a program is kept, beside which numba keeps its machine code; None where nothing can be."""
+    folder = user_folder() / "compiled"
+    file = folder / f"{key}.py"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for old in sorted(folder.glob("*.py"), key=lambda one: one.stat().st_mtime)[:-KEPT]:
+            for part in folder.rglob(f"{old.stem}*"):
+                part.unlink()
+        if not file.exists():
+            file.write_text(text, encoding="utf-8")
+    except OSError:
+        return None
+    return file
 
 
 def _by_position(function: Any) -> Any:
@@ -173,121 +206,20 @@ def _by_position(function: Any) -> Any:
     return types.FunctionType(code, function.__globals__, function.__name__, None, function.__closure__)
 
 
-def _outside(function: Any) -> Any:
+def _described(function: Any) -> str:
+    """The code of a function and what it takes from outside; empty where that cannot be told."""
     code = getattr(function, "__code__", None)
     if code is None:
-        return id(function)
-    taken = [function.__globals__.get(name) for name in code.co_names]
+        return ""
+    taken = [function.__globals__[name] for name in code.co_names if name in function.__globals__]
     taken += [cell.cell_contents for cell in function.__closure__ or ()]
-    return code, tuple(v if isinstance(v, int | float | str) else id(v) for v in taken)
+    if not all(isinstance(value, int | float | str | types.ModuleType) for value in taken):
+        return ""
+    told = [value.__name__ if isinstance(value, types.ModuleType) else repr(value) for value in taken]
+    return repr((code.co_code, code.co_consts, code.co_names, code.co_varnames, told))
 
 
-_COMPILED: dict[Any, tuple[Any, Any]] = {}  # by what was compiled: a model that is loaded again is the same
-
-
-def _marches(rates: Any, decorate: Callable[[Any], Any]) -> tuple[Any, Any]:
-    """Runge-Kutta's method and the implicit one over all samples."""
-    between, moved = decorate(_between), decorate(_moved)
-    implicit = _implicit(rates, between, moved, decorate(_solver(moved)))
-    return decorate(_explicit(rates, between, moved)), decorate(implicit)
-
-
-def _between(drives, i, part, d):
-    for k in range(drives.shape[0]):
-        d[k] = drives[k, i] + (drives[k, i + 1] - drives[k, i]) * part
-
-
-def _moved(s, h, slope, y):
-    for k in range(s.shape[0]):
-        y[k] = s[k] + h * slope[k]
-
-
-def _explicit(rates, between, moved):
-    """Runge-Kutta's method."""
-
-    def explicit(times, steps, drives, p, on, states):
-        s, d = states[:, 0].copy(), drives[:, 0].copy()
-        y, k1, k2, k3, k4 = s.copy(), s.copy(), s.copy(), s.copy(), s.copy()
-        for i in range(times.size - 1):
-            h = (times[i + 1] - times[i]) / steps
-            for j in range(steps):
-                between(drives, i, j / steps, d)
-                rates(s, d, p, on, k1)
-                between(drives, i, (j + 0.5) / steps, d)
-                moved(s, 0.5 * h, k1, y)
-                rates(y, d, p, on, k2)
-                moved(s, 0.5 * h, k2, y)
-                rates(y, d, p, on, k3)
-                between(drives, i, (j + 1) / steps, d)
-                moved(s, h, k3, y)
-                rates(y, d, p, on, k4)
-                for k in range(s.shape[0]):
-                    s[k] = s[k] + h / 6 * (k1[k] + 2 * k2[k] + 2 * k3[k] + k4[k])
-            moved(s, 0.0, s, states[:, i + 1])
-
-    return explicit
-
-
-def _solver(moved):
-    """Gauss's elimination with pivots: numba takes seconds to compile that of LAPACK."""
-
-    def solve(matrix, right, found):
-        n, a = right.shape[0], matrix.copy()
-        moved(right, 0.0, right, found)
-        for k in range(n):
-            best = k + np.argmax(np.abs(a[k:, k]))
-            for j in range(n):
-                a[k, j], a[best, j] = a[best, j], a[k, j]
-            found[k], found[best] = found[best], found[k]
-            for i in range(k + 1, n):
-                share = a[i, k] / a[k, k]
-                found[i] -= share * found[k]
-                for j in range(k, n):
-                    a[i, j] -= share * a[k, j]
-        for i in range(n - 1, -1, -1):
-            for j in range(i + 1, n):
-                found[i] -= a[i, j] * found[j]
-            found[i] /= a[i, i]
-
-    return solve
-
-
-def _implicit(rates, between, moved, solve):
-    """The method of Rosenbrock."""
-
-    def implicit(times, steps, drives, p, on, states):
-        n, gamma = states.shape[0], 1 / (2 + np.sqrt(2.0))
-        s, d = states[:, 0].copy(), drives[:, 0].copy()
-        f0, f1, y, right, k1, k2 = s.copy(), s.copy(), s.copy(), s.copy(), s.copy(), s.copy()
-        matrix = np.eye(n)
-        for i in range(times.size - 1):
-            h = (times[i + 1] - times[i]) / steps
-            for j in range(steps):
-                between(drives, i, j / steps, d)
-                rates(s, d, p, on, f0)
-                for k in range(n):
-                    kept = s[k]
-                    step = 1e-7 * max(abs(kept), abs(h * f0[k]), 1e-12)
-                    s[k] = kept + step
-                    rates(s, d, p, on, f1)
-                    s[k] = kept
-                    for m in range(n):
-                        matrix[m, k] = (1.0 if m == k else 0.0) - gamma * h * (f1[m] - f0[m]) / step
-                between(drives, i, (j + 0.01) / steps, d)
-                rates(s, d, p, on, f1)
-                for k in range(n):
-                    right[k] = f0[k] + gamma * (f1[k] - f0[k]) / 0.01
-                solve(matrix, right, k1)
-                between(drives, i, (j + 0.5) / steps, d)
-                moved(s, 0.5 * h, k1, y)
-                rates(y, d, p, on, f1)
-                moved(f1, -1.0, k1, right)
-                solve(matrix, right, k2)
-                for k in range(n):
-                    s[k] = s[k] + h * (k1[k] + k2[k])
-            moved(s, 0.0, s, states[:, i + 1])
-
-    return implicit
+_COMPILED: dict[str, tuple[Any, Any]] = {}  # by what was compiled: a model that is loaded again is the same
 
 
 def _numba() -> Any:
@@ -301,14 +233,15 @@ def _numba() -> Any:
 class Solver:
     """What marches a model: its compiled programs, and the method and steps that are enough.
 
-    Both are found for the first parameter values asked for with some effects and kept: all predictions of a fit come
-    by the same way, whose error is small against the noise.
+    Both are found for the effects' default values and kept: all predictions of a fit come by the same way. Where it
+    ends they are looked at again.
     """
 
     def __init__(self, model: Any) -> None:
         self.model = model
         self._programs: dict[Any, Program | None] = {}
         self._steps: dict[Any, tuple[bool, int]] = {}
+        self.doubted: Evaluator | None = None  # whose steps are looked at again, none once they were changed
 
     def program(self, assembly: Evaluator) -> Program:
         """One for all effects of the model, or for these; without numba, or where that fails, as it stands."""
@@ -333,9 +266,12 @@ class Solver:
         if known is None:  # of the effects at their defaults, whatever is asked for first
             usual = {n: v for n, v in many[0].items() if not ParameterName(n).owned_by(assembly.uses)}
             known = self._needed(program, self._marching(program, assembly, times, drives_of, [usual]))
-            if known is not None:
-                self._steps[key] = known
-        return self._marching(program, assembly, times, drives_of, many)(*(known or UNSETTLED))
+            self._steps[key] = known
+        elif self.doubted is not None:
+            found = self._needed(program, self._marching(program, assembly, times, drives_of, many), *known)
+            if found != known:
+                self._steps[key], self.doubted = found, None
+        return self._marching(program, assembly, times, drives_of, many)(*self._steps[key])
 
     def _marching(
         self,
@@ -371,24 +307,26 @@ class Solver:
 
         return march
 
-    def _needed(self, program: Program, march: Callable[[bool, int], Array]) -> tuple[bool, int] | None:
-        """Whether the implicit method is needed, and steps a sample; None where nothing settles at these values."""
+    def _needed(
+        self, program: Program, march: Callable[[bool, int], Array], stiff: bool = False, least: int = 1
+    ) -> tuple[bool, int]:
+        """Whether the implicit method is needed, and steps a sample."""
         allowed = np.array([self.model.rates.tolerances.get(n, 0.0) for n in program.states])
-        for implicit in (False, True):
-            steps, last = 1, march(implicit, 1)[:, :, 0]
-            excess = np.inf
-            while steps < 16:  # a system for which Runge-Kutta needs more a sample is stiff
+        judged = (allowed > 0) | ~np.any(allowed > 0)
+        for implicit in (stiff, True):
+            steps, last = least, march(implicit, least)[:, :, 0]
+            while steps < MOST_STEPS:
                 found = march(implicit, 2 * steps)[:, :, 0]
                 change, size = (np.sqrt(np.mean(part**2, axis=1)) for part in (found - last, found))
-                # where no noise is declared, a thousandth of a state's RMS is a small change
-                excess = np.max(change / (np.where(allowed > 0, allowed, 1e-3 * size) + 1e-300))
-                if excess <= 1:
+                # where no noise is known, a thousandth of a state's RMS is a small change
+                enough = change <= np.where(allowed > 0, allowed, 1e-3 * size) + 1e-300
+                if np.all(enough[judged]):
                     return implicit, steps
                 steps, last = 2 * steps, found
-            # ten times that still keeps Runge-Kutta's method: corners, and no stiffness, slow its convergence
-            if excess <= 10.0:
-                return implicit, steps // 2
-        return None
+            # values that stay finite are slowed by corners, or by chaos, and not stiff
+            if np.all(np.isfinite(last)):
+                return implicit, MOST_STEPS // 2
+        return UNSETTLED
 
     def method(self) -> str:
         """What marched, in words."""

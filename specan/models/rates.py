@@ -81,7 +81,9 @@ class Rates:
         Of the model without effects.
     inputs : mapping
         Name of the quantity to name of the condition that is recorded.
-    tolerances : mapping
+    scales : mapping
+        Of each observable that is a state: its unit in that of the state.
+    tolerances : dict
         Change of a state that no reading shows.
     solvers : dict
         Of each model, filled when they are needed.
@@ -89,8 +91,15 @@ class Rates:
 
     states: Mapping[str, State]
     inputs: Mapping[str, str]
-    tolerances: Mapping[str, float] = field(default_factory=dict)
+    scales: Mapping[str, float] = field(default_factory=dict)
+    tolerances: dict[str, float] = field(default_factory=dict)
     solvers: dict[int, tuple[Any, Solver]] = field(default_factory=dict, compare=False, repr=False)
+
+    def allow(self, noise: Mapping[str, float]) -> None:
+        """Take a tenth of the noise of observables, in their unit, for what no reading shows."""
+        for name, size in noise.items():
+            if name in self.scales:
+                self.tolerances.setdefault(name, 0.1 * size * self.scales[name])
 
     def solver(self, model: Any) -> Solver:
         """The solver of a model: one for each set of effects that it knows."""
@@ -176,18 +185,16 @@ def fields_from_rates(
     fields = fields_from_functions(functions, {**conditions, **beside}, {}, given)
     measured = {name: _measured(name, one) for name, one in signals.items()}
     noise = {name: one.uncertainty for name, one in signals.items() if one.uncertainty is not None}
-    tolerances = {
-        name: 0.1 * sd * scale_to(signals[name].unit, states[name].unit)
-        for name, sd in noise.items()
-        if name in states
-    }
+    scales = {n: scale_to(one.unit, states[n].unit) for n, one in signals.items() if n in states}
+    rates = Rates(states, channels, scales)
+    rates.allow(noise)
     starts = [_start_of(name, state) for name, state in states.items()]
     return fields | {
         "conditions": conditions,
         "observables": measured,
         "quantities": fields["quantities"] | {node.name: node for node in (*others, *starts)},
         "rig": rig_statement({"uncertainty": noise}, (), measured.values()),
-        "rates": Rates(states, channels, tolerances),
+        "rates": rates,
     }
 
 

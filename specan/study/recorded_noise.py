@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -10,13 +10,14 @@ from typing import Any
 from specan.errors import ComputationError
 from specan.models import Assembly
 from specan.study.estimation.fit import Fit, describe, fit
-from specan.study.estimation.levenberg_marquardt import descend
+from specan.study.estimation.levenberg_marquardt import Minimum, descend
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal, Tangent
-from specan.study.evidence.promises import Catalogue
+from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
 
+TRIED = 5  # effects that promise most
 IMPULSE = 1e-3  # standard deviations of a state, small enough for a straight line
 
 
@@ -38,11 +39,11 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit]:
         promises = sorted(catalogue.promises(marginal), key=lambda p: -p.ln_gain)
         if not promises or promises[0].ln_gain <= 0:
             break
-        with suppress(ComputationError):
-            more = largest.with_uses([promises[0].use])
-            there = descend(more, more.start(promises[0].starts[0]))
-            if there.chi2 < reached.chi2:
-                largest, reached = more, describe(more, there.theta)
+        found = [fit for promise in promises[:TRIED] for fit in _fits_with(promise, largest, reached)]
+        best = min(found, key=lambda one: one[1].chi2, default=None)
+        if best is None or best[1].chi2 >= reached.chi2:
+            break
+        largest, reached = best[0], describe(best[0], best[1].theta)
     residual = problem.split(reached.residual[: problem.n_data])
     noisy = [
         o.with_noise_of(left, _responses(o, largest.assembly, largest.values_at(reached.theta)))
@@ -51,6 +52,14 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit]:
     ]
     known = replace(problem, observations=tuple(noisy))
     return known, fit(known, start=base.theta)
+
+
+def _fits_with(promise: Promise, problem: Problem, reached: Fit) -> Iterator[tuple[Problem, Minimum]]:
+    """Fits with one effect more, from where a straight line leads and from its default values."""
+    more = problem.with_uses([promise.use])
+    for start in (promise.starts[0], problem.values_at(reached.theta)):
+        with suppress(ComputationError):
+            yield more, descend(more, more.start(start))
 
 
 def _responses(o: TimeObservation, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Array]:

@@ -21,6 +21,7 @@ from specan.models.catalogue import content_of, effects_from_file, files_of, mod
 from specan.schema import regular
 from specan.study.observation import Observation
 from specan.study.study_file import EffectFileEntry
+from specan.user_folder import user_folder
 
 LAWS = "laws"  # that were proposed
 
@@ -30,12 +31,7 @@ def trust_record() -> Path:
 
     It lies in the user's configuration directory, or where SPECAN_CONFIG_DIR points.
     """
-    chosen = os.environ.get("SPECAN_CONFIG_DIR")
-    if chosen:
-        return Path(chosen) / "trusted_effects.txt"
-    import click
-
-    return Path(click.get_app_dir("specan")) / "trusted_effects.txt"
+    return user_folder() / "trusted_effects.txt"
 
 
 def is_trusted(sha256: str) -> bool:

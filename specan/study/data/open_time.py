@@ -39,6 +39,8 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     fitted = [_read(model, file, wanted.calibration) for file in wanted.measurements]
     checked = [_read(model, file, wanted.calibration) for file in wanted.validations]
     noise = {name: _noise(model, name, [one[1][name] for one in fitted]) for name in _observables(model)}
+    if model.rates:
+        model.rates.allow({name: size for name, (size, _) in noise.items()})
     whole = _observation(model, wanted.measurements, fitted, noise)
     aside = np.zeros(whole.n, dtype=bool)
     columns = {

@@ -100,8 +100,11 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest:
         enough = max(descent.little, descent.chi2 - lowest)
         slow = len(history) > 5 and history[-6] - history[-1] < enough
         found = descent.minimum(jacobian) if slow else descent.follow(jacobian, guessed)
-        if found is not None:
+        if found is None:
+            continue
+        if problem.settled(found.theta):
             return found
+        descent, history = _Descent(problem, found.theta), []
     raise not_settled(descent.minimum(problem.jacobian(descent.theta)), MOST_JACOBIANS)
 
 

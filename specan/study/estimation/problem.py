@@ -366,6 +366,12 @@ class Problem:
         """Rows of a residual or Jacobian: one part an observation, the priors' last."""
         return np.split(array, np.cumsum([o.n for o in self.observations]))
 
+    def settled(self, theta: Array) -> bool:
+        """Whether predictions are exact enough at some place; if not, they are from then on."""
+        values = self.values_at(theta)
+        looked_at = [o.settled(self.assembly, self.seen_by(o, values)) for o in self.observations]
+        return all(looked_at)
+
     def seen_by(self, observation: Observation, values: Mapping[str, Any]) -> Mapping[str, Any]:
         """Values as one observation sees them: of vectors over recordings its own elements, or their mean."""
         own = [name for name in self._per_recording if name in values]

@@ -230,6 +230,10 @@ class Observation:
         """Prediction as it is shown: without what `predict` allows for declared errors of the model."""
         return self.predict(assembly, values)
 
+    def settled(self, assembly: Assembly, values: Mapping[str, Any]) -> bool:
+        """Whether predictions are exact enough at some values; if not, they are from then on."""
+        return True
+
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values, shape (n, len(many))."""
         raise NotImplementedError

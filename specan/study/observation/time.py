@@ -93,6 +93,16 @@ class TimeObservation(TableObservation):
         with np.errstate(all="ignore"):
             return float(np.std(assembly.evaluate(conditions, own)[state]))
 
+    def settled(self, assembly: Assembly, values: Mapping[str, Any]) -> bool:
+        """Whether the solver takes steps enough at some values; if not, it does from then on."""
+        if assembly.model.rates is None:
+            return True
+        solver = assembly.model.rates.solver(assembly.model)
+        solver.doubted = assembly
+        self.predict(assembly, values)
+        settled, solver.doubted = solver.doubted is assembly, None
+        return settled
+
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0: what is left after all that the samples before tell."""
         rows = super().whiten(array)
