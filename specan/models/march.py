@@ -203,7 +203,9 @@ def _by_position(function: Any) -> Any:
         return function
     total = code.co_argcount + code.co_kwonlyargcount
     code = code.replace(co_argcount=total, co_kwonlyargcount=0)
-    return types.FunctionType(code, function.__globals__, function.__name__, None, function.__closure__)
+    made = types.FunctionType(code, function.__globals__, function.__name__, None, function.__closure__)
+    made.__module__ = marching.__name__  # which whoever takes kept machine code up has too
+    return made
 
 
 def _described(function: Any) -> str:
@@ -240,7 +242,7 @@ class Solver:
     def __init__(self, model: Any) -> None:
         self.model = model
         self._programs: dict[Any, Program | None] = {}
-        self._steps: dict[Any, tuple[bool, int]] = {}
+        self.steps: dict[Any, tuple[bool, int]] = {}
         self.doubted: Evaluator | None = None  # whose steps are looked at again, none once they were changed
 
     def program(self, assembly: Evaluator) -> Program:
@@ -262,16 +264,16 @@ class Solver:
         """States over time for several sets of values, shape (states, times, sets)."""
         program = self.program(assembly)
         key = assembly.uses, times.size, float(times[-1] - times[0])
-        known = self._steps.get(key)
+        known = self.steps.get(key)
         if known is None:  # of the effects at their defaults, whatever is asked for first
             usual = {n: v for n, v in many[0].items() if not ParameterName(n).owned_by(assembly.uses)}
             known = self._needed(program, self._marching(program, assembly, times, drives_of, [usual]))
-            self._steps[key] = known
+            self.steps[key] = known
         elif self.doubted is not None:
             found = self._needed(program, self._marching(program, assembly, times, drives_of, many), *known)
             if found != known:
-                self._steps[key], self.doubted = found, None
-        return self._marching(program, assembly, times, drives_of, many)(*self._steps[key])
+                self.steps[key], self.doubted = found, None
+        return self._marching(program, assembly, times, drives_of, many)(*self.steps[key])
 
     def _marching(
         self,
@@ -330,8 +332,8 @@ class Solver:
 
     def method(self) -> str:
         """What marched, in words."""
-        ways = {implicit for implicit, _ in self._steps.values()}
-        most = max((steps for _, steps in self._steps.values()), default=1)
+        ways = {implicit for implicit, _ in self.steps.values()}
+        most = max((steps for _, steps in self.steps.values()), default=1)
         name = "the implicit method of Rosenbrock (the model is stiff)" if True in ways else "Runge-Kutta"
         return f"{name}, up to {most} steps a sample"
 

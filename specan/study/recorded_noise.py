@@ -71,5 +71,6 @@ def _responses(o: TimeObservation, assembly: Assembly, values: Mapping[str, Any]
         size = IMPULSE * o.spread(assembly, values, name)
         moved = replace(start, function=lambda *given, of=start, by=size, **own: of(*given, **own) + by)
         shifted = replace(model, quantities={**model.quantities, start.name: moved})
+        model.rates.solver(shifted).steps = model.rates.solver(model).steps
         found[name] = o.predict(shifted.assemble(assembly.uses), values) - plain
     return found

@@ -125,7 +125,7 @@ class TimeObservation(TableObservation):
             forms = [Noise("white"), Noise("autoregressive", of_likely_order(chains, residual))]
             for state, response in responses.items():
                 own = response[chains[0]]
-                if np.any(own):
+                if np.any(own) and np.all(np.isfinite(own)):
                     words = f"an unmeasured random change of d{state}"
                     forms += [Noise(words, of_process(own, 1 - white), 1) for white in WHITE]
             worth = [ln_likelihood(chains, residual, f.reflections) for f in forms]
