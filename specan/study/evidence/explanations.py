@@ -373,7 +373,7 @@ class Explanations:
         if own:
             one = Marginal(tangent)
             return one, one.ln_evidence
-        change = np.concatenate(there.problem.predictions(there.theta)) - form.predicted
+        change = self._change(form, there.problem, there.theta)
         each: list[float] = []
         largest: list[float] = []
         best: Marginal | None = None
@@ -388,6 +388,10 @@ class Explanations:
         assert best is not None
         self._largest[there.theta.tobytes()] = float(np.exp(logsumexp(largest) - logsumexp(each)))
         return best, float(logsumexp(each) - np.log(len(each)))
+
+    def _change(self, form: Form, problem: Problem, theta: Array) -> Array:
+        """What a set changes against the base, each at its own minimum."""
+        return np.asarray(np.concatenate(problem.predictions(theta)) - form.predicted)
 
     # --- values beyond what is known -----------------------------------------------------------------
 

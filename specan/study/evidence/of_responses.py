@@ -12,6 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from specan.models.effect import ParameterName
+from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import (
     BESIDE,
     NOTHING,
@@ -26,6 +28,7 @@ from specan.study.evidence.form_errors import AlongLines
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.noise import Autoregression
 from specan.study.evidence.promises import Catalogue, Promise
+from specan.study.observation import Array
 from specan.study.processes import Progress, unheard
 from specan.study.selection.candidates import confounded_with
 from specan.study.selection.initial_fit import InitialFit, with_covariances_about
@@ -97,11 +100,9 @@ class OfResponses(Explanations):
         tangent = Tangent.at(part, theta, residual, jacobian)
         if not one.uses:
             return Marginal(tangent)
-        base = one.form.problem.over(part.observations).predictions(one.form.fit.theta)
-        change = np.concatenate(part.predictions(theta)) - np.concatenate(base)
         wrong = [
             (rough, columns, share)
-            for rough, columns, shares in self.errors.of_change(part, change)
+            for rough, columns, shares in self.errors.of_change(part, self._change(one.form, part, theta))
             for share in shares
         ]
         rough, columns, share = wrong[self.likeliest[theta.tobytes()]]
@@ -182,6 +183,27 @@ class OfResponses(Explanations):
         """See `Explanations.weighed`; of many rows the columns of errors of form are not kept."""
         best, ln_evidence = super()._weigh(form, tangent, noise)
         return (Marginal(best.tangent) if self.problem.strategy.frugal else best), ln_evidence
+
+    def _change(self, form: Form, problem: Problem, theta: Array) -> Array:
+        """No line more than the effects themselves change: a base that is far off is dragged elsewhere besides."""
+        lines, base = problem.observations, form.predicted
+        if lines is not form.problem.observations:
+            base = np.concatenate(form.problem.over(lines).predictions(form.fit.theta))
+        added = {*problem.assembly.uses} - {*form.problem.assembly.uses}
+        nothing = {
+            ParameterName.of(use, name): value
+            for use in added | (form.problem.nuisances - problem.nuisances)
+            for name, value in problem.assembly.model.effects[use.name].neutral_si.items()
+        }
+        values = problem.values_at(theta) | nothing
+        without = [o.predict(problem.assembly, problem.seen_by(o, values)) for o in lines]
+        predicted = np.concatenate(problem.predictions(theta))
+        net, own = predicted - base, predicted - np.concatenate(without)
+        sizes = [
+            np.concatenate([o.sizes(part) for o, part in zip(lines, problem.split(change)[:-1], strict=True)])
+            for change in (net, own)
+        ]
+        return np.asarray(net * np.minimum(sizes[1] / np.maximum(sizes[0], 1e-300), 1.0))
 
     def _beside_unknown(self) -> None:
         """The likeliest sets with something else that is missing too, which takes in what is smoothly wrong of them."""
