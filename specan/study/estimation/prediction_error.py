@@ -218,13 +218,6 @@ class LeftOut:
         self.predicted = np.concatenate(problem.predictions(best.theta))
         self._other_rows = residual.size - problem.n_data
 
-    @cached_property
-    def observables(self) -> dict[str, NDArray[np.bool_]]:
-        """Rows of each observable."""
-        names = [np.broadcast_to(getattr(o, "observable", o.name), (o.n,)) for o in self.problem.observations]
-        whole = np.concatenate(names)
-        return {name: whole == name for name in dict.fromkeys(whole.tolist())}
-
     def columns(self, raw: Array) -> Array:
         """Columns over the data rows, whitened, with everything taken out that the parameters absorb."""
         return self._taken_out(self.problem.whiten(raw))

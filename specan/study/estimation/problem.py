@@ -185,6 +185,13 @@ class Problem:
         return sum(o.n for o in self.observations)
 
     @cached_property
+    def observable_rows(self) -> dict[str, NDArray[np.bool_]]:
+        """Which measured rows hold each observable."""
+        names = [np.broadcast_to(getattr(o, "observable", o.name), o.n) for o in self.observations]
+        together = np.concatenate(names).astype(str)
+        return {name: together == name for name in dict.fromkeys(together.tolist())}
+
+    @cached_property
     def strategy(self) -> Strategy:
         """How it is fitted and searched."""
         return joined([o.strategy for o in self.observations], self.n_data)

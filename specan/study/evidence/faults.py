@@ -69,7 +69,7 @@ class Fault:
             return replace(self, text=self.text + self.in_words(coefficients))
         change, model = self.columns @ coefficients, problem.assembly.model
         name, rows = max(
-            observable_rows(problem).items(), key=lambda item: float(np.ptp(problem.whiten(change)[item[1]]))
+            problem.observable_rows.items(), key=lambda item: float(np.ptp(problem.whiten(change)[item[1]]))
         )
         unit = model.observables[name].unit if name in model.observables else ""
         size = f"{float(np.ptp(change[rows])):.2g} {'' if unit == '1' else unit}".rstrip()
@@ -138,18 +138,9 @@ def sizes_of(problem: Problem, predicted: Array) -> tuple[Array, Array]:
         parts.append(own if declared is None or not percent else np.abs(declared) / percent * 100)
     relative = np.concatenate(parts)
     level = np.empty_like(relative)
-    for rows in observable_rows(problem).values():
+    for rows in problem.observable_rows.values():
         level[rows] = np.sqrt(np.mean(relative[rows] ** 2))
     return relative, level
-
-
-def observable_rows(problem: Problem) -> dict[str, NDArray[np.bool_]]:
-    """Which measured rows hold each observable."""
-    names = [
-        np.broadcast_to(np.asarray(getattr(o, "observable", o.name), str), o.n) for o in problem.observations
-    ]
-    together = np.concatenate(names)
-    return {str(name): together == name for name in np.unique(together)}
 
 
 def faults(tangent: Tangent, predicted: Array) -> Iterator[Fault]:
@@ -182,7 +173,7 @@ def faults(tangent: Tangent, predicted: Array) -> Iterator[Fault]:
 def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Iterator[Fault]:
     """A zero or a gain of one observable that is not the same in all rows, or readings that are off."""
     relative, level = sizes_of(problem, predicted)
-    for observable, rows in observable_rows(problem).items():
+    for observable, rows in problem.observable_rows.items():
         unit = printed_unit(problem.assembly.model.observables[observable].unit)
         ranges = _ranges(observable, unit, rows, np.abs(predicted)) if o.kind == "table" else ()
         for name, text, shape in (*_courses(o), *ranges):

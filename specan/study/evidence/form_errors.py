@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from specan.study.data.table_covariance import choices
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.faults import SIZES, levels, observable_rows, sizes_of
+from specan.study.evidence.faults import SIZES, levels, sizes_of
 from specan.study.evidence.marginal import Marginal
 from specan.study.evidence.noise import Noise, Rough
 from specan.study.evidence.smooth import kernel_root, operating_points
@@ -133,5 +133,5 @@ class AlongLines:
 
 def _alike_or_not(problem: Problem, root: Array) -> list[Array]:
     """Columns that all observables share, and where there are several, the same of each alone."""
-    own = list(observable_rows(problem).values())
+    own = list(problem.observable_rows.values())
     return [root] if len(own) == 1 else [root, np.hstack([root * rows[:, None] for rows in own])]

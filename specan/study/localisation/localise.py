@@ -251,7 +251,7 @@ def by_blocks(problem: Problem, best: Fit) -> Localisation:
     places = [
         (where, name, rows & mine)
         for where, rows in _places(labels)
-        for name, mine in algebra.observables.items()
+        for name, mine in algebra.problem.observable_rows.items()
         if np.any(rows & mine)
     ]
     directions = algebra.directions([rows for _, _, rows in places])
@@ -365,14 +365,16 @@ def _sentence(
     places = [
         (text, what, rows & mine)
         for text, rows in tried
-        for what, mine in algebra.observables.items()
+        for what, mine in algebra.problem.observable_rows.items()
         if np.any(rows & mine)
     ]
     directions = algebra.directions([rows for _, _, rows in places])
     found = [(text, what, *along) for (text, what, _), along in zip(places, directions, strict=True)]
     text, what, error, z = max(found, key=lambda f: abs(f[3]))
     if abs(z) >= CLEAR:
-        whose = f"{what.replace('_', ' ')} of the model" if len(algebra.observables) > 1 else "model"
+        whose = (
+            f"{what.replace('_', ' ')} of the model" if len(algebra.problem.observable_rows) > 1 else "model"
+        )
         return f"fails {text}: {whose} {100 * abs(error):.2g} % {'high' if z > 0 else 'low'} (z = {z:.1f})"
     company = [b for b in blocks if name in b.where and len(b.where) > 1]
     worst = max(company, key=lambda b: abs(b.z), default=None)
