@@ -58,7 +58,7 @@ def made_up(beta, sd, correlation=0.0):
     mid = third_octaves(100, 400)
     size = 6 * len(mid)
     covariance = sd**2 * np.kron([[1, correlation], [correlation, 1]], np.eye(size))
-    return WallFit(WALLS, mid, np.full((6, len(mid)), beta, complex), covariance, np.empty(0), (), 1.0, None)
+    return WallFit(WALLS, mid, np.full((6, len(mid)), beta, complex), covariance, np.empty(0), 1.0, None)
 
 
 def first_row(beta, sd, **more):

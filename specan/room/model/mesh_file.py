@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import RequestError
+from specan.errors import RequestError, library
 
 Real = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -121,10 +121,7 @@ def read_room_mesh(path: Path) -> RoomMesh:
 
 
 def _load(path: Path) -> Any:
-    try:
-        import meshio
-    except ModuleNotFoundError:
-        raise missing_extra() from None
+    meshio = library("meshio", "mesh")
     if not path.is_file():
         raise RequestError(f"the mesh {path} does not exist", remedy="check [room] mesh in the rig file")
     said = StringIO()
@@ -137,14 +134,6 @@ def _load(path: Path) -> Any:
             f"the mesh {path.name} cannot be read ({text})",
             expected="a mesh that meshio reads, such as Gmsh's .msh",
         ) from None
-
-
-def missing_extra() -> RequestError:
-    """What to say where the library for meshes is not installed."""
-    return RequestError(
-        "[room] mesh needs meshio, which is not installed",
-        remedy="install it with pip install 'specan[mesh]', or give [room] dims_m",
-    )
 
 
 def _corners(raw: Any, kind: str, count: int) -> Numbers:

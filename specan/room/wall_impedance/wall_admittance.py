@@ -74,7 +74,7 @@ class WallFit:
         Best admittance; where a wall is not determined it may be negative.
     covariance : array (2 walls bands, 2 walls bands)
         Of the real parts of `beta`, wall by wall, then of the imaginary parts.
-    theta, names : array, tuple of str
+    theta : array
         The other parameters that were fitted.
     reduced_chi2 : float
         The covariance is widened by it where it exceeds one.
@@ -87,7 +87,6 @@ class WallFit:
     beta: Complex
     covariance: Array
     theta: Array
-    names: tuple[str, ...]
     reduced_chi2: float
     problem: WallProblem
 
@@ -144,7 +143,6 @@ def wall_fit(
         real + 1j * imaginary,
         best.covariance[own:, own:] * max(best.reduced_chi2, 1.0),
         best.theta[:own],
-        best.names[:own],
         best.reduced_chi2,
         free,
     )
@@ -176,12 +174,6 @@ class WallProblem(Problem):
     def of(cls, problem: Problem) -> WallProblem:
         """Take what a problem says of its walls out of it, and free them."""
         model = problem.assembly.model
-        if "wall_admittance" not in model.quantities:
-            raise RequestError(
-                f"the model {model.name} has no walls",
-                expected="a study of a room",
-                remedy="see specan model list",
-            )
         if not all(isinstance(o, FrfObservation) for o in problem.observations):
             raise RequestError("the study holds no recordings", expected="transfer functions of microphones")
         for use in problem.assembly.uses:

@@ -189,12 +189,9 @@ class OfResponses(Explanations):
         lines, base = problem.observations, form.predicted
         if lines is not form.problem.observations:
             base = np.concatenate(form.problem.over(lines).predictions(form.fit.theta))
-        added = {*problem.assembly.uses} - {*form.problem.assembly.uses}
-        nothing = {
-            ParameterName.of(use, name): value
-            for use in added | (form.problem.nuisances - problem.nuisances)
-            for name, value in problem.assembly.model.effects[use.name].neutral_si.items()
-        }
+        known = {*form.problem.assembly.uses} - (form.problem.nuisances - problem.nuisances)
+        own_values = problem.assembly.neutral.items()
+        nothing = {n: v for n, v in own_values if not ParameterName(n).owned_by(known)}
         values = problem.values_at(theta) | nothing
         without = [o.predict(problem.assembly, problem.seen_by(o, values)) for o in lines]
         predicted = np.concatenate(problem.predictions(theta))

@@ -301,11 +301,8 @@ def start_nested(
     nested: Refit, near: Mapping[str, float | Array], problem: Problem
 ) -> dict[str, float | Array]:
     """Values of a fit with fewer effects, those that it lacks at nothing and with the shapes of `near`."""
-    nothing: dict[str, float | Array] = {
-        ParameterName.of(use, name): value
-        for use in {*problem.assembly.uses}.difference(nested.problem.assembly.uses)
-        for name, value in problem.assembly.model.effects[use.name].neutral_si.items()
-    }
+    known = nested.problem.assembly.uses
+    nothing = {n: v for n, v in problem.assembly.neutral.items() if not ParameterName(n).owned_by(known)}
     return {**near, **nested.fit.values, **nothing}
 
 
