@@ -335,7 +335,8 @@ class Solver:
         ways = {implicit for implicit, _ in self.steps.values()}
         most = max((steps for _, steps in self.steps.values()), default=1)
         name = "the implicit method of Rosenbrock (the model is stiff)" if True in ways else "Runge-Kutta"
-        return f"{name}, up to {most} steps a sample"
+        lacking = ", which are too few: the samples lie far apart" if most >= MOST_STEPS // 2 else ""
+        return f"{name}, up to {most} steps a sample{lacking}"
 
 
 def _compile(assembly: Evaluator) -> Program | None:

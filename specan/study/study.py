@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -243,7 +244,8 @@ class Study:
         """Results of the study as it is, of this and of earlier commands."""
         calibration = self.content.calibration
         # Fits of the others do not look at earlier steps.
-        last = self.history.last if self._assembled.strategy.linearised_covariance else None
+        looks_back = self._assembled.strategy.linearised_covariance or self.model.rates
+        last = self.history.last if looks_back else None
         state = {
             **self.hashes,
             "model": self.content.model_sha256 or "",
@@ -260,6 +262,10 @@ class Study:
             found = fit(self.problem, starts=STARTS)
             if self.problem.strategy.continuation and found.p_value < PREDICTED:  # another minimum, perhaps
                 found = min(found, fit(self.problem, self._near), key=lambda one: one.chi2)
+            if self.model.rates and (last := self.history.last):  # integrated predictions have many minima
+                near = kept_values(self._assembled, last.parameters)
+                with suppress(ComputationError):
+                    found = min(found, fit(self.problem, near), key=lambda one: one.chi2)
             self.kept.keep("fit", found)
         return found
 

@@ -63,6 +63,8 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         )  # compiles, which takes seconds
         try_model(model, few)
     statements = [said for *_, said in (*fitted, *checked)]
+    if model.is_own and model.rates:
+        statements.append(f"solved by {model.rates.solver(model).method()}")
     for name, (size, stated) in noise.items():
         how = "as stated" if stated else "from the quickest changes"
         statements.append(

@@ -44,18 +44,13 @@ class Noise:
         What it is.
     reflections : tuple of float
         See `specan.study.observation.autoregression`.
-    numbers : int, optional
-        How many numbers were estimated for it; by default one for each of these.
+    estimated : int
+        How many numbers were estimated for it.
     """
 
     words: str
     reflections: tuple[float, ...] = ()
-    numbers: int | None = None
-
-    @property
-    def estimated(self) -> int:
-        """How many numbers were estimated for it."""
-        return len(self.reflections) if self.numbers is None else self.numbers
+    estimated: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +117,8 @@ class TimeObservation(TableObservation):
         """
         found, size = {}, np.ones(self.n)
         for name, chains in self.chains.items():
-            forms = [Noise("white"), Noise("autoregressive", of_likely_order(chains, residual))]
+            order = of_likely_order(chains, residual)
+            forms = [Noise("white"), Noise("autoregressive", order, len(order))]
             for state, response in responses.items():
                 own = response[chains[0]]
                 if np.any(own) and np.all(np.isfinite(own)):
