@@ -330,12 +330,16 @@ def _above(unit: str, below: str) -> str:
     return unit.removesuffix(f"/({below})").removesuffix(f"/{below}")
 
 
+def _write_json(content: Mapping[str, Any], path: Path) -> None:
+    with text_file(path) as file:
+        json.dump({"written_by": f"specan {__version__}", **content}, file, indent=2, ensure_ascii=False)
+        file.write("\n")
+
+
 def write_frame(frame: pd.DataFrame, path: Path, header: Sequence[str], decimal: str = ".") -> None:
     """Write a data frame as a table; the header says what it is."""
     if path.suffix.lower() == ".json":
-        with text_file(path) as file:
-            content = {"written_by": f"specan {__version__}", "rows": finite(frame.to_dict("records"))}
-            json.dump(content, file, indent=2, ensure_ascii=False)
+        _write_json({"rows": finite(frame.to_dict("records"))}, path)
         return
     columns = {n: words(v) if v.dtype.kind in "OUT" else v.to_numpy(float) for n, v in frame.items()}
     whole = [f"specan {__version__}", *header]
@@ -362,10 +366,7 @@ def write_result(
     """
     ending = path.suffix.lower()
     if ending == ".json":
-        with text_file(path) as file:
-            content = {"written_by": f"specan {__version__}", **found.to_dict()}
-            json.dump(content, file, indent=2, ensure_ascii=False)
-            file.write("\n")
+        _write_json(found.to_dict(), path)
         return
     if ending in (".uff", ".unv") and isinstance(found, (FrequencyResponse, Spectrum)):
         write_uff_functions(found, path)

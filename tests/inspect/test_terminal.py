@@ -68,6 +68,8 @@ def begun(tmp_path_factory) -> Path:
         catch_exceptions=False,
     )  # fmt: skip
     CliRunner().invoke(main, ["model", "new", str(place / "pump.py")], catch_exceptions=False)
+    rates = ["model", "new", str(place / "oscillator.py"), "--rates"]
+    CliRunner().invoke(main, rates, catch_exceptions=False)
     rig = CliRunner().invoke(main, ["model", "rig", "room"], catch_exceptions=False).stdout
     (place / "cabin.toml").write_text(rig, encoding="utf-8")
     gear = str(place / "sample_data" / "planetary_gear" / "rig.toml")
@@ -76,7 +78,7 @@ def begun(tmp_path_factory) -> Path:
     return place
 
 
-LONG = re.compile("batch|orders|study (add|diagnose|drop|next|propose|report)")
+LONG = re.compile("batch|orders|oscillator.tdms|study (add|diagnose|drop|next|propose|report)")
 
 
 @pytest.mark.parametrize(
@@ -96,7 +98,7 @@ def test_an_example_runs(line, begun, tmp_path, monkeypatch):
     if words[:2] == ["study", "new"]:
         shutil.rmtree("my_study")
     if words[:2] == ["model", "new"]:
-        for made in place.glob("pump.*"):
+        for made in place.glob(f"{Path(words[2]).stem}*"):
             made.unlink()
     if words[:2] == ["study", "drop"]:
         CliRunner().invoke(main, ["study", "add", "my_study", words[3]], catch_exceptions=False)
