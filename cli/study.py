@@ -20,7 +20,7 @@ from specan_cli.options import json_option, opt, together
 from specan_cli.output import Delivery, OutputFile, is_quiet, plot_option, say, show_sheets, verb
 
 if TYPE_CHECKING:
-    from specan.study.processes import Progress
+    from specan.study.progress import Progress
     from specan.study.study import Study
 
 STEPS = {

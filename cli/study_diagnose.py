@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.options import opt
 from specan_cli.output import Delivery, plot_option, show_sheets, verb
 from specan_cli.study import open_study, probability, show_next, study_options, told
 
@@ -28,19 +27,14 @@ BY_PROBABILITY = (
 @verb("diagnose")
 @study_options
 @plot_option("the candidates in their order")
-@opt(
-    "--jobs", click.IntRange(1),
-    "Number of processes for transfer functions, on Linux; the result is the same.", default=1,
-    show_default=True,
-)  # fmt: skip
-def command(directory: Path, effects: tuple[Path, ...], deliver: Delivery, jobs: int) -> None:
+def command(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> None:
     """Find the effect that the model of DIR lacks. Held-out data are not used.
 
     \b
     specan study diagnose my_study --plot ranking.png
     """
     study = open_study(directory, effects)
-    found = study.diagnose(progress=told(), jobs=jobs)
+    found = study.diagnose(progress=told())
     deliver.draw_beside(found)
     deliver.put_out(found.to_dict() if deliver.as_json else {}, lambda: _print(found, directory))
 

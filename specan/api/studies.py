@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from specan.study.comparison import Comparison
     from specan.study.edit import Change
     from specan.study.history import History
-    from specan.study.processes import Progress
+    from specan.study.progress import Progress
     from specan.study.propose import ProposedLaws
     from specan.study.verdict import Diagnosis, NextMeasurements
 

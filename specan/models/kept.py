@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, TypeVar, cast
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 _CLEAR: list[Callable[[], None]] = []
 
 
@@ -20,6 +22,16 @@ def forget() -> None:
     """Clear it all."""
     for clear in _CLEAR:
         clear()
+
+
+def each_anew(work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+    """``[work(item) for item in items]``, none of which rests on what was kept for another one."""
+    found = []
+    for item in items:
+        forget()
+        found.append(work(item))
+    forget()
+    return found
 
 
 def kept(most: int) -> Callable[[FunctionT], FunctionT]:

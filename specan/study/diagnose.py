@@ -16,7 +16,7 @@ from specan.study.evidence.explanations import Explanations
 from specan.study.evidence.of_responses import OfResponses
 from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
 from specan.study.observation.table import TableObservation
-from specan.study.processes import Progress, unheard
+from specan.study.progress import Progress, unheard
 from specan.study.recorded_noise import with_noise_of_largest
 from specan.study.selection.initial_fit import InitialFit, initial_fit
 from specan.study.selection.refits import Refit

@@ -40,7 +40,6 @@ from specan.study.history import (
 )
 from specan.study.localisation.localise import MistakenSetUp, curve_errors, localise, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles, brought, kind_named, together
-from specan.study.processes import working
 from specan.study.selection.candidates import grouped_by
 from specan.study.selection.refits import POOR_FIT
 from specan.study.selection.starting_values import kept_values, starting_values
@@ -65,7 +64,7 @@ from specan.study.verdict import Diagnosis, Ranked
 
 if TYPE_CHECKING:
     from specan.study.localisation.frf_errors import FrfErrors
-    from specan.study.processes import Progress
+    from specan.study.progress import Progress
 
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 PREDICTED = 0.01  # probability of chi-square from which data are predicted as well as they can be
@@ -326,11 +325,8 @@ class Study:
         self,
         *,
         progress: Progress | None = None,
-        jobs: int = 1,
     ) -> Diagnosis:
         """Find out which effect the model is missing; computed once for each state of the study, and kept with it.
-
-        The parts of a search that do not need each other are done in `jobs` processes; the result is the same.
 
         Raises
         ------
@@ -342,10 +338,9 @@ class Study:
         if found is None:
             from specan.study.diagnose import diagnose
 
-            with working(jobs):
-                found = diagnose(
-                    self.problem, base=self.best, set_up=self.kept.find("set_up", MistakenSetUp), progress=progress
-                )  # fmt: skip
+            found = diagnose(
+                self.problem, base=self.best, set_up=self.kept.find("set_up", MistakenSetUp), progress=progress
+            )  # fmt: skip
             found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
             if self.problem.strategy.linearised_covariance:
                 found = self._as_shown(found)

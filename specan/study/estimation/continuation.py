@@ -17,10 +17,10 @@ from typing import Any
 
 from specan.errors import ComputationError
 from specan.models import Assembly
+from specan.models.kept import each_anew
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, best_screened, descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, brought
-from specan.study.processes import each
 
 STAGES = (20.0, 5.0)  # per cent of the RMS over channels
 CONTINUED = 2  # of several starts
@@ -65,7 +65,7 @@ def continuation_fit(
             return fault.found
         return _chi2(first, theta), theta
 
-    tried = each(led, starts)
+    tried = each_anew(led, starts)
     reason = next((why for why in reversed(tried) if isinstance(why, str)), "")
     reached = sorted((one for one in tried if not isinstance(one, str)), key=lambda one: one[0])
     near = [theta for _, theta in reached[:CONTINUED]]
@@ -82,7 +82,7 @@ def continuation_fit(
         problem, values=problem.values_at(theta)
     )  # what windows do would hide a small effect
     given = [problem.start(values) for values in starts]
-    stepped = each(lambda t: descend_steps(plain, t, SCREENING_JACOBIANS), near)
+    stepped = each_anew(lambda t: descend_steps(plain, t, SCREENING_JACOBIANS), near)
     reached = [(_chi2(plain, t), t) for t in (theta, *given, *stepped)]
     met = max(min(chi2 for chi2, _ in reached), plain.n_data)
     return problem.values_at(_nearest(problem, [t for chi2, t in reached if chi2 <= met]))
@@ -98,7 +98,7 @@ def _nearest(problem: Problem, thetas: Sequence[Array]) -> Array:
         there = descend_steps(subsample, theta, SCREENING_JACOBIANS)
         return _chi2(subsample, there), there
 
-    return min(each(led, thetas), key=lambda r: r[0])[1]
+    return min(each_anew(led, thetas), key=lambda r: r[0])[1]
 
 
 def _chi2(problem: Problem, theta: Array) -> float:

@@ -20,10 +20,10 @@ from functools import cached_property
 import numpy as np
 
 from specan.errors import ComputationError
+from specan.models.kept import each_anew
 from specan.study.estimation.linear import held_inside
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
-from specan.study.processes import each
 
 # In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
 STEP_TOLERANCE = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
@@ -136,7 +136,7 @@ def best_screened(problem: Problem, starts: Sequence[Array]) -> Array:
         residual = problem.residual(theta)
         return float(residual @ residual), theta
 
-    tried = each(led, starts)
+    tried = each_anew(led, starts)
     reached = [one for one in tried if not isinstance(one, str)]
     if not reached:
         raise ComputationError(next((why for why in tried[::-1] if isinstance(why, str)), ""))

@@ -34,7 +34,7 @@ from specan.study.evidence.marginal import Columns, Marginal, Tangent
 from specan.study.evidence.noise import Autoregression, autoregressions, chains_of
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array
-from specan.study.processes import Progress, unheard
+from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import without
 from specan.study.selection.refits import Refit, Refits
 

@@ -29,7 +29,7 @@ from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.noise import Autoregression
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array
-from specan.study.processes import Progress, unheard
+from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import confounded_with
 from specan.study.selection.initial_fit import InitialFit, with_covariances_about
 from specan.study.selection.single_instruments import displaced

@@ -16,11 +16,11 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.models.kept import each_anew
 from specan.study.estimation.continuation import about, continuation_fit, down_weighted
 from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.problem import Problem
-from specan.study.processes import each
 from specan.study.selection.candidates import confounded_with
 from specan.study.selection.refits import (
     POOR_FIT,
@@ -153,9 +153,9 @@ def _on_all_lines(start: Refit, near: Refit, sets: Mapping[EffectSet, Refit]) ->
         theta = descend_steps(whole, whole.start(subsampled[uses][1]), JACOBIANS)
         return float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price, whole.values_at(theta)
 
-    subsampled = dict(zip(sets, each(on_a_subsample, list(sets)), strict=True))
+    subsampled = dict(zip(sets, each_anew(on_a_subsample, list(sets)), strict=True))
     likeliest = sorted(sets, key=lambda uses: subsampled[uses][0])[:LIKELY]
-    return dict(zip(likeliest, each(on_all, likeliest), strict=True))
+    return dict(zip(likeliest, each_anew(on_all, likeliest), strict=True))
 
 
 def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
+from specan.models.kept import each_anew
 from specan.study.estimation.continuation import JACOBIANS, about, continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.observation import brought
-from specan.study.processes import each
 from specan.study.selection.candidates import Candidate, candidates, grid, without
 from specan.study.selection.refits import Refit, start_from
 from specan.study.selection.score_test import Scored, best_of_each, different, score
@@ -130,7 +130,7 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
         starts = [*optima[:STARTS], *different(scored[use], STARTS)[1:]]
         return list({(*s.signature.shapes.values(), *s.signature.size): s for s in starts}.values())
 
-    return dict(zip(scored, each(peaks, list(scored)), strict=True))
+    return dict(zip(scored, each_anew(peaks, list(scored)), strict=True))
 
 
 def planned_points(refit: Refit, found: Sequence[Candidate], known: Known) -> dict[Use, list[Point]]:
