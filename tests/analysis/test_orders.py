@@ -206,6 +206,31 @@ def test_a_tacho_that_stops_is_told_and_what_it_covers_is_analysed():
     )
 
 
+@pytest.mark.parametrize("per_turn", [1, 32])
+@pytest.mark.parametrize("stands", [(0.0, 1.0), (3.0, 6.0)], ids=["at the start", "for 3 s"])
+def test_a_shaft_that_stands_still_is_told_and_what_follows_is_analysed(stands, per_turn):
+    """The angle is the integral of a speed that is nothing while it stands, and 10 Hz one second before and after."""
+    first, last = stands
+    t = np.arange(int(14 * RATE)) / RATE
+    speed = np.interp(t, [first - 1, first, last, last + 1], [10.0, 0.0, 0.0, 10.0])
+    angle = np.concatenate([[0.0], np.cumsum(speed[1:] + speed[:-1]) / (2 * RATE)])
+    x = sum(a * np.cos(2 * np.pi * o * angle) for o, (a, _) in LINES.items())
+    wanted = np.arange(1, int(angle[-1] * per_turn)) / per_turn
+    rising = np.concatenate([[True], np.diff(angle) > 0])
+    pulses = tacho_signal(np.interp(wanted, angle[rising], t[rising]), t.size, 0.2 / (10 * per_turn))
+    channels = tuple(replace(c, n_samples=t.size) for c in recording(per_turn=per_turn, duration=1.0).channels)
+    found = Orders(orders=tuple(LINES))(Recording("run.tdms", channels, ArraySource([x, pulses])))
+    assert low_but_told(found).min() > -0.1
+    assert found.tacho.missing == 0
+    (note,) = (n for n in found.notes if "stands still" in n)
+    begins, ends = map(float, re.search(r"from (\S+) to (\S+) s", note).groups())
+    assert (begins, ends) == pytest.approx(stands, abs=0.5)
+
+
+def test_much_jitter_of_the_pulses_is_smoothed_or_told():
+    assert low_but_told(Orders(orders=tuple(LINES))(recording(jitter=1e-4))).min() > -0.05
+
+
 @pytest.mark.long
 def test_a_drifting_speed_is_told_and_followed():
     found = Orders(max_order=80.0)(recording(ramp=0.2))
