@@ -74,8 +74,8 @@ def observations(model: Model, plan: Plan, noise: float) -> list[OrderLinesObser
             OrderLinesObservation(
                 name=f"{torque:g} N m", of_row=(f"{torque:g} N m",) * len(sensors), quantity="order_lines",
                 channels=sensors, order=known.order[mine], harmonic=known.harmonic[mine],
-                passages=known.passages[mine], family=np.array(known.family)[mine], amplitude=lines,
-                noise=np.full(lines.shape, noise), beyond=np.zeros(lines.shape, dtype=bool),
+                passages=known.passages[mine], mode=known.mode[mine], family=np.array(known.family)[mine],
+                amplitude=lines, noise=np.full(lines.shape, noise), beyond=np.zeros(lines.shape, dtype=bool),
                 path=np.arange(len(sensors)), errors=known.errors, kept=np.ones(lines.shape, dtype=bool),
                 point={name: np.full(len(sensors), value) for name, value in point.items()},
             )

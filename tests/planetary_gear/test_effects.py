@@ -43,7 +43,6 @@ def test_all_effects_of_the_catalogue_are_there():
         "transmission-path", "unequal-load-sharing", "planet-position-error", "carrier-runout", "sun-runout",
         "planet-runout", "pitch-errors", "tooth-crack", "mesh-damping", "ring-flexibility", "backlash", "tip-relief",
         "torque-ripple", "speed-fluctuation", "tooth-friction", "housing-resonance", "shaft-flexibility",
-        "harmonic-gain",
         "tacho-angle", "contact-exponent", "contact-stiffness", "contact-damping", "carrier-inertia",
         "unlike-response",
     }  # fmt: skip

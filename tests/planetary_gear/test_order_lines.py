@@ -28,6 +28,7 @@ ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
 HARMONIC = np.array([1, 1, 1, 1, 2, 2, 2, 2])
 OFFSET = ORDER - 10.0 * HARMONIC
 PASSAGES = np.array([-3, -1, 0, 1, -3, -1, 0, 3])
+MODE = np.array([0, 1, 0, 1, 0, 1, 0, 0])
 AWAY = np.minimum(np.abs(PASSAGES), 3) / 3
 BEYOND = np.zeros((2, 8), dtype=bool)  # lines that the ideal machine does not have
 BEYOND[:, [1, 3, 5]] = True
@@ -45,6 +46,7 @@ def observed(
         order=ORDER,
         harmonic=HARMONIC,
         passages=PASSAGES,
+        mode=MODE,
         family=np.array([f"10h+-{abs(o):g}" for o in OFFSET]),
         amplitude=amplitude,
         noise=np.full((2, 8), sigma),
@@ -71,7 +73,10 @@ def declared_covariance(lines: np.ndarray) -> np.ndarray:
             shared += 0.1**2 * np.sum(np.sqrt(basis[:, i] * basis[:, j]))
             same = PASSAGES[i] == PASSAGES[j] and HARMONIC[i] == HARMONIC[j]
             shared += 0.3**2 * AWAY[i] * AWAY[j] * same
-        shared += 0.2**2 * (BEYOND[s, i] and BEYOND[t, j] and HARMONIC[i] == HARMONIC[j])
+        together = BEYOND[s, i] and BEYOND[t, j] and HARMONIC[i] == HARMONIC[j] and MODE[i] == MODE[j]
+        apart = np.log(ORDER[i] / ORDER[j]) / 0.06  # of a resonance that is 6 % wide
+        of_harmonic = 0.2 * (1.0, 2.0)[HARMONIC[i] - 1]
+        shared += of_harmonic**2 * together * np.exp(-(apart**2) / 2)
         v[s, i, t, j] = shared * lines[s, i] * np.conj(lines[t, j]) + 0.1**2 * ((s, i) == (t, j))
     return v.reshape(16, 16)
 
@@ -211,6 +216,7 @@ STATEMENT = OrderLines(
     ORDER,
     HARMONIC,
     PASSAGES,
+    MODE,
     ("",) * 8,
     sun_turns=1.0,
     torque=1.0,

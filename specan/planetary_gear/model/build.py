@@ -30,13 +30,11 @@ from specan.planetary_gear.model.kinematics import (
     repeat_turns,
     sun_order,
 )
+from specan.planetary_gear.model.lines import UNLIKE
 from specan.planetary_gear.model.rig import Gear, Rig, read_rig
 from specan.planetary_gear.model.simulated_recording import path_window
 
 HARMONICS = 3  # of the mesh: what a study compares
-# Uncertainty of the answer to unlike planets about each harmonic, over that of the rig file: against springs of another
-# form over the pitch lines were right within a tenth about the first, within a factor 3 about the others.
-UNLIKE = (1.0, 2.0, 2.0)
 MOST_SAMPLES = 400_000
 # Power of the window by which lines beside the mesh grow by the factor e: those at 66h +- 3 go from 1/20 to 4/35 of the
 # window's mean between the powers 3 and 4.

@@ -87,10 +87,10 @@ def kind_of_phasing(gear: Gear) -> str:
     return "sequentially phased"
 
 
-# Part of the uncertainty of the answer to unlike planets that differs between recordings; the whole is common to all.
-OF_A_RECORDING = 0.5
 # Of the sun's turns that are looked at: a runout's, and two that tell it from pitch errors.
 MULTIPLES = (1, 2, 3)
+# Passages of the planets from which on a path is as little known as it gets.
+FAR = 3
 # Passages beside an order: third powers of a Hann window leave a twentieth at three.
 HEARD = (-2, -1, 0, 1, 2)
 
@@ -147,17 +147,31 @@ def line_conditions(model: Model, **settings: Any) -> dict[str, NDArray[np.float
     }
 
 
+def harmonics_of(orders: Any, z_ring: int, most: int) -> NDArray[np.intp]:
+    """Number of the mesh harmonic that each order belongs to; half an order below it still does.
+
+    Examples
+    --------
+    >>> harmonics_of([33.0, 66.0, 99.0, 165.0, 198.0], 66, 3).tolist()
+    [1, 1, 2, 3, 3]
+    """
+    return np.clip(np.floor(np.asarray(orders) / z_ring + 0.5), 1, most).astype(int)
+
+
 def line_statement(rig: Rig, harmonics: int) -> OrderLines:
     """What a study has to know of the lines: orders, families, speeds and torque."""
     gear = rig.gear
     assert gear is not None
     orders = kinematic_orders(gear, harmonics=harmonics)
-    number = np.clip(np.rint(orders / gear.z_ring), 1, harmonics).astype(int)
+    number = harmonics_of(orders, gear.z_ring, harmonics)
     offset = np.round(orders - number * gear.z_ring, 6)
+    passages = np.array([_origin(gear, float(o))[1] for o in offset])
     return OrderLines(
         order=orders,
         harmonic=number,
-        passages=np.array([_origin(gear, float(o))[1] for o in offset]),
+        passages=passages,
+        # Of the forces of all planets, n passages let a sensor hear the part that goes with exp(-j n psi_i).
+        mode=np.minimum(passages % gear.planets, -passages % gear.planets),
         family=tuple(_family(gear, *line) for line in zip(orders.tolist(), offset.tolist(), strict=True)),
         sun_turns=1.0 / carrier_speed_ratio(gear),
         torque=rig.operation.carrier_torque_Nm,
@@ -165,7 +179,7 @@ def line_statement(rig: Rig, harmonics: int) -> OrderLines:
         errors=DeclaredErrors(
             rig.uncertainty.model_discrepancy_percent / 100,
             rig.uncertainty.path_percent / 100,
-            OF_A_RECORDING * rig.uncertainty.response_percent / 100,
+            rig.uncertainty.response_percent / 100,
         ),
     )
 
@@ -179,7 +193,7 @@ def _origin(gear: Gear, offset: float) -> tuple[str, int]:
         away |= {f"sun {sign * m}": offset - sign * m * sun for m in MULTIPLES}
     whole = {name: round(rest) for name, rest in away.items() if abs(rest - round(rest)) < 1e-6}
     if abs(offset) == gear.z_ring / 2 or not whole:
-        return "half mesh", 0
+        return "half mesh", FAR  # between the paths of two harmonics
     nearest = min(whole, key=lambda name: abs(whole[name]))
     return nearest.partition(" ")[0], whole[nearest]
 

@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+# Uncertainty of the answer to unlike planets about each harmonic, over that of the rig file: against springs of another
+# form over the pitch lines were right within a tenth about the first, within a factor 3 about the others.
+UNLIKE = (1.0, 2.0, 2.0)
+
 
 @dataclass(frozen=True)
 class DeclaredErrors:
@@ -23,8 +27,9 @@ class DeclaredErrors:
         by; how a planet that passes is heard differs from harmonic to harmonic and from sensor to sensor, and is the
         same in recordings at one speed.
     response : float
-        Common to the lines of a harmonic that the ideal machine does not have, one a recording: how strongly the
-        machine answers to what its equal parts do not do alike is known less well than how it answers to the rest.
+        Of lines that the ideal machine does not have, times `UNLIKE`, one a recording: how strongly the machine answers
+        to what its equal parts do not do alike is known less well than how it answers to the rest. Common to lines of a
+        harmonic and a kind of mode that lie within a resonance.
     """
 
     near: float
@@ -45,6 +50,9 @@ class OrderLines:
         harmonic one unknown gain.
     passages : array of int (lines,)
         How many passages of a planet a turn it lies beside what a single planet's meshes would have there.
+    mode : array of int (lines,)
+        Kind of the modes that are heard there: 0 all planets move alike, and the central members turn; 1 these move to
+        a side; from 2 on the planets move alone (Lin and Parker, J. Vib. Acoust. 121 (1999) 316).
     family : tuple of str
         What each line is called together with those of the other harmonics: ``66h+-3.75 (sun)``.
     sun_turns : float
@@ -60,6 +68,7 @@ class OrderLines:
     order: Array
     harmonic: NDArray[np.intp]
     passages: NDArray[np.intp]
+    mode: NDArray[np.intp]
     family: tuple[str, ...]
     sun_turns: float
     torque: float

@@ -3,6 +3,7 @@
 import numpy as np
 
 from specan.models.quantity import quantity
+from specan.planetary_gear.model.kinematics import harmonics_of
 from specan.planetary_gear.model.parting import parting, with_dampers, without_pull
 from specan.planetary_gear.model.simulated_recording import RIM_STIFFNESS
 
@@ -149,7 +150,7 @@ def rim_displacement(mesh_force, transfer_path, friction_share):
 
 @quantity(unit="m/s^2", axes=("sensor",))
 def order_lines(rim_displacement, order, sun_speed, point_of_line, carrier_turn, carrier_ratio, housing_response,
-                harmonic_gain, harmonic_of_line, line_coherence, tacho_angle, unlike_response, ideal_line):  # fmt: skip
+                harmonic_of_line, line_coherence, tacho_angle, unlike_response, ideal_line):  # fmt: skip
     """Complex peak amplitude of the acceleration at each line, (sensors, lines)."""
     samples = rim_displacement.shape[-1]
     spectra = np.fft.rfft(rim_displacement, axis=-1) * (2.0 / samples)
@@ -159,14 +160,14 @@ def order_lines(rim_displacement, order, sun_speed, point_of_line, carrier_turn,
     lines = spectra[point_of_line, :, np.where(inside, nearest, 0)].T * inside
     omega = 2 * np.pi * np.asarray(order) * sun_speed * carrier_ratio
     turned = np.exp(1j * np.asarray(order) * tacho_angle)
-    gain = housing_response * harmonic_gain[harmonic_of_line] * line_coherence * turned
+    gain = housing_response * line_coherence * turned
     return -(omega**2) * lines * gain * np.where(ideal_line, 1.0, unlike_response[harmonic_of_line])
 
 
 @quantity(unit="1")
 def harmonic_of_line(order, ring_teeth, harmonic_count):
     """Number (from zero) of the mesh harmonic that each line belongs to."""
-    return np.clip(np.rint(np.asarray(order) / ring_teeth), 1, harmonic_count).astype(int) - 1
+    return harmonics_of(order, ring_teeth, harmonic_count) - 1
 
 
 @quantity(unit="1", reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677")
@@ -195,13 +196,7 @@ def line_coherence(order):
     return np.ones(np.shape(order))
 
 
-@quantity(unit="1", axes=("harmonic",))
-def harmonic_gain(harmonic_count):
-    """Gain of everything between mesh and sensor that is not known, one a mesh harmonic."""
-    return np.ones(harmonic_count, dtype=complex)
-
-
 QUANTITIES = (
     mesh_force, rim_displacement, order_lines, harmonic_of_line, housing_response, line_coherence,
-    harmonic_gain, ideal_line, unlike_response,
+    ideal_line, unlike_response,
 )  # fmt: skip

@@ -82,7 +82,8 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     common = (
         f"every line: model discrepancy {near}, common to lines within a few orders; lines three passages beside: "
         f"{path} for the path of each harmonic to each sensor, nearer ones in proportion, common to recordings at one "
-        f"speed; lines that the ideal set does not have: {response}, common to a harmonic (from the rig file or its "
+        f"speed; lines that the ideal set does not have: {response} about the first harmonic, twice that about others, "
+        "common to neighbours of one kind of mode (from the rig file or its "
         "defaults); a free gain for every harmonic of each sensor"
     )
     return OpenedData((together,), unseen, (*statements, common), True, 100 * known.errors.near)
@@ -144,6 +145,7 @@ def observe(
         order=known.order,
         harmonic=known.harmonic,
         passages=known.passages,
+        mode=known.mode,
         family=np.array(known.family),
         amplitude=amplitude,
         noise=np.sqrt(sum(part**2 for part in parts)),

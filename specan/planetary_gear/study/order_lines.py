@@ -27,7 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
-from specan.planetary_gear.model.lines import DeclaredErrors
+from specan.planetary_gear.model.kinematics import FAR
+from specan.planetary_gear.model.lines import UNLIKE, DeclaredErrors
 from specan.study.observation import Strategy, Variable
 from specan.study.observation.frf import KeptLines
 
@@ -37,7 +38,9 @@ Complex = NDArray[np.complex128]
 REACH = 4.0  # orders within which the model's error is common to lines
 MOST = 2.0  # times a prediction: largest line that its relative errors are taken of
 ROUNDING = 1e-9  # of the strongest line of its gain: a smaller one is none
-FAR = 3  # passages of the planets from which on a path is as little known as it gets
+BANDWIDTH = (
+    0.06  # of a resonance over its frequency: twice the damping ratio, 0.01 to 0.1 (see `Uncertainty`)
+)
 START = 0.3  # relative error that all lines are given for the first gains
 
 
@@ -53,7 +56,7 @@ class OrderLinesObservation(KeptLines):
         model's order.
     quantity : str
         The model's quantity that is observed, array (sensors, lines).
-    order, harmonic, passages, family : arrays (lines,)
+    order, harmonic, passages, mode, family : arrays (lines,)
         See `specan.planetary_gear.model.lines.OrderLines`.
     amplitude : complex array (rows, lines)
     noise : array (rows, lines)
@@ -82,6 +85,7 @@ class OrderLinesObservation(KeptLines):
     order: Array
     harmonic: NDArray[np.intp]
     passages: NDArray[np.intp]
+    mode: NDArray[np.intp]
     family: NDArray[np.str_]
     amplitude: Complex
     noise: Array
@@ -352,10 +356,12 @@ class OrderLinesObservation(KeptLines):
         alike = (passes[:, None] == passes) & (path[:, None] == path)
         own += away[:, None] * away * alike * (self.harmonic[line][:, None] == self.harmonic[line])
         recording = np.unique(self.of_row, return_inverse=True)[1][row]
-        answer = np.where(
-            self.beyond[self.kept], recording * (self.harmonic.max() + 1) + self.harmonic[line], -1
-        )
-        return own + self.errors.response**2 * ((answer[:, None] == answer) & (answer >= 0))
+        answers = np.stack([recording, self.harmonic[line], self.mode[line]])
+        alike = np.all(answers[:, :, None] == answers[:, None], axis=0)
+        beyond, apart = self.beyond[self.kept], np.subtract.outer(*2 * [np.log(self.order[line])])
+        alike = alike & beyond & beyond[:, None]
+        response = self.errors.response * np.array(UNLIKE)[self.harmonic[line] - 1]
+        return own + response**2 * alike * np.exp(-0.5 * (apart / BANDWIDTH) ** 2)
 
     @cached_property
     def _gain_of_line(self) -> NDArray[np.intp]:

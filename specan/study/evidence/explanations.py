@@ -332,12 +332,18 @@ class Explanations:
         return one
 
     def _fit_parts(self) -> None:
-        """Fit the effects of the likeliest pairs alone too, from there: a linear promise may have ruled one out."""
+        """Fit the effects of the likeliest pairs alone too."""
+        for form, promise in list(self._parts()):
+            self._add(form, frozenset({promise.use}), promise)
+
+    def _parts(self) -> Iterator[tuple[Form, Promise]]:
+        """Effects of the likeliest pairs that were not fitted alone: a linear promise may have ruled one out."""
         for pair in [e for e in self.found if len(e.uses) > 1 and e.ln_joint > self.best - WITHIN - SLACK]:
             values = pair.tangent.problem.values_at(pair.tangent.theta)
             for use in pair.uses:
-                if frozenset({use}) not in pair.form.refits.done:
-                    self._add(pair.form, frozenset({use}), Promise(use, 0.0, (values,)))
+                tried = pair.form.refits.done.keys() | pair.form.refits.failed
+                if frozenset({use}) not in tried:
+                    yield pair.form, Promise(use, 0.0, (values,))
 
     @property
     def best(self) -> float:

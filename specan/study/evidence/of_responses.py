@@ -155,6 +155,9 @@ class OfResponses(Explanations):
             if not self._waiting and one.uses not in self._grown and self._may_grow(one.uses):
                 self._grown.add(one.uses)
                 self._expect(one)
+        if not self._waiting:
+            for form, promise in self._parts():
+                self._wait(np.inf, form, frozenset({promise.use}), promise)
         return bool(self._waiting)
 
     def _expect_rivals(self, best: Explanation) -> None:
