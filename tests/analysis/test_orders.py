@@ -218,7 +218,9 @@ def test_a_shaft_that_stands_still_is_told_and_what_follows_is_analysed(stands, 
     wanted = np.arange(1, int(angle[-1] * per_turn)) / per_turn
     rising = np.concatenate([[True], np.diff(angle) > 0])
     pulses = tacho_signal(np.interp(wanted, angle[rising], t[rising]), t.size, 0.2 / (10 * per_turn))
-    channels = tuple(replace(c, n_samples=t.size) for c in recording(per_turn=per_turn, duration=1.0).channels)
+    channels = tuple(
+        replace(c, n_samples=t.size) for c in recording(per_turn=per_turn, duration=1.0).channels
+    )
     found = Orders(orders=tuple(LINES))(Recording("run.tdms", channels, ArraySource([x, pulses])))
     assert low_but_told(found).min() > -0.1
     assert found.tacho.missing == 0

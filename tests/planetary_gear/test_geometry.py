@@ -146,3 +146,38 @@ def test_lines_of_an_uneven_sun_are_those_of_a_signal_at_a_sensor(teeth):
             ideal = (np.abs(there - whole) < 1e-9) & (mesh_line_strength(made, whole) > 1e-9)
             assert there.size >= 2 or (planets, h, m) == (4, 2, 2)  # two passages away: no Hann window
             assert all(np.abs(known - o).min() < 1e-6 for o in there[~ideal])
+
+
+@pytest.mark.parametrize("teeth", [(24, 21, 66, 3), (20, 25, 70, 3), (18, 24, 66, 4)])
+def test_kind_of_mode_is_that_of_the_forces_on_the_planets(teeth):
+    """The m-th multiple of an uneven sun presses planets with the phases (h z_ring -+ m) psi: alike, or in a wave."""
+    from specan.planetary_gear.model.kinematics import line_statement
+    from specan.planetary_gear.model.rig import Rig
+
+    z_sun, z_planet, z_ring, planets = teeth
+    made = Gear(z_sun=z_sun, z_planet=z_planet, z_ring=z_ring, planets=planets, module_mm=2.0)
+    known = line_statement(Rig(gear=made), 3)
+    place = 2 * np.pi * np.arange(planets) / planets
+    looked_at = 0
+    for order, h, mode, family in zip(known.order, known.harmonic, known.mode, known.family, strict=True):
+        if not family.endswith("(sun)"):
+            continue
+        offset = order - h * z_ring
+        apart = {way: offset - way * z_ring / z_sun for m in (1, 2, 3) for way in (m, -m)}
+        ways = [
+            way
+            for way, passages in apart.items()
+            if abs(passages - round(passages)) < 1e-6 and (h * z_ring - way + round(passages)) % planets == 0
+        ]
+        if not ways:  # planets that are alike show nothing there
+            continue
+        waves = np.exp(1j * np.outer([h * z_ring - way for way in ways], place))
+        # What is left of each wave beside those in which all planets are alike, or go to a side.
+        alike = np.abs(waves.mean(axis=1))
+        aside = np.abs((waves * np.exp(1j * place)).mean(axis=1)) + np.abs(
+            (waves * np.exp(-1j * place)).mean(axis=1)
+        )
+        shown = [0 if a > 0.5 else 1 if b > 0.5 else 2 for a, b in zip(alike, aside, strict=True)]
+        assert mode in shown
+        looked_at += 1
+    assert looked_at > 12
