@@ -64,13 +64,15 @@ def _fits_with(promise: Promise, problem: Problem, reached: Fit) -> Iterator[tup
 
 def _responses(o: TimeObservation, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Array]:
     """Change of all rows after an impulse in the rate of each state, when a recording begins."""
-    model, plain = assembly.model, o.predict(assembly, values)
-    found = {}
-    for name in model.rates.states if model.rates else ():
+    model, rates = assembly.model, assembly.model.rates
+    if rates is None:
+        return {}
+    plain, found = o.predict(assembly, values), {}
+    for name in rates.states:
         start = model.quantities[f"{name}_start"]
         size = IMPULSE * o.spread(assembly, values, name)
         moved = replace(start, function=lambda *given, of=start, by=size, **own: of(*given, **own) + by)
         shifted = replace(model, quantities={**model.quantities, start.name: moved})
-        model.rates.solver(shifted).steps = model.rates.solver(model).steps
+        rates.solver(shifted).steps = rates.solver(model).steps
         found[name] = o.predict(shifted.assemble(assembly.uses), values) - plain
     return found
