@@ -29,6 +29,7 @@ FORMS = (0.01, 0.03, 0.1, 0.3)
 FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of form changes
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
 SMOOTH = 0.8  # of unknown functions; the others act at one level of a variable, or from one on
+ROUGH = (0.0, 0.01, 0.03, 0.3)  # shares to which it may be wrong in each line by itself
 SEEN = 0.1  # standard deviations that a column changes all rows by, below which it says nothing
 
 # Form of the noise, columns, and deviations of their coefficients.
@@ -111,12 +112,12 @@ class AlongLines:
         channels = np.concatenate([np.asarray(o.labels["channel"]) for o in lines])
         own = (channels[:, None] == np.unique(channels)).astype(float)
         root = kernel_root(along[:, None], FORM_LENGTH)[row]
-        for of, roughs in ((np.ones((row.size, 1)), FORMS), (own, FORMS[::2])):
+        for of, roughs in ((np.ones((row.size, 1)), ROUGH), (own, ROUGH[::2])):
             each = (root[:, :, None] * of[:, None, :]).reshape(row.size, -1)
             white = problem.whiten(np.hstack([change[:, None] * each, turned[:, None] * each]))
             white = white[:, np.sum(white**2, axis=0) * FORMS[-1] ** 2 > SEEN**2]
             for rough in roughs:
-                yield Rough(rough * sizes), white, FORMS
+                yield Rough(rough * sizes) if rough else None, white, FORMS
 
     def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
         """See `FormErrors`."""

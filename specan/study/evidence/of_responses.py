@@ -24,7 +24,7 @@ from specan.study.evidence.explanations import (
     Explanations,
     Form,
 )
-from specan.study.evidence.form_errors import AlongLines
+from specan.study.evidence.form_errors import FORMS, AlongLines
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.noise import Autoregression
 from specan.study.evidence.promises import Catalogue, Promise
@@ -73,6 +73,7 @@ class OfResponses(Explanations):
         """Single effects first; where the base is far off, all once more about the field of the best of them."""
         self._growing = not (self.near.base.poor_fit and self.problem.strategy.linearised_covariance)
         super()._search()
+        self.found = [e for e in self.found if not self._only_repairs(e)]
         sets = sorted((e for e in self.found if e.kind == "effects"), key=lambda e: -e.ln_joint)
         if self._growing or not sets or sets[0].ln_joint <= self._bare(self.forms[0]).ln_joint:
             return
@@ -83,6 +84,21 @@ class OfResponses(Explanations):
         likely = tuple(use for e in sets[:COMPARED] for use in e.uses)
         self._about(InitialFit(base, likely, done, sets[0].uses))
         super()._search()
+        self.found = [e for e in self.found if not self._only_repairs(e)]
+
+    def _only_repairs(self, one: Explanation) -> bool:
+        """Whether a set is no likelier than a part of it that is wrong by the least share in each line."""
+        for part in self.found:
+            if not (part.uses and part.uses < one.uses and part.fitted and one.fitted):
+                continue
+            problem, theta = part.tangent.problem, part.tangent.theta
+            _, (rough, _, _), *_ = self.errors.of_change(problem, self._change(part.form, problem, theta))
+            fewer, more = (
+                Marginal(e.tangent.with_noise(rough)).ln_evidence + e.ln_prior for e in (part, one)
+            )
+            if fewer > more:
+                return True
+        return False
 
     def _forms_in_reach(self) -> list[Form]:
         return self.forms
@@ -105,7 +121,9 @@ class OfResponses(Explanations):
             for rough, columns, shares in self.errors.of_change(part, self._change(one.form, part, theta))
             for share in shares
         ]
-        rough, columns, share = wrong[self.likeliest[theta.tobytes()]]
+        likeliest = self.likeliest[theta.tobytes()]
+        # What another effect would repair within the least share is no sign of it: the next row of errors of lines.
+        rough, columns, share = wrong[likeliest + (len(FORMS) if wrong[likeliest][0] is None else 0)]
         return Marginal(tangent.with_noise(rough), root * columns, share)
 
     def _promises(self, one: Explanation) -> Iterator[tuple[float, Promise]]:
