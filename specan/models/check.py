@@ -355,12 +355,13 @@ def _indistinguishable(
     model, traces, hidden = base.model, {}, []
     tangent = _jacobian(base, free, conditions, base.defaults)
     plain = _predict(base, conditions, {})
+    unseen = DETECTED if model.rates else 0.0  # norm of a change that the noise of a recording hides
     for name, effect in model.effects.items():
         if name in {use.name for use in base.uses} or effect.at:
             continue
         trace = _predict(model.assemble({*base.uses, Use(name)}), conditions, {}) - plain
         left = float(np.linalg.norm(_beyond(tangent, trace)))
-        if left <= max(ROUNDING * float(np.linalg.norm(trace)), _unseen(model)):
+        if left <= max(ROUNDING * float(np.linalg.norm(trace)), unseen):
             hidden.append(name)
         else:
             traces[name] = (plain + trace, left)
@@ -370,11 +371,6 @@ def _indistinguishable(
         if any(_imitates(base, free, conditions, b, *traces[a]) for a, b in ((one, other), (other, one)))
     ]
     return tuple(alike), tuple(hidden)
-
-
-def _unseen(model: Model) -> float:
-    """Norm of a change that the noise of a recording hides."""
-    return DETECTED if model.rates else 0.0
 
 
 def _beyond(columns: Array, values: Array) -> Array:
@@ -399,7 +395,7 @@ def _imitates(
         [_jacobian(active, names, conditions, active.defaults), with_it - _predict(base, conditions, {})]
     )
     if base.model.rates:
-        return float(np.linalg.norm(_beyond(columns, truth - with_it))) < _unseen(base.model)
+        return float(np.linalg.norm(_beyond(columns, truth - with_it))) < DETECTED
     # fitted only where linear combination leaves less than three tenths of the trace
     if np.linalg.norm(_beyond(columns, truth - with_it)) > 0.3 * size:
         return False
