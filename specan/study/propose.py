@@ -25,6 +25,10 @@ from specan.study.study import Study
 from specan.study.user_effects import LAWS, trust_file, write_beside_older
 from specan.study.verdict import parameters_of, percent
 
+OUT_OF_REACH = (
+    9.0  # chi-square, three standard deviations, by which a fit may end above what the search found
+)
+
 
 @dataclass(frozen=True, eq=False)
 class ProposedLaw:
@@ -199,6 +203,9 @@ def _fitted(
     try:
         best = fit(problem, start.fit.values)
     except ComputationError:
+        return None
+    # What fits only with values that the model's parameters cannot have is no explanation.
+    if best.chi2 > law.chi2 + OUT_OF_REACH * max(law.chi2 / max(start.dof, 1.0), 1.0):
         return None
     count = sum(n.owner == name for n in problem.names)
     refit = Refit(frozenset({use}), problem, best, count)

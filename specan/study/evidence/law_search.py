@@ -46,6 +46,8 @@ class Law:
         Amplitude: in `unit`, or 1 for a law that scales.
     shapes : tuple of float
         In the order of `formula.shapes`.
+    chi2 : float
+        That it leaves, the model's own parameters free of their ranges.
     probability : float
         Beside noise alone and all other laws.
     """
@@ -55,6 +57,7 @@ class Law:
     unit: str
     size: float
     shapes: tuple[float, ...]
+    chi2: float
     probability: float = 0.0
 
     @property
@@ -142,7 +145,7 @@ def search_laws(start: Refit) -> LawSearch:
         k: one for k in order if (one := _Refined(start, *scans[k], variables, rest).fitted(scanned[k][1]))
     }
     # What no law describes makes the scatter larger: chi-squares are in units of what the best one leaves.
-    least = min((one.chi2 for one in fitted.values()), default=0.0)
+    least = min((one.law.chi2 for one in fitted.values()), default=0.0)
     dispersion = max(1.0, least / max(start.dof - 2, 1.0))
     joint = [
         np.log(prior[k]) - one.price + gain_of(start.linear, one.columns, dispersion)
@@ -310,7 +313,6 @@ class _Fitted:
 
     law: Law
     columns: Array
-    chi2: float
     price: float
 
 
@@ -385,7 +387,7 @@ class _Refined:
             [_largest(target, formula, self.variables, x.tolist()) * own[:, 0], *slopes]
         )
         unit = "1" if formula.scales else target.unit
-        return _Fitted(Law(formula, target.quantity, unit, size, tuple(x.tolist())), columns, chi2, price)
+        return _Fitted(Law(formula, target.quantity, unit, size, tuple(x.tolist()), chi2), columns, price)
 
 
 def _sum(values: Array) -> float:
