@@ -154,7 +154,13 @@ class Program:
         parts = [text, *(_described(f) for f in self.functions.values())]
         key = hashlib.sha256("\n".join(map(str, parts)).encode()).hexdigest()
         if key not in _COMPILED:
-            _COMPILED[key] = self._compiled(text, _file_of(text, key) if all(parts) else None)
+            file = _file_of(text, key) if all(parts) else None
+            try:
+                _COMPILED[key] = self._compiled(text, file)
+            except Exception:  # kept code that does not load costs a compilation, no verdict
+                if file is None:
+                    raise
+                _COMPILED[key] = self._compiled(text, None)
         return _COMPILED[key]
 
     def _compiled(self, text: str, file: Path | None) -> tuple[Any, Any]:
