@@ -7,12 +7,12 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.accumulator import READ_BLOCK
 from specan.analysis.section import SectionSettings, aligned, of_one_rate, section
 from specan.analysis.shaft import DRIFT_PERCENT, Shaft, steady_shaft, tacho_of, tracked_shaft
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.orders import OrderLines, OrderSpectrum, TachoReport
 from specan.data.recording import Recording
@@ -33,8 +33,6 @@ from specan.dsp.windows import window
 from specan.errors import InputError, RequestError
 from specan.result import counted
 from specan.units import MOTION, Quantity
-
-Real = NDArray[np.float64]
 
 HELD = 2e9  # bytes of resampled signal that are held for lines, at most
 BLOCK_TURNS = 8

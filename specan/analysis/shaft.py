@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.orders import TachoReport
 from specan.data.recording import Recording
 from specan.dsp.tacho import COUNTABLE, pulse_times, repair, shaft_angle
 from specan.errors import InputError, RequestError
-
-Real = NDArray[np.float64]
 
 DRIFT_PERCENT = 1.0  # range of the speed from which on the result says so
 

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specan.arrays import Complex, Real
 from specan.dsp.windows import window
 from specan.errors import InputError
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 APART = 4.0  # line widths 1/turns between orders from which on a Hann window keeps them from each other
 # Bins about a given order that are not noise; first and number of those that are.

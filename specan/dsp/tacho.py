@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import InputError
-
-Real = NDArray[np.float64]
 
 FEWEST = 6  # samples a pulse: the third harmonic, which makes a pulse flat, is below half the sampling rate
 REGULAR = 0.35  # deviation over mean of times between rises: noise has 0.5, few samples a pulse at most 0.25

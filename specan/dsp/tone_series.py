@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.sine_fit import phasors_of, products, solve_normal, tone_basis
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _BLOCK_S, _BLOCK_CYCLES, _LEAST_BLOCKS, _LEAST_CYCLES = 0.1, 10.0, 8, 3.0
 _LINES = 12  # of the block series from which the noise at the tone is taken

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import RequestError
 from specan.models.effect import Effect, ParameterName, Use
 from specan.models.from_function import place_of
 from specan.models.model import Assembly, Model
 from specan.models.trial import check_units, try_assembly, try_model
 
-Array = NDArray[np.float64]
-Conditions = Mapping[str, Array]
+Conditions = Mapping[str, Real]
 
 STEP = 1e-4  # of a parameter's range: central differences are right to 1e-8 there
 # Share of a column below which nothing but rounding is left: differences are right to some 1e-8, see STEP.
@@ -111,7 +110,7 @@ def _check_one_row(use: Use, active: Assembly, conditions: Conditions) -> None:
             )
 
 
-def conditions_over_limits(model: Model, points: int = 4) -> dict[str, Array]:
+def conditions_over_limits(model: Model, points: int = 4) -> dict[str, Real]:
     """Conditions all over what the rig can run, in random order one a quarter of an hour, for `check_effect`.
 
     Raises
@@ -126,7 +125,7 @@ def conditions_over_limits(model: Model, points: int = 4) -> dict[str, Array]:
     return _over(model, [np.linspace(low, high, points) for low, high in model.rig.limits.values()])
 
 
-def _over(model: Model, axes: Sequence[Array]) -> dict[str, Array]:
+def _over(model: Model, axes: Sequence[Real]) -> dict[str, Real]:
     """All combinations of levels of the conditions that have limits, shuffled; the others as time goes on."""
     rows = [axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")]
     order = np.random.default_rng(0).permutation(rows[0].size)
@@ -250,7 +249,7 @@ def _told_of(effect: Effect, fault: RequestError) -> RequestError:
     return RequestError(found, expected=fault.expected, remedy=fault.remedy)
 
 
-def _dense_axes(model: Model) -> list[Array]:
+def _dense_axes(model: Model) -> list[Real]:
     """Levels of each condition, denser where they are small: what acts at low speed only is met too."""
     # some 400 places stand for every measurement within the limits
     each = max(2, min(100, int(400 ** (1 / len(model.rig.limits)))))
@@ -269,7 +268,7 @@ def _own(assembly: Assembly, use: Use, conditions: Conditions) -> list[str]:
     return [n for n in assembly.free(tuple(conditions)) if n.startswith(f"{use}.")]
 
 
-def _predict(assembly: Assembly, conditions: Conditions, values: Mapping[str, float]) -> Array:
+def _predict(assembly: Assembly, conditions: Conditions, values: Mapping[str, float]) -> Real:
     """All observables one behind the other, real and imaginary parts of complex ones; over the noise of channels."""
     model = assembly.model
     nodes = [o.quantity for o in model.observables.values()]
@@ -284,7 +283,7 @@ def _predict(assembly: Assembly, conditions: Conditions, values: Mapping[str, fl
 
 def _jacobian(
     assembly: Assembly, names: Sequence[str], conditions: Conditions, at: Mapping[str, float]
-) -> Array:
+) -> Real:
     """Derivatives by parameters in parts of their ranges, central differences."""
     columns = np.zeros((_predict(assembly, conditions, at).size, len(names)))
     for k, name in enumerate(names):
@@ -373,7 +372,7 @@ def _indistinguishable(
     return tuple(alike), tuple(hidden)
 
 
-def _beyond(columns: Array, values: Array) -> Array:
+def _beyond(columns: Real, values: Real) -> Real:
     """What a linear combination of columns leaves of some values."""
     if not columns.shape[1]:
         return values
@@ -383,7 +382,7 @@ def _beyond(columns: Array, values: Array) -> Array:
 
 
 def _imitates(
-    base: Assembly, free: Sequence[str], conditions: Conditions, name: str, truth: Array, size: float
+    base: Assembly, free: Sequence[str], conditions: Conditions, name: str, truth: Real, size: float
 ) -> bool:
     """Whether the base with an effect gives some values, whatever its parameters then are."""
     from scipy.optimize import least_squares
@@ -402,7 +401,7 @@ def _imitates(
     widths = np.array([_range(active, n) for n in names])
     centre = np.array([active.defaults[n] for n in names])
 
-    def misfit(steps: Array) -> Array:
+    def misfit(steps: Real) -> Real:
         values = dict(zip(names, centre + steps * widths, strict=True))
         gap = (_predict(active, conditions, values) - truth) / size
         return np.nan_to_num(gap, nan=1e6, posinf=1e6, neginf=-1e6)

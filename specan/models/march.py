@@ -21,15 +21,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import RequestError
 from specan.models import marching
 from specan.models.effect import ParameterName
 from specan.models.loops import reached
 from specan.user_folder import user_folder
 
-Array = NDArray[np.float64]
 Evaluator = Any  # an assembly: its module imports this one
 KEPT = 40  # programs
 MOST_STEPS = 16  # a sample
@@ -265,8 +264,8 @@ class Solver:
         return Program(assembly, switched=False)
 
     def march(
-        self, assembly: Evaluator, times: Array, drives_of: Any, many: Sequence[Mapping[str, Any]]
-    ) -> Array:
+        self, assembly: Evaluator, times: Real, drives_of: Any, many: Sequence[Mapping[str, Any]]
+    ) -> Real:
         """States over time for several sets of values, shape (states, times, sets)."""
         program = self.program(assembly)
         key = assembly.uses, times.size, float(times[-1] - times[0])
@@ -285,10 +284,10 @@ class Solver:
         self,
         program: Program,
         assembly: Evaluator,
-        times: Array,
+        times: Real,
         drives_of: Any,
         many: Sequence[Mapping[str, Any]],
-    ) -> Callable[[bool, int], Array]:
+    ) -> Callable[[bool, int], Real]:
         """What marches from one set of inputs, starts and parameter values, for a method and its steps a sample."""
         drives, starts = drives_of(program.drives, program.states, many)
         defaults = {**self.model.assemble(program.uses).defaults, **assembly.defaults}
@@ -296,7 +295,7 @@ class Solver:
         values = values.reshape(len(program.parameters), len(many))
         on = np.array([use in assembly.uses for use in program.uses], bool)
 
-        def march(implicit: bool, steps: int) -> Array:
+        def march(implicit: bool, steps: int) -> Real:
             found = np.empty((len(program.states), times.size, len(many)))
             found[:, 0] = starts
             way = program.marches[int(implicit)]
@@ -316,7 +315,7 @@ class Solver:
         return march
 
     def _needed(
-        self, program: Program, march: Callable[[bool, int], Array], stiff: bool = False, least: int = 1
+        self, program: Program, march: Callable[[bool, int], Real], stiff: bool = False, least: int = 1
     ) -> tuple[bool, int]:
         """Whether the implicit method is needed, and steps a sample."""
         allowed = np.array([self.model.rates.tolerances.get(n, 0.0) for n in program.states])

@@ -8,11 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
+from specan.arrays import Flags, Real
 
-Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
+Columns = Mapping[str, Real]
 
 
 class TableFault(Exception):
@@ -28,9 +26,7 @@ class TableFault(Exception):
         See `specan.errors.SpecanError`.
     """
 
-    def __init__(
-        self, found: str, rows: NDArray[np.bool_] | None = None, expected: str = "", remedy: str = ""
-    ) -> None:
+    def __init__(self, found: str, rows: Flags | None = None, expected: str = "", remedy: str = "") -> None:
         super().__init__(found)
         self.found, self.rows, self.expected, self.remedy = found, rows, expected, remedy
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import ComputationError, RequestError
 from specan.planetary_gear.model import contact_steps
 from specan.planetary_gear.model.geometry import (
@@ -21,8 +21,6 @@ from specan.planetary_gear.model.geometry import (
     set_meshes,
 )
 from specan.planetary_gear.model.rig import Contact, Gear, Rig
-
-Real = NDArray[np.float64]
 
 # Of the fastest oscillation of a loaded mesh, at least: forces of the article's pair and set then change by less than
 # 1e-4 of the largest one when the step is halved. How fast contacts are damped does not matter to the method.

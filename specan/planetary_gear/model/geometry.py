@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import RequestError
 from specan.planetary_gear.model.rig import Gear, Pair, Rig, Rotors
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

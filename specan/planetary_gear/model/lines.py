@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from specan.arrays import Real
 
 # Uncertainty of the answer to unlike planets about each harmonic, over that of the rig file: against springs of another
 # form over the pitch lines were right within a tenth about the first, within a factor 3 about the others.
@@ -65,7 +65,7 @@ class OrderLines:
     errors : DeclaredErrors
     """
 
-    order: Array
+    order: Real
     harmonic: NDArray[np.intp]
     passages: NDArray[np.intp]
     mode: NDArray[np.intp]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.models.simulated_channel import SimulatedChannel
 from specan.planetary_gear.model.geometry import planet_angles
 from specan.planetary_gear.model.kinematics import carrier_speed_ratio
@@ -16,7 +17,6 @@ from specan.planetary_gear.model.rig import Rig
 if TYPE_CHECKING:
     from specan.planetary_gear.model.dynamics import Motion
 
-Real = NDArray[np.float64]
 
 # N/m: radial stiffness of the ring's rim below a planet, of the order of that of its housing.
 RIM_STIFFNESS = 1.0e9
@@ -121,7 +121,7 @@ def _acceleration(number: int, samples: Real, rig: Rig) -> SimulatedChannel:
 
 
 def channels_of_lines(
-    rig: Rig, orders: Real, lines: NDArray[np.complex128], count: int, rate: float
+    rig: Rig, orders: Real, lines: Complex, count: int, rate: float
 ) -> list[SimulatedChannel]:
     """Accelerations made of order lines (sensors, orders), and tachos, at the constant speed of the rig file."""
     assert rig.gear is not None

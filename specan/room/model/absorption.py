@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from specan.arrays import Real
 
 _THIN = 1e-4  # of an imaginary part, below which its share is taken at zero
 
 
-def normal_absorption(beta: ArrayLike) -> Array:
+def normal_absorption(beta: ArrayLike) -> Real:
     """Absorption coefficient at normal incidence, ``1 - |r|^2`` with ``r = (1 - beta)/(1 + beta)`` (ISO 10534-2).
 
     Examples
@@ -19,11 +19,11 @@ def normal_absorption(beta: ArrayLike) -> Array:
     [1.0, 0.331, 0.0]
     """
     beta = np.asarray(beta, dtype=complex)
-    found: Array = 4 * beta.real / np.abs(1 + beta) ** 2
+    found: Real = 4 * beta.real / np.abs(1 + beta) ** 2
     return found
 
 
-def diffuse_absorption(beta: ArrayLike) -> Array:
+def diffuse_absorption(beta: ArrayLike) -> Real:
     r"""Absorption coefficient in a diffuse field, the mean over all angles of incidence (Paris).
 
     .. math:: \alpha = 2 \int_0^1 \frac{4 \mu \, \mathrm{Re} \beta}{|\mu + \beta|^2} \mu \, \mathrm{d}\mu

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.errors import ComputationError
 from specan.models.kept import kept
 from specan.room.model.frequency_interpolation import FrequencyInterpolation
-
-Complex = NDArray[np.complex128]
 
 HELD = 1e-8  # step by which a mode known from few lines may be off, part of its squared wave number and one
 
@@ -53,12 +52,12 @@ class AxisModes:
         value, slope = characteristic(w, a0[some, None], a1[some, None])
         return bool(np.max(np.abs(value / slope) / (1 + np.abs(w))) < HELD)
 
-    def slope_at(self, x: NDArray[np.float64]) -> Complex:
+    def slope_at(self, x: Real) -> Complex:
         """Derivatives of the eigenfunctions at positions `x`: array (lines, modes, positions), 1/m."""
         part = np.asarray(x, dtype=float) / self.length
         return slopes(self.w[..., None], self.a0[..., None], part) / self.length
 
-    def at(self, x: NDArray[np.float64]) -> Complex:
+    def at(self, x: Real) -> Complex:
         """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
         key = np.asarray(x, dtype=float).tobytes()
         if key not in self._at:
@@ -69,7 +68,7 @@ class AxisModes:
         return self._at[key]
 
 
-def waves(w: Complex, a0: Complex, part: NDArray[np.float64] | float) -> Complex:
+def waves(w: Complex, a0: Complex, part: Real | float) -> Complex:
     """``cos(u s) + (a0 / u) sin(u s)`` with ``w = u ** 2``, at parts `s` of the axis; the arrays go together."""
     u = np.where(np.abs(w) < 1e-12, 1e-6, np.sqrt(w))
     wave = np.exp(1j * u * part)  # one exponential is cheaper than a sine and a cosine
@@ -78,7 +77,7 @@ def waves(w: Complex, a0: Complex, part: NDArray[np.float64] | float) -> Complex
     return found
 
 
-def slopes(w: Complex, a0: Complex, part: NDArray[np.float64] | float) -> Complex:
+def slopes(w: Complex, a0: Complex, part: Real | float) -> Complex:
     """Their derivatives by the part of the axis."""
     cosine, sine = _cos_sinc(w * np.square(part))
     found: Complex = a0 * cosine - w * part * sine

@@ -19,15 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.room.model.axis_modes import AxisModes, axis_modes
 from specan.room.model.frequency_interpolation import interpolations
 from specan.room.model.modal_sum import Modes
 from specan.room.model.port import Port, beyond, point
 from specan.room.model.resonances import Resonances, resonances
 from specan.room.model.static_correction import corrections_at, static_correction
-
-Complex = NDArray[np.complex128]
-Real = NDArray[np.float64]
 
 NEAR = 1.25  # times the largest wave number, up to which modes may resonate in the band
 

@@ -8,15 +8,14 @@ from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex
 from specan.models.effect import Parameter
 from specan.models.kept import kept
 from specan.models.quantity import quantity
 from specan.room.model.box_field import box
 from specan.room.model.port import Port, point
 
-Complex = NDArray[np.complex128]
 COLD = 325.0  # m/s, at -11 degC
 
 

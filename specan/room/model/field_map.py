@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.errors import RequestError
 from specan.models.chosen_model import ChosenModel
 from specan.models.effect import Use
 
 STEP_M = 0.03  # about, between points of the plane
 MOST_POINTS = 120  # along an edge
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,10 +40,10 @@ class FieldMap:
     axis: str
     at_m: float
     frequency_hz: float
-    first_m: Array
-    second_m: Array
-    response: NDArray[np.complex128]
-    microphone_m: Array
+    first_m: Real
+    second_m: Real
+    response: Complex
+    microphone_m: Real
     names: tuple[str, ...]
 
     @property
@@ -55,16 +53,16 @@ class FieldMap:
         return first, second
 
     @property
-    def level_dB(self) -> Array:
+    def level_dB(self) -> Real:
         """Level of the sound pressure in dB re 20 uPa while the diaphragm moves with 1 mm/s RMS."""
         return 20.0 * np.log10(np.maximum(np.abs(self.response) * 1e-3, 1e-12) / 20e-6)
 
     @property
-    def phase_deg(self) -> Array:
+    def phase_deg(self) -> Real:
         """Phase of the pressure against the velocity, degrees."""
         return np.degrees(np.angle(self.response))
 
-    def columns(self) -> dict[str, Array]:
+    def columns(self) -> dict[str, Real]:
         """Columns of a table with one row a point."""
         place = dict(zip(self.along, np.meshgrid(self.first_m, self.second_m, indexing="ij"), strict=True))
         place[self.axis] = np.full(self.response.shape, self.at_m)
@@ -155,7 +153,7 @@ def _edges(rig: Mapping[str, Any], axis: str, at: float) -> tuple[float, float, 
     return dims
 
 
-def _field(chosen: ChosenModel, points: Array, frequency_hz: float) -> NDArray[np.complex128]:
+def _field(chosen: ChosenModel, points: Real, frequency_hz: float) -> Complex:
     """The model's field with receivers at all points."""
     model = chosen.assembly.model
     uses = set(chosen.assembly.uses) - set(of_microphones(chosen))

@@ -13,8 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-Complex = NDArray[np.complex128]
-Real = NDArray[np.float64]
+from specan.arrays import Complex, Real
 
 COUNTS = (24, 48, 96)  # lines that are tried
 SAVING = 3  # times fewer than all: below that the detour does not pay

@@ -8,17 +8,15 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.arrays import Complex, Real
 from specan.errors import RequestError
 from specan.models.model import Model
 from specan.models.quantity import quantity
 from specan.room.model.absorption import diffuse_absorption, normal_absorption
 from specan.room.model.numbers_file import numbers, read_rows
 from specan.schema import Settings
-
-Real = NDArray[np.float64]
 
 Number = Annotated[float, Field(gt=0)]
 REACH = 2 ** (1 / 6)  # of a band's middle: a third octave stands for its whole width
@@ -55,10 +53,10 @@ class WallTable:
     """
 
     frequency_hz: Real
-    admittance: NDArray[np.complex128]
-    deviation: NDArray[np.complex128]
+    admittance: Complex
+    deviation: Complex
 
-    def at(self, frequency_hz: Real) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def at(self, frequency_hz: Real) -> tuple[Complex, Complex]:
         """Admittance and deviation, straight over the logarithm of frequency between the table's lines."""
         place, known = np.log(frequency_hz), np.log(self.frequency_hz)
         return np.interp(place, known, self.admittance), np.interp(place, known, self.deviation)

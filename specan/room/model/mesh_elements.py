@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.room.model.mesh_file import RoomMesh, triangle_areas
 
-Real = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Flags, Real
 from specan.errors import RequestError
 from specan.models.kept import kept
 from specan.models.quantity import Quantity, constant, quantity
 from specan.room.model.mesh_file import RoomMesh
 from specan.room.model.mesh_modes import MeshModes, reduce
 from specan.room.model.port import Port, beyond, point
-
-Complex = NDArray[np.complex128]
 
 REACH = 1.5  # of the band: lines above it fold into a recording's, and are had with less care
 
@@ -127,7 +126,7 @@ class MeshField:
         """A round patch in parts of the rectangle around a wall."""
         return Port(point(self.modes.wall_place(wall, across, along)), 0, radius)
 
-    def _solve(self, loads: NDArray[np.float64]) -> Complex:
+    def _solve(self, loads: Real) -> Complex:
         """Answers of the vectors to loads (n, sources): array (sources, lines, n)."""
         modes, stretched = self.modes, np.any(self.stretch != 1)
         own = 1 - modes.facing() @ (self.stretch - 1) if stretched else np.ones(len(modes.walls))
@@ -142,7 +141,6 @@ class MeshField:
         return found.transpose(2, 0, 1)
 
 
-Real = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 
@@ -218,7 +216,7 @@ class Lines:
 
 def gmres(
     apply: Callable[[Complex], Complex], precondition: Callable[[Complex], Complex], right: Complex
-) -> tuple[Complex, NDArray[np.bool_]]:
+) -> tuple[Complex, Flags]:
     """Generalised minimal residuals for several systems at once (Saad and Schultz 1986, flexible form).
 
     Parameters

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import RequestError, library
 
-Real = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 LARGEST_M = 100.0  # a room longer than this was most likely drawn in millimetres

@@ -22,12 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import ComputationError
 from specan.room.model.mesh_elements import Elements, Simplices
 from specan.room.model.mesh_file import RoomMesh, triangle_areas
 from specan.room.model.port import Port, ball_mean
-
-Real = NDArray[np.float64]
 
 MARGIN = 1.6  # largest wave number of the modes over that of the band
 _TERMS = 4  # of the near field's polynomial

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex
 from specan.room.model.axis_modes import AxisModes
 from specan.room.model.port import Port
 from specan.room.model.resonances import Shapes
-
-Complex = NDArray[np.complex128]
 
 _TERMS_AT_ONCE = 30_000  # of the modal sum: an array (lines, nx, ny, nz) in the processor's cache
 _TERMS_KEPT = 300_000  # of which what all ports share stays in memory

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex
 from specan.models.effect import Parameter
 from specan.models.model import Model
 from specan.models.quantity import Quantity, constant, quantity
@@ -20,8 +21,6 @@ from specan.room.model.port import Port, point
 from specan.room.model.receivers import ModeShifts, receivers_of
 from specan.room.model.rig import Rig
 from specan.room.model.rigid_modes import numbers, rigid_modes
-
-Complex = NDArray[np.complex128]
 
 USUAL_PERCENT = 0.1  # of natural frequencies of built rooms; see docs/room.md
 BESIDE_BAND = 0.03  # of the ends of the band: modes so near beside it may move too, 30 shifts of 0.1 %

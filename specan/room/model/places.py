@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.models.model import Model
 from specan.room.model.port import Port, point
 from specan.room.model.receivers import FieldReceivers, InRecording, ReceiverErrors
 from specan.room.model.rig import WALLS, OwnRecording, Rig
 from specan.room.model.temperature_log import TemperatureLog
-
-Array = NDArray[np.float64]
 
 EACH_WAY = 4  # places along each edge
 FROM_WALL_M = 0.06
@@ -74,7 +72,7 @@ def errors_of(rig: Rig) -> ReceiverErrors:
     )
 
 
-def _on_wall(rig: Rig, wall: str, across: float, along: float) -> Array:
+def _on_wall(rig: Rig, wall: str, across: float, along: float) -> Real:
     """Centre of the diaphragm in parts of a wall's edges, the whole of it inside the wall, m."""
     dims, axis = np.array(rig.room.dims_m), "xyz".index(wall[0])
     centre = np.insert(np.array([across, along]), axis, float(wall[1])) * dims
@@ -102,7 +100,7 @@ def source_words(rig: Rig, wall: str, across: float, along: float) -> str:
     )
 
 
-def patterns(quantities: Mapping[str, Any], wall: str, places: Array) -> NDArray[np.complex128]:
+def patterns(quantities: Mapping[str, Any], wall: str, places: Real) -> Complex:
     """Sound at the microphones of a source at places of a wall, without its near field."""
     modes, heard = quantities["room_modes"], quantities["indicated_frf"] / quantities["field"]
     ports = [modes.place(wall, across, along, 0.0) for across, along in places.tolist()]
@@ -130,7 +128,7 @@ def near_walls(receivers: FieldReceivers, channels: Sequence[str]) -> dict[str, 
     return found
 
 
-def free_places(rig: Rig) -> Array:
+def free_places(rig: Rig) -> Real:
     """A grid of places (n, 3) in m: off the walls, off the piston, where no microphone stands yet."""
     dims = np.array(rig.room.dims_m)
     margin = np.minimum(FROM_WALL_M, dims / 4)
@@ -142,7 +140,7 @@ def free_places(rig: Rig) -> Array:
     return np.asarray(grid[clear])
 
 
-def with_microphones(model: Model, places: Array) -> tuple[Model, tuple[str, ...]]:
+def with_microphones(model: Model, places: Real) -> tuple[Model, tuple[str, ...]]:
     """The model with further microphones behind its own, on the first card; and their names."""
     names = tuple(f"place {k}" for k in range(1, len(places) + 1))
     further = len(model.axes["microphone"]) + np.arange(len(places))
@@ -153,7 +151,7 @@ def with_microphones(model: Model, places: Array) -> tuple[Model, tuple[str, ...
     return replace(wider, axes=axes), names
 
 
-def depth(dims_m: Sequence[float], wall: str, places: Array) -> Array:
+def depth(dims_m: Sequence[float], wall: str, places: Real) -> Real:
     """Distance of places from a wall, m."""
     axis, far = "xyz".index(wall[0]), wall[1] == "1"
     return np.asarray(dims_m[axis] - places[:, axis] if far else places[:, axis])

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from specan.arrays import Real
 
 
 def point(values: Sequence[float] | Real) -> tuple[float, float, float]:

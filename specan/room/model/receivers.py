@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.models.model import Model
 from specan.room.model.rig import Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -36,9 +35,9 @@ class ReceiverErrors:
         Of the level of the calibrator, common to all receivers.
     """
 
-    position_m: float | Array
-    calibration_dB: float | Array
-    calibration_phase_deg: float | Array
+    position_m: float | Real
+    calibration_dB: float | Real
+    calibration_phase_deg: float | Real
     discrepancy: float
     detuning: float
     frame_m: float = 0.0
@@ -60,14 +59,14 @@ class ModeShifts:
 
     size: int
 
-    def of(self, values: Mapping[str, Any]) -> Array:
+    def of(self, values: Mapping[str, Any]) -> Real:
         """Shifts out of the values of parameters, natural frequencies before dampings, array (2 modes,)."""
         names = ("mode_shift.frequency", "mode_shift.damping")
         return np.concatenate(
             [np.broadcast_to(np.asarray(values.get(n, 0.0), float), (self.size,)) for n in names]
         )
 
-    def named(self, shifts: Array) -> dict[str, Array]:
+    def named(self, shifts: Real) -> dict[str, Real]:
         """The parameters, from shifts (2 modes,)."""
         frequency, damping = np.split(shifts, 2)
         return {"mode_shift.frequency": frequency, "mode_shift.damping": damping}
@@ -91,7 +90,7 @@ class InRecording:
 
     rows: NDArray[np.intp]
     conditions: Mapping[str, float] = field(default_factory=dict)
-    drift: tuple[str, Array] | None = None
+    drift: tuple[str, Real] | None = None
     text: str = ""
 
 
@@ -118,7 +117,7 @@ class FieldReceivers:
 
     rig: Rig
     names: tuple[str, ...]
-    positions_m: Array
+    positions_m: Real
     errors: ReceiverErrors
     in_recording: Callable[[str, Any, float], InRecording]
     box: tuple[float, float, float] | None

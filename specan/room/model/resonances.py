@@ -19,11 +19,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Flags, Real
 from specan.room.model.axis_modes import AxisModes, norms, slopes, waves
 from specan.room.model.frequency_interpolation import FrequencyInterpolation
 from specan.room.model.port import Port
-
-Complex = NDArray[np.complex128]
 
 MOST_STEPS = 12  # of Newton's iteration: quadratic, so a mode that takes more has no pole near the band
 SETTLED = 1e-12  # half-widths of the band
@@ -194,9 +193,7 @@ def _orders(counts: tuple[int, ...]) -> NDArray[np.intp]:
     return np.indices(counts).reshape(3, -1)
 
 
-def _distance(
-    axes: Sequence[AxisModes], orders: NDArray[np.intp], matrix: NDArray[np.float64] | None = None
-) -> Complex:
+def _distance(axes: Sequence[AxisModes], orders: NDArray[np.intp], matrix: Real | None = None) -> Complex:
     """Squared wave numbers K^2 of modes at the few lines, or at others, array (lines, modes)."""
     x, y, z = (
         (
@@ -209,9 +206,7 @@ def _distance(
     return np.asarray(x + y + z)
 
 
-def _poles(
-    few: FrequencyInterpolation, distance: Complex, k2: Complex
-) -> tuple[Complex, Complex, NDArray[np.bool_]]:
+def _poles(few: FrequencyInterpolation, distance: Complex, k2: Complex) -> tuple[Complex, Complex, Flags]:
     """Zeros of ``K^2 - k^2`` by Newton's method, the slopes there, and which are near the band."""
     series = few.series @ distance
     place = few.place[few.chosen]
@@ -231,7 +226,7 @@ def _poles(
     return np.where(found, here, 2j), slope, found
 
 
-def reach(place: Complex) -> NDArray[np.float64]:
+def reach(place: Complex) -> Real:
     """Half the sum of the axes of the ellipse with the foci -1 and 1 through a place (Bernstein)."""
     return np.abs(place + np.sqrt(place - 1) * np.sqrt(place + 1))
 

@@ -8,8 +8,8 @@ from math import factorial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import RequestError, nearest
 from specan.models.quantity import Quantity, constant
 from specan.room.model.field import COLD
@@ -120,8 +120,6 @@ def _centre_in_wall(mesh: RoomMesh, name: str, piston: Piston) -> np.ndarray:
         )
     return np.asarray(place[0])
 
-
-Real = NDArray[np.float64]
 
 DEGREES = (2, 3, 4, 5, 6)
 ACCURACY = 1e-5  # of the highest natural frequency: rooms of 0.5 % admittance have modes 1e-3 wide

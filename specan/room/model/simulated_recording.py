@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.errors import RequestError
 from specan.models.chosen_model import ChosenModel
 from specan.models.simulated_channel import SimulatedChannel
@@ -18,8 +18,6 @@ EDGE_HZ = 50.0  # noise reaches so far beyond the band: estimates at its ends ne
 LONGEST_S = 120.0
 _RATES = tuple(51200.0 / 2**k for k in range(7, -3, -1))
 _LINES_AT_ONCE = 2000
-
-Array = NDArray[np.float64]
 
 
 def simulated_recording(
@@ -102,20 +100,18 @@ def _sampling_rate(highest: float) -> float:
 
 def _gaussian(
     rng: np.random.Generator, n: int, rate: float, band: Mapping[str, float]
-) -> tuple[Array, NDArray[np.complex128]]:
+) -> tuple[Real, Complex]:
     """Frequencies, and the spectrum of a velocity that is flat over the band and fades at its edges."""
     frequency = np.arange(n // 2 + 1, dtype=np.float64) * (rate / n)
     low, high = band["f_min_hz"], band["f_max_hz"]
     up = np.clip(2.0 * frequency / low, 0.0, 1.0) if low else (frequency > 0).astype(float)
     shape = up * np.clip((high + EDGE_HZ - frequency) / (0.5 * EDGE_HZ), 0.0, 1.0)
-    spectrum: NDArray[np.complex128] = np.fft.rfft(rng.standard_normal(n)) * shape
+    spectrum: Complex = np.fft.rfft(rng.standard_normal(n)) * shape
     spectrum *= VELOCITY * n / np.sqrt(2.0 * np.sum(np.abs(spectrum) ** 2))
     return frequency, spectrum
 
 
-def _filtered(
-    chosen: ChosenModel, frequency: Array, velocity: NDArray[np.complex128], n: int, rate: float
-) -> NDArray[np.complex128]:
+def _filtered(chosen: ChosenModel, frequency: Real, velocity: Complex, n: int, rate: float) -> Complex:
     """Spectra of the pressures."""
     driven = np.flatnonzero(np.abs(velocity))
     density = 2.0 * VELOCITY**2 / (2.0 * np.sum(frequency[driven] > 0) * rate / n)
@@ -127,7 +123,7 @@ def _filtered(
     return found
 
 
-def _transfer(chosen: ChosenModel, frequency: Array, velocity_psd: Array) -> NDArray[np.complex128]:
+def _transfer(chosen: ChosenModel, frequency: Real, velocity_psd: Real) -> Complex:
     conditions = {"frequency": frequency, "velocity_psd": velocity_psd}
     found = chosen.assembly.evaluate(conditions, chosen.values, ["indicated_frf"])["indicated_frf"]
     return np.asarray(found)[: len(chosen.assembly.model.axes["microphone"])]

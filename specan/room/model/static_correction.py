@@ -9,11 +9,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.models.kept import forgotten_by
 from specan.room.model.axis_modes import axis_modes
 
-Complex = NDArray[np.complex128]
-Real = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 LIMIT = 900.0  # 1/m, largest wave number in a plane; beyond, only ports less than 3 cm apart couple

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Flags, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError
 
 NEAR_DB = 10.0  # below the recording, within which a line is said to be near the background
 MOST_RUNS = 6  # of neighbouring lines that are named
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +33,7 @@ class Background:
 
     density: Real
     averages: float
-    near: NDArray[np.bool_]
+    near: Flags
     text: str
 
     def beside(self, noise: Real) -> Real:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.dsp.energy_decay import NoiseFloor, decay_line, energy_decay
-
-Real = NDArray[np.float64]
 
 USUAL_S = 1.0  # lines of 1 Hz, as long as the modes are no narrower
 LONG_S = 2.0  # reverberation time above which blocks are as long as it: their lines are then as narrow as the modes

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.analysis.transfer_function import TransferFunction
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
@@ -24,8 +24,6 @@ from specan.study.data.estimated_lines import LEAST_BLOCKS, EstimatedLines, esti
 SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
 LISTENING = 4  # receivers that the decay is taken from
-
-Real = NDArray[np.float64]
 
 
 def observe_recording(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Flags, Real
 from specan.errors import ComputationError
 from specan.models.model import Model
 from specan.room.model.mode_shifts import SOUND_SPEED, USUAL_PERCENT, with_usual_shifts
@@ -28,9 +29,6 @@ from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_band_and_channel import NEAR_MODE
 from specan.study.localisation.localise import MistakenSetUp
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # An effect bends the field; a mistake's undoing chooses among whole sets of places, and the best of wrong ones never
 # came below 0.92 of the chi-square in 31 cases with strong effects and no mistake (benchmarks/mistaken_set_ups.py).
@@ -123,7 +121,7 @@ def _coarse(problem: Problem) -> list[tuple[FieldObservation, Complex]]:
     return found
 
 
-def _assignment(problem: Problem) -> tuple[NDArray[np.intp], Array]:
+def _assignment(problem: Problem) -> tuple[NDArray[np.intp], Real]:
     """Place and sign that suit every channel best; a channel that is not used gets a place that is left."""
     from scipy.optimize import linear_sum_assignment
 
@@ -148,7 +146,7 @@ def _assignment(problem: Problem) -> tuple[NDArray[np.intp], Array]:
     return place, sign
 
 
-def _reassigned(problem: Problem, place: NDArray[np.intp], sign: Array) -> Problem:
+def _reassigned(problem: Problem, place: NDArray[np.intp], sign: Real) -> Problem:
     """The problem with what every channel has measured at its place, turned round where the sign is negative."""
     order = np.argsort(place)
     changed = []
@@ -163,7 +161,7 @@ def _reassigned(problem: Problem, place: NDArray[np.intp], sign: Array) -> Probl
     return problem.over(changed)
 
 
-def _words(names: Sequence[str], used: NDArray[np.bool_], place: NDArray[np.intp], sign: Array) -> str:
+def _words(names: Sequence[str], used: Flags, place: NDArray[np.intp], sign: Real) -> str:
     parts = []
     turned = [name for name, s in zip(names, sign, strict=True) if s < 0]
     if len(turned) == used.sum():
@@ -218,7 +216,7 @@ class _Misfit:
         self._values = _declared_values(problem)
         self._seen = [o for o, _ in _coarse(problem)]
 
-    def likely(self, grid: Array) -> list[tuple[str, float, float]]:
+    def likely(self, grid: Real) -> list[tuple[str, float, float]]:
         """Of all places on the walls those that explain most with a strength that is free at every line."""
         places = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
         everywhere = [(face, float(a), float(b)) for face in WALLS for a, b in places]

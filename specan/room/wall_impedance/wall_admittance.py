@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex
 from specan.dsp.bands import mid_frequencies
 from specan.errors import ComputationError, RequestError
 from specan.models import Parameter, Use, effect
@@ -31,8 +31,6 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.frf import FrfObservation
 from specan.study.selection.candidates import without
-
-Complex = NDArray[np.complex128]
 
 SPREAD = 1.0  # standard deviation of what an admittance may be before anything was measured
 START = 0.03  # softer than most walls: peaks are wide, and a fit finds its way

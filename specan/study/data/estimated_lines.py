@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.study.observation.window_leakage import Folding, fold
@@ -16,7 +17,6 @@ from specan.study.observation.window_leakage import Folding, fold
 if TYPE_CHECKING:
     from specan.analysis.transfer_function import TransferFunction
 
-Real = NDArray[np.float64]
 
 LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
 HALF = 5  # lines of the whole record to either side; 11 equations for 8 unknowns
@@ -48,7 +48,7 @@ class EstimatedLines:
 
     frequency_hz: Real
     numbers: NDArray[np.intp]
-    response: NDArray[np.complex128]
+    response: Complex
     coherence: Real
     u_common_percent: Real
     u_common_deg: Real

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Flags
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, SpecanError, nearest
@@ -32,7 +32,6 @@ from specan.units import convert, is_compatible, scale_to
 
 TITLE = "transfer functions (a recording, a universal file 58, or text with frequency, re and im)"
 
-Complex = NDArray[np.complex128]
 Lines = tuple[
     FrfObservation, str, bool
 ]  # what was found of them in words, and whether their uncertainty is known
@@ -230,7 +229,7 @@ class _Opened:
         return found, said, known
 
     def sigma_of(
-        self, observable: Observable, one: MeasuredFrf, inside: NDArray[np.bool_], factor: float
+        self, observable: Observable, one: MeasuredFrf, inside: Flags, factor: float
     ) -> tuple[Array | None, str]:
         if one.sigma is not None:
             return factor * one.sigma[inside], "as the file says"

@@ -7,17 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import welch
 from scipy.stats import linregress
 
+from specan.arrays import Flags, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError
 from specan.study.data.held_out import Column, chosen
 from specan.study.observation import DataFile, MeasuredFiles, Observation
-
-Real = NDArray[np.float64]
 
 SECTIONS = 24  # of a recording, over which a drift is sought
 
@@ -35,7 +33,7 @@ def reads(path: Path) -> bool:
 
 def put_aside(
     whole: Observation, file: DataFile, wanted: MeasuredFiles, label_of: Callable[[str], str] = str
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Rows of a file that are held out: ``channel=A 6``, ``third_octave_hz=200``; `label_of` names a key's label.
 
     Raises

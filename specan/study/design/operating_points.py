@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from specan.arrays import Real
 from specan.models import Condition, Model
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block
@@ -31,8 +32,6 @@ from specan.study.observation import brought
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
 from specan.units import convert, printed_unit
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 4096  # conditions that are looked at; of more combinations half as many, and the corners
 SEPARATES = 2.0  # sigma that a measurement must promise to be worth proposing
@@ -135,7 +134,7 @@ def explore(start: Refit, blocks: Sequence[Block]) -> tuple[Proposal, ...]:
     return tuple(found)
 
 
-def _greedy(rivals: Sequence[Refit], weights: Array, planned: TableObservation, count: int) -> list[Proposal]:
+def _greedy(rivals: Sequence[Refit], weights: Real, planned: TableObservation, count: int) -> list[Proposal]:
     there = [(r.problem.over([planned]), r.fit.theta) for r in rivals]
     predicted = np.stack([problem.predictions(theta)[0] for problem, theta in there])
     usable = np.all(np.isfinite(predicted), axis=0)
@@ -161,7 +160,7 @@ def _greedy(rivals: Sequence[Refit], weights: Array, planned: TableObservation, 
     return found
 
 
-def expected_information(means: Array, variances: Array, weights: Array) -> Array:
+def expected_information(means: Real, variances: Real, weights: Real) -> Real:
     """What a reading is expected to tell about which of some normal laws it comes from, in nats.
 
     Parameters
@@ -184,13 +183,13 @@ def expected_information(means: Array, variances: Array, weights: Array) -> Arra
     return np.asarray(-share @ np.log(np.einsum("b,abn->an", share, np.exp(-distance))))
 
 
-def after_reading(covariance: Array, slope: Array) -> Array:
+def after_reading(covariance: Real, slope: Real) -> Real:
     """Covariance of parameters once a reading with this slope in units of its sigma is known as well."""
     along = covariance @ slope
     return covariance - np.outer(along, along) / (1 + slope @ along)
 
 
-def _places(problem: Problem, conditions: Mapping[str, Array]) -> Array:
+def _places(problem: Problem, conditions: Mapping[str, Real]) -> Real:
     """Rows in the conditions that can be set, in parts of their limits."""
     ends = {n: problem.assembly.model.rig.limits.get(n, (0.0, 1.0)) for n in _settable(problem)}
     return np.column_stack([(conditions[n] - low) / ((high - low) or 1.0) for n, (low, high) in ends.items()])
@@ -199,7 +198,7 @@ def _places(problem: Problem, conditions: Mapping[str, Array]) -> Array:
 def _proposal(
     rivals: Sequence[Refit],
     planned: TableObservation,
-    predicted: Array,
+    predicted: Real,
     row: int,
     apart: float = 0.0,
     least: float = 0.0,
@@ -255,7 +254,7 @@ def _other_kinds(rivals: Sequence[Refit]) -> list[Proposal]:
     ]
 
 
-def operating_grid(problem: Problem, block: Block | None = None) -> dict[str, Array] | None:
+def operating_grid(problem: Problem, block: Block | None = None) -> dict[str, Real] | None:
     """Conditions within the limits, SI; None where the rig names none that can be set, or the data are no table.
 
     Parameters
@@ -308,7 +307,7 @@ def _settable(problem: Problem) -> list[str]:
     return limited + [n for n in there if len(model.group_elements.get(n, ())) > 1]
 
 
-def _beside(problem: Problem, condition: Condition, level: float) -> Array:
+def _beside(problem: Problem, condition: Condition, level: float) -> Real:
     """Middles between the measured values around a level, within the limits; the level itself where there are none."""
     at = float(convert(level, condition.column_unit, condition.unit))
     measured = np.unique(np.concatenate([o.conditions[condition.name] for o in problem.observations]))
@@ -321,7 +320,7 @@ def _beside(problem: Problem, condition: Condition, level: float) -> Array:
     return np.asarray(inside if inside.size else [at])
 
 
-def _round_steps(condition: Condition, low: float, high: float) -> Array:
+def _round_steps(condition: Condition, low: float, high: float) -> Real:
     """Levels that a person would set, round in the column's unit: even steps, and finer ones towards zero."""
     ends = [float(convert(v, condition.unit, condition.column_unit)) for v in (low, high)]
     raw = (ends[1] - ends[0]) / 8  # nine levels or more
@@ -335,7 +334,7 @@ def _round_steps(condition: Condition, low: float, high: float) -> Array:
     return np.asarray(convert(levels, condition.column_unit, condition.unit))
 
 
-def planned_readings(problem: Problem, grid: Mapping[str, Array]) -> TableObservation:
+def planned_readings(problem: Problem, grid: Mapping[str, Real]) -> TableObservation:
     """The grid as readings that are still to be made, as uncertain as the nearest ones that were made."""
     observation = problem.observations[0]
     assert isinstance(observation, TableObservation)
@@ -366,7 +365,7 @@ def planned_readings(problem: Problem, grid: Mapping[str, Array]) -> TableObserv
 
 
 def _nearest(
-    observation: TableObservation, kind: str, conditions: Mapping[str, Array], grid: Mapping[str, Array]
+    observation: TableObservation, kind: str, conditions: Mapping[str, Real], grid: Mapping[str, Real]
 ) -> NDArray[np.intp]:
     """Row of one observable that is nearest to each planned reading."""
     mine = np.flatnonzero(observation.observable == kind)

@@ -9,7 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from specan.arrays import Real
 
 SETTLED = 1e-10  # the same of a linear problem, and of steps
 STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
@@ -26,10 +27,8 @@ _RULES: dict[int, tuple[_Rule, _Rule]] = {
     ),
 }
 
-Array = NDArray[np.float64]
 
-
-def stencil(theta: Array, steps: Array, low: Array, high: Array, order: int) -> tuple[list[Array], Array]:
+def stencil(theta: Real, steps: Real, low: Real, high: Real, order: int) -> tuple[list[Real], Real]:
     """Points around theta, itself first, and the weights that make derivatives of predictions there.
 
     Central differences of second or fourth order, one-sided where a bound is near; plain one-sided ones of first order:
@@ -80,11 +79,11 @@ class Projection:
         Orthonormal basis of the whitened Jacobian's columns.
     """
 
-    residual: Array
-    basis: Array
+    residual: Real
+    basis: Real
 
     @classmethod
-    def of(cls, residual: Array, jacobian: Array) -> Projection:
+    def of(cls, residual: Real, jacobian: Real) -> Projection:
         """Linearise; columns that add nothing to the others are left out of the basis."""
         return cls(residual, orthonormal(jacobian))
 
@@ -93,7 +92,7 @@ class Projection:
         """Number of parameter combinations that the data determine."""
         return int(self.basis.shape[1])
 
-    def project_out(self, columns: Array) -> Array:
+    def project_out(self, columns: Real) -> Real:
         """Part of a vector, or of each column, that no change of the parameters can produce.
 
         Examples
@@ -106,7 +105,7 @@ class Projection:
         return columns - self.basis @ (self.basis.T @ columns)
 
 
-def orthonormal(columns: Array, tolerance: float = 1e-9) -> Array:
+def orthonormal(columns: Real, tolerance: float = 1e-9) -> Real:
     """Orthonormal basis of the span of the columns, each counted at its own scale."""
     norms = np.linalg.norm(columns, axis=0)
     columns = columns[:, norms > 0] / norms[norms > 0]
@@ -116,7 +115,7 @@ def orthonormal(columns: Array, tolerance: float = 1e-9) -> Array:
     return np.asarray(left[:, values > tolerance * values[0]])
 
 
-def held_inside(columns: Array, residual: Array, low: Array, high: Array) -> Array:
+def held_inside(columns: Real, residual: Real, low: Real, high: Real) -> Real:
     """The x between two ends that makes the sum of squares of ``residual + columns x`` least (Stark & Parker 1995).
 
     Parameters
@@ -141,8 +140,8 @@ def held_inside(columns: Array, residual: Array, low: Array, high: Array) -> Arr
 
 
 def least_inside(
-    residual: Callable[[Array], Array], slopes: Callable[[Array], Array], x: Array, low: Array, high: Array
-) -> tuple[Array, float]:
+    residual: Callable[[Real], Real], slopes: Callable[[Real], Real], x: Real, low: Real, high: Real
+) -> tuple[Real, float]:
     """The minimum inside bounds that descents lead to (Branch, Coleman & Li 1999), and the sum of squares there.
 
     Parameters
@@ -171,13 +170,13 @@ def least_inside(
     return found.x, float(2 * found.cost)
 
 
-def covariance_root(covariance: Array) -> Array:
+def covariance_root(covariance: Real) -> Real:
     """A matrix R with R R' the covariance, of rounding's negative eigenvalues freed."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def chi2_beside(gap: Array, root: Array) -> float:
+def chi2_beside(gap: Real, root: Real) -> float:
     """g' (I + R R')^-1 g by Woodbury's formula: R has few columns, g may be long.
 
     Examples

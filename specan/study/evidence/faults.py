@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betaln, logsumexp
 
+from specan.arrays import Flags
 from specan.models.quantity import Condition
 from specan.study.data.setpoints import MOST_LEVELS, TIME, round_step
 from specan.study.estimation.problem import Problem
@@ -32,7 +32,6 @@ MOST_LINES = 6  # that a sentence names
 LEAST_ROWS = 3  # on either side of such a row
 WARM_UP = (0.05, 0.15)  # of the whole measurement, over which first rows settle
 
-Rows = NDArray[np.bool_]
 Words = Callable[[Array], str]
 
 
@@ -204,7 +203,7 @@ def _courses(o: TableObservation) -> Iterator[tuple[str, str, Array]]:
         yield "{} of a file", "the {} of the readings differs between the files", inside.astype(float)
 
 
-def _ranges(name: str, unit: str, rows: Rows, size: Array) -> Iterator[tuple[str, str, Array]]:
+def _ranges(name: str, unit: str, rows: Flags, size: Array) -> Iterator[tuple[str, str, Array]]:
     """The same of readings above some size, as where an instrument switches its range."""
     for above in _steps(size[rows]):
         limit = float(size[rows][above].min())
@@ -214,7 +213,7 @@ def _ranges(name: str, unit: str, rows: Rows, size: Array) -> Iterator[tuple[str
         yield "{} of a range", f"{text}, as after a switch of range", shape
 
 
-def _off(o: TableObservation, rows: Rows) -> Iterator[tuple[str, str, Array]]:
+def _off(o: TableObservation, rows: Flags) -> Iterator[tuple[str, str, Array]]:
     """Single readings, and all repeats of a condition."""
     for k in np.flatnonzero(rows):
         yield "one reading", f"the reading of {o.place_of(int(k))} is off", np.eye(1, o.n, int(k))[0]
@@ -260,7 +259,7 @@ def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array
     if not np.any(change):
         return
 
-    def fault(kind: str, text: str, course: Array | Rows) -> Fault:
+    def fault(kind: str, text: str, course: Array | Flags) -> Fault:
         course = course.reshape(o.n, -1)
 
         def in_words(coefficients: Array) -> str:
@@ -281,14 +280,14 @@ def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array
         yield fault("of another place", text, np.column_stack([np.ones(o.n), (x - x.mean()) / x.std()]))
 
 
-def _levels(condition: Condition, o: TableObservation) -> Iterator[tuple[str, Rows]]:
+def _levels(condition: Condition, o: TableObservation) -> Iterator[tuple[str, Flags]]:
     """Rows at one level of a condition."""
     unit = printed_unit(condition.column_unit)
     for level, rows in levels_of(condition, o).items():
         yield f"of the rows at {level:g} {unit}".rstrip(), rows
 
 
-def levels(problem: Problem) -> Iterator[Rows]:
+def levels(problem: Problem) -> Iterator[Flags]:
     """Rows at each level of each condition that has a few, and above each."""
     for o in problem.observations[:1]:
         if isinstance(o, TableObservation):
@@ -299,7 +298,7 @@ def levels(problem: Problem) -> Iterator[Rows]:
                     yield np.any(own[k:], axis=0)
 
 
-def levels_of(condition: Condition, o: TableObservation) -> dict[float, Rows]:
+def levels_of(condition: Condition, o: TableObservation) -> dict[float, Flags]:
     """Rows at each of the few levels of a condition; none where it has many, or two."""
     labels = np.asarray(o.labels.get(condition.column, np.empty(0)))
     levels = np.unique(labels)
@@ -379,14 +378,14 @@ def _printed_step(distinct: Array) -> float:
 # --- order of rows ------------------------------------------------------------------------------
 
 
-def _from_a_row_on(o: TableObservation) -> Iterator[tuple[str, Rows]]:
+def _from_a_row_on(o: TableObservation) -> Iterator[tuple[str, Flags]]:
     """Where from, and the rows after that."""
     row = _order(o)
     for after in _steps(np.asarray(o.conditions.get(TIME, row), float)):
         yield o.place_of(int(np.flatnonzero(after)[np.argmin(row[after])])), after
 
 
-def _steps(x: Array) -> Iterator[Rows]:
+def _steps(x: Array) -> Iterator[Flags]:
     """Where values lie above one of them, that leaves rows on either side."""
     for place in np.unique(np.quantile(x, np.linspace(0, 1, min(x.size, PLACES)), method="lower")):
         above = x > place

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from specan.arrays import Real
 
 # Exponents at which a power is scanned, and those of a second factor: the simple ones of physics.
 EXPONENTS = (-3.0, -2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0)
@@ -50,7 +49,7 @@ class Spread:
     negative: bool
 
     @classmethod
-    def of(cls, name: str, unit: str, values: Array) -> Spread | None:
+    def of(cls, name: str, unit: str, values: Real) -> Spread | None:
         """The spread of a variable; None where it does not vary."""
         size = np.abs(values)
         positive = size[size > 0]
@@ -103,7 +102,7 @@ class Factor:
     family: str
     variable: str
     shape: Shape
-    value: Callable[[Array, float], Array]
+    value: Callable[[Real, float], Real]
     code: str
     text: str
 
@@ -125,7 +124,7 @@ class Formula:
         """Families with their variables: formulas of one family differ in numbers only."""
         return tuple(sorted(f"{f.family} of {f.variable}" for f in self.factors))
 
-    def value(self, variables: Mapping[str, Array], shapes: Sequence[float]) -> Array:
+    def value(self, variables: Mapping[str, Real], shapes: Sequence[float]) -> Real:
         """The product of the factors."""
         parts = [f.value(variables[f.variable], x) for f, x in zip(self.factors, shapes, strict=True)]
         return np.asarray(np.prod(parts, axis=0))

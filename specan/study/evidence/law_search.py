@@ -13,9 +13,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp, softmax
 
+from specan.arrays import Real
 from specan.errors import ComputationError
 from specan.models import Effect, Parameter, effect
 from specan.study.estimation.linear import Projection
@@ -24,8 +24,6 @@ from specan.study.evidence.judgement import OF_THE_BEST
 from specan.study.evidence.law_grammar import Formula, Spread, formulas
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
-
-Array = NDArray[np.float64]
 
 MOST_LAWS = 4  # that are proposed
 REFINED = 40  # formulas whose shapes are fitted after the scan
@@ -109,9 +107,9 @@ class Target:
     quantity: str
     unit: str
     effect: (
-        Array  # (rows, rows of data): whitened change of the residual by a change of the quantity in each row
+        Real  # (rows, rows of data): whitened change of the residual by a change of the quantity in each row
     )
-    value: Array
+    value: Real
 
 
 def search_laws(start: Refit) -> LawSearch:
@@ -158,7 +156,7 @@ def search_laws(start: Refit) -> LawSearch:
     return LawSearch(tuple(laws[:MOST_LAWS]), noise, len(scans), max(0, len(laws) - MOST_LAWS))
 
 
-def gain_of(linear: Projection, columns: Array, dispersion: float = 1.0) -> float:
+def gain_of(linear: Projection, columns: Real, dispersion: float = 1.0) -> float:
     """ln of the evidence with columns over that without, the model's own parameters free.
 
     Parameters
@@ -185,7 +183,7 @@ def likeliest_law(start: Refit) -> Law | None:
     return next(iter(search_laws(start).laws), None)
 
 
-def _variables(start: Refit) -> tuple[dict[str, Array], list[Spread]]:
+def _variables(start: Refit) -> tuple[dict[str, Real], list[Spread]]:
     """Operating variables of all rows, and those of them that vary."""
     observations = start.problem.observations
     if not all(isinstance(o, TableObservation) for o in observations):
@@ -198,7 +196,7 @@ def _variables(start: Refit) -> tuple[dict[str, Array], list[Spread]]:
         )
     model = start.problem.assembly.model
     shared = set.intersection(*(set(o.conditions) for o in observations))
-    variables: dict[str, Array] = {}
+    variables: dict[str, Real] = {}
     spreads: list[Spread] = []
     for name, condition in model.conditions.items():
         if name not in shared:
@@ -223,7 +221,7 @@ def _targets(start: Refit) -> Iterator[Target]:
             yield target
 
 
-def values_of(start: Refit, name: str) -> Array:
+def values_of(start: Refit, name: str) -> Real:
     """A quantity or a condition of the fitted model, in every row of the tables."""
     problem, assembly, parts = start.problem, start.problem.assembly, []
     for o in problem.observations:
@@ -257,7 +255,7 @@ def target_named(start: Refit, name: str) -> Target | None:
     return Target(name, quantity.unit, white, value)
 
 
-def _shifted(start: Refit, name: str, unit: str, size: float) -> list[Array]:
+def _shifted(start: Refit, name: str, unit: str, size: float) -> list[Real]:
     """Predictions with a quantity raised by the same amount everywhere."""
 
     def shift(*, by: float = Parameter(0.0, unit)) -> float:  # type: ignore[assignment]
@@ -272,8 +270,8 @@ def _shifted(start: Refit, name: str, unit: str, size: float) -> list[Array]:
 
 
 def _columns(
-    target: Target, formula: Formula, variables: dict[str, Array], places: Sequence[Sequence[float]]
-) -> Array:
+    target: Target, formula: Formula, variables: dict[str, Real], places: Sequence[Sequence[float]]
+) -> Real:
     """What laws of amplitude one do to the whitened residual, one a column."""
     with np.errstate(all="ignore"):
         values = np.stack(
@@ -286,7 +284,7 @@ def _columns(
 
 
 def _scanned(
-    start: Refit, target: Target, formula: Formula, variables: dict[str, Array], rest: Array
+    start: Refit, target: Target, formula: Formula, variables: dict[str, Real], rest: Real
 ) -> tuple[float, tuple[float, ...]]:
     """ln of the evidence that a formula gains over all places of its scan, and the likeliest of these."""
     places = list(formula.scan())
@@ -297,7 +295,7 @@ def _scanned(
     return float(logsumexp(gains) - np.log(len(places))), places[int(np.argmax(gains))]
 
 
-def _largest(target: Target, formula: Formula, variables: dict[str, Array], shapes: Sequence[float]) -> float:
+def _largest(target: Target, formula: Formula, variables: dict[str, Real], shapes: Sequence[float]) -> float:
     """Deviation of an amplitude beforehand: what makes a law as large as the quantity, over the root of 3."""
     with np.errstate(all="ignore"):
         values = np.broadcast_to(formula.value(variables, shapes), target.value.shape)
@@ -312,7 +310,7 @@ class _Fitted:
     """A law about its fitted shapes: what it does per deviation of its amplitude and shapes, and what it leaves."""
 
     law: Law
-    columns: Array
+    columns: Real
     price: float
 
 
@@ -320,31 +318,31 @@ class _Refined:
     """A law with its shapes fitted (variable projection)."""
 
     def __init__(
-        self, start: Refit, target: Target, formula: Formula, variables: dict[str, Array], rest: Array
+        self, start: Refit, target: Target, formula: Formula, variables: dict[str, Real], rest: Real
     ) -> None:
         self.start, self.target, self.formula = start, target, formula
         self.variables, self.rest = variables, rest
 
-    def column(self, x: Array) -> Array:
+    def column(self, x: Real) -> Real:
         """What the law of amplitude one does that the model's own parameters cannot."""
         columns = _columns(self.target, self.formula, self.variables, [x.tolist()])
         return np.asarray(self.start.linear.project_out(columns[:, 0]))
 
-    def left(self, x: Array) -> Array:
+    def left(self, x: Real) -> Real:
         """The residual beside the best amplitude."""
         column = self.column(x)
         return self.rest + self.amplitude(column) * column
 
-    def amplitude(self, column: Array) -> float:
+    def amplitude(self, column: Real) -> float:
         square = _sum(column)
         return -float(column @ self.rest) / square if square > 0 else 0.0
 
-    def shapes(self, place: tuple[float, ...]) -> Array:
+    def shapes(self, place: tuple[float, ...]) -> Real:
         """Shapes fitted from a place of the scan."""
         from scipy.optimize import least_squares
 
         low, high = np.array([[s.low, s.high] for s in self.formula.shapes]).T
-        x: Array = np.array(place, dtype=np.float64)
+        x: Real = np.array(place, dtype=np.float64)
         scale = np.where(low > 0, np.abs(x), 1.0)  # widths move in proportion
         inside = np.clip(x, low + 1e-9 * scale, high - 1e-9 * scale)
         with suppress(ValueError):  # not finite
@@ -390,7 +388,7 @@ class _Refined:
         return _Fitted(Law(formula, target.quantity, unit, size, tuple(x.tolist()), chi2), columns, price)
 
 
-def _sum(values: Array) -> float:
+def _sum(values: Real) -> float:
     return float(values @ values)
 
 

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex
 from specan.errors import RequestError, nearest
 from specan.study.observation import Array, Variable
 from specan.study.observation.frf import FrfObservation
 
-Complex = NDArray[np.complex128]
 DB = 20 / np.log(10)  # decibels of a relative change
 
 

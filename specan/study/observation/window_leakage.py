@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from specan.arrays import Complex, Real
 
 REACH = 25  # lines to either side from which a window lets energy through: Hann has fallen by 90 dB
 NODES_PER_LINE = 2  # for responses of up to a block

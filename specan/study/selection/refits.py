@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
@@ -29,8 +29,6 @@ from specan.study.estimation.problem import Problem
 from specan.study.selection.either_sign import of_either_sign
 from specan.study.selection.score_test import Scored
 from specan.study.selection.signatures import with_rows_of
-
-Array = NDArray[np.float64]
 
 EffectSet = frozenset[Use]
 
@@ -235,7 +233,7 @@ class Refits:
         return Minimum(theta, residual, problem.jacobian(theta), chi2)
 
     def _lowest(
-        self, problem: Problem, starts: Sequence[Mapping[str, float | Array]], fewer: Refit | None
+        self, problem: Problem, starts: Sequence[Mapping[str, float | Real]], fewer: Refit | None
     ) -> Minimum | None:
         """Lowest minimum that a descent from one of the starts reaches; None where none does.
 
@@ -270,13 +268,13 @@ class Refits:
         return min((r for part, r in self.done.items() if part < uses), key=lambda r: r.fit.chi2)
 
 
-def _some_steps(problem: Problem, theta: Array) -> Minimum:
+def _some_steps(problem: Problem, theta: Real) -> Minimum:
     theta = descend_steps(problem, theta, ENOUGH)
     residual = problem.residual(theta)
     return Minimum(theta, residual, problem.jacobian(theta), float(residual @ residual))
 
 
-def _slopes(fewer: Refit | None, problem: Problem, theta: Array) -> Array | None:
+def _slopes(fewer: Refit | None, problem: Problem, theta: Real) -> Real | None:
     """First Jacobian where an exact one is expensive: of a fit with fewer effects, and slopes of new parameters."""
     if fewer is None or problem.strategy.exact_minimum or fewer.poor_fit:
         return None
@@ -298,15 +296,15 @@ def _slopes(fewer: Refit | None, problem: Problem, theta: Array) -> Array | None
 
 
 def start_nested(
-    nested: Refit, near: Mapping[str, float | Array], problem: Problem
-) -> dict[str, float | Array]:
+    nested: Refit, near: Mapping[str, float | Real], problem: Problem
+) -> dict[str, float | Real]:
     """Values of a fit with fewer effects, those that it lacks at nothing and with the shapes of `near`."""
     known = nested.problem.assembly.uses
     nothing = {n: v for n, v in problem.assembly.neutral.items() if not ParameterName(n).owned_by(known)}
     return {**near, **nested.fit.values, **nothing}
 
 
-def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dict[str, float | Array]:
+def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dict[str, float | Real]:
     """Values to start a refit from: the linearised refit of everything along the signatures."""
     members = list(members)
     fitted, size = start.fit, start.problem.scale
@@ -314,7 +312,7 @@ def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dic
     step, *_ = np.linalg.lstsq(columns, -fitted.residual, rcond=1e-9)
     low, high = start.problem.bounds()
     theta = np.clip(fitted.theta + step[: size.size] * size, low, high)
-    values: dict[str, float | Array] = dict(start.problem.values_at(theta))
+    values: dict[str, float | Real] = dict(start.problem.values_at(theta))
     position = size.size
     elements: dict[ParameterName, dict[str, float]] = {}
     for member in members:

@@ -12,13 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.models import Use
 from specan.study.estimation.linear import Projection
 from specan.study.selection.signatures import Signature
-
-Array = NDArray[np.float64]
 
 INVISIBLE = 1e-6  # share of a signature, in chi-square, below which it is collinear with the base's Jacobian
 WORTH_A_TEST = 1.0  # chi-square that a signature must be able to leave at some size in its domain
@@ -40,9 +38,9 @@ class Scored:
     """
 
     signature: Signature
-    projected: Array
+    projected: Real
     chi2_reduction: float
-    expected_change: Array
+    expected_change: Real
 
     @property
     def use(self) -> Use:
@@ -88,7 +86,7 @@ def score(fit: Projection, found: Sequence[Signature]) -> list[Scored]:
     return scored
 
 
-def _most(projected: Array, signature: Signature) -> float:
+def _most(projected: Real, signature: Signature) -> float:
     """Chi-square that the signature can leave at the far end of its domain."""
     if projected.shape[1] > 1:
         return np.inf
@@ -97,7 +95,7 @@ def _most(projected: Array, signature: Signature) -> float:
     )
 
 
-def _one(projected: Array, residual: Array, multiplier_bounds: tuple[float, float]) -> tuple[float, float]:
+def _one(projected: Real, residual: Real, multiplier_bounds: tuple[float, float]) -> tuple[float, float]:
     along, size = float(projected @ residual), float(projected @ projected)
     multiple = min(max(-along / size, multiplier_bounds[0]), multiplier_bounds[1])
     return -2 * multiple * along - multiple**2 * size, multiple

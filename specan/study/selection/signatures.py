@@ -9,8 +9,8 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
@@ -18,8 +18,6 @@ from specan.study.estimation.fit import Fit
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate, grid
-
-Array = NDArray[np.float64]
 
 SAME_LINE = 0.99  # cosine between signatures to both sides of nothing, above which they are one straight line
 MOST_VALUES = 4_000_000  # predicted values held at a time
@@ -56,10 +54,10 @@ class Signature:
     """
 
     use: Use
-    columns: Array
+    columns: Real
     names: tuple[ParameterName, ...]
-    neutral: Array
-    size: Array
+    neutral: Real
+    size: Real
     shapes: Mapping[str, float]
     multiplier_bounds: tuple[float, float]
 
@@ -72,7 +70,7 @@ class Signature:
 
 
 Point = Mapping[str, float]
-Known = dict[tuple[Use, tuple[tuple[str, float], ...]], "Array | None"]
+Known = dict[tuple[Use, tuple[tuple[str, float], ...]], "Real | None"]
 
 
 def signatures(
@@ -119,7 +117,7 @@ def _signature(
     amplitude: ParameterName,
     value: float,
     shapes: Mapping[str, float],
-    column: Array,
+    column: Real,
 ) -> Signature:
     neutral = candidate.neutral(amplitude)
     size = value - neutral
@@ -166,7 +164,7 @@ def _beside_certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Ite
             )  # fmt: skip
 
 
-def with_rows_of(columns: Array, old: Problem, new: Problem) -> Array:
+def with_rows_of(columns: Real, old: Problem, new: Problem) -> Real:
     """Columns over one problem's rows as columns over another's; pseudo-measurements that it lacks do not move."""
     out = np.zeros((new.n_data + len(new.pseudo_rows), *columns.shape[1:]))
     out[: new.n_data] = columns[: old.n_data]
@@ -197,15 +195,13 @@ def _several_amplitudes(
             )  # fmt: skip
 
 
-def _inside(candidate: Candidate, values: Array) -> Array:
+def _inside(candidate: Candidate, values: Real) -> Real:
     """Values inside the domains of the amplitudes."""
     ends = [candidate.extended.domain(n.whole) for n in candidate.amplitudes]
     return np.array([min(max(v, low), high) for v, (low, high) in zip(values, ends)])
 
 
-def _sides(
-    there: Array | None, back: Array | None, value: float, mirrored: float
-) -> list[tuple[Array, float]]:
+def _sides(there: Real | None, back: Real | None, value: float, mirrored: float) -> list[tuple[Real, float]]:
     """Signature of an amplitude to one side of its neutral value, and to the other one where it is not the same line.
 
     An error of a zero has a kink there: idle runs feel one of either sign as a load. A descent that sets out on one
@@ -232,14 +228,14 @@ def default_value(candidate: Candidate, name: str) -> float:
 
 def changes(
     problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known | None = None
-) -> list[Array | None]:
+) -> list[Real | None]:
     """Whitened change of all rows at each point; None where the model has no finite value there."""
     known = {} if known is None else known
     keys = [(candidate.use, tuple(sorted(point.items()))) for point in points]
     new = {key: point for key, point in zip(keys, points) if key not in known}
     values = _values_at(candidate, fit, list(new.values()))
     chunk = max(1, MOST_VALUES // problem.n_data)
-    found: list[Array | None] = []
+    found: list[Real | None] = []
     for first in range(0, len(values), chunk):
         part = values[first : first + chunk]
         try:
@@ -265,7 +261,7 @@ def _values_at(candidate: Candidate, fit: Fit, points: Sequence[Point]) -> list[
     return many
 
 
-def _change(fit: Fit, column: Array) -> Array | None:
+def _change(fit: Fit, column: Real) -> Real | None:
     """Change of the whole residual, priors included; None where the model has no finite value."""
     change = np.zeros(fit.residual.size)
     change[: column.size] = column - fit.residual[: column.size]
@@ -276,14 +272,14 @@ def _neutral_values(candidate: Candidate) -> dict[str, float]:
     return {ParameterName.of(candidate.use, n): v for n, v in candidate.effect.neutral_si.items()}
 
 
-def _residual_or_nan(problem: Problem, values: Mapping[str, Any]) -> Array:
+def _residual_or_nan(problem: Problem, values: Mapping[str, Any]) -> Real:
     try:
         return residuals(problem, [values])[:, 0]
     except ComputationError:
         return np.full(problem.n_data, np.nan)
 
 
-def residuals(problem: Problem, many: Sequence[Mapping[str, Any]]) -> Array:
+def residuals(problem: Problem, many: Sequence[Mapping[str, Any]]) -> Real:
     """Whitened data residuals (no priors) for several sets of values, one a column."""
     parts = []
     for o in problem.observations:
@@ -335,7 +331,7 @@ class _ShapeGrid:
     def defaults(self) -> Point:
         return {n: default_value(self.candidate, n) for n in self.candidate.shapes}
 
-    def _left(self, column: Array | None) -> Array | None:
+    def _left(self, column: Real | None) -> Real | None:
         """The unit vector that is left of a signature; None where nothing is, or no finite value."""
         if column is None:
             return None
@@ -348,7 +344,7 @@ class _ShapeGrid:
         neutral = candidate.neutral(amplitude)
         low, high = candidate.plausible(amplitude)
         reach = max(abs(low), abs(high))
-        kept: list[tuple[float, Array]] = []
+        kept: list[tuple[float, Real]] = []
         ends = [default_value(candidate, amplitude), high, low][: None if self.most >= FEW else 1]
         for values in (ends, [neutral + 0.1 * (v - neutral) for v in (high, low)]):
             if values is not ends and len(kept) <= 1:
@@ -396,7 +392,7 @@ def _middle(low: float, high: float) -> float:
     return float(np.sqrt(low * high)) if low > 0 else (low + high) / 2
 
 
-def _turns(first: Array | None, second: Array | None) -> bool:
+def _turns(first: Real | None, second: Real | None) -> bool:
     return first is not None and second is not None and bool(abs(first @ second) < REFINE_BELOW)
 
 

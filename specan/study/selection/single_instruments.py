@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Real
 from specan.models import Use
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import default_value, residuals
-
-Array = NDArray[np.float64]
 
 STEP = 0.1  # of a usual size, for slopes
 ROUNDS = 5  # of Gauss-Newton steps
@@ -64,7 +63,7 @@ def _led(
     own = {c.use: np.array([problem.names.index(name) for name in c.amplitudes]) for c in found}
     size = {c.use: STEP * np.array([default_value(c, n) - c.neutral(n) for n in c.amplitudes]) for c in found}
 
-    def at(many: list[Array]) -> Array:
+    def at(many: list[Real]) -> Real:
         return residuals(problem, [problem.values_at(one) for one in many])
 
     start = at([theta])[:, 0]

@@ -14,7 +14,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
@@ -40,8 +39,6 @@ LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proport
 RESONANCES = 45  # 5 % apart over a decade
 EACH_EDGE = 5  # places along an edge that are tried with sizes: two a wavelength where it holds 1.5
 WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side of the best, and how often
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Flags, Real
 from specan.models.catalogue import effects_in
 from specan.models.measurement_kinds import Completed, TableFault, TableRules
 from specan.models.model import Model, Nuisance, Words
@@ -171,8 +171,7 @@ def _rig_statement(rig: Rig, conditions: Mapping[str, Condition]) -> RigStatemen
     return replace(stated, defaults_used=defaults_used(rig))
 
 
-Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
+Columns = Mapping[str, Real]
 
 
 IN, OUT, ETA, LOSS = "input_torque_Nm", "output_torque_Nm", "efficiency", "power_loss_W"
@@ -240,13 +239,13 @@ def complete(columns: Columns, steps: Mapping[str, float], ratio: float, ambient
     return Completed(found | ({LOSS: empty} if LOSS in columns else {}), printed, tuple(notes))
 
 
-def _refuse(rows: NDArray[np.bool_], found: Callable[[int], str], expected: str, remedy: str = "") -> None:
+def _refuse(rows: Flags, found: Callable[[int], str], expected: str, remedy: str = "") -> None:
     """Refuse rows, if there are any; `found` says what one of them has, by its number."""
     if np.any(rows):
         raise TableFault(found(int(np.argmax(rows))), rows=rows, expected=expected, remedy=remedy)
 
 
-def _check_efficiency(eta: Array) -> None:
+def _check_efficiency(eta: Real) -> None:
     given = eta[np.isfinite(eta)]
     if given.size and np.median(given) > 1.5 and np.all(given <= 100):
         raise TableFault(
@@ -258,7 +257,7 @@ def _check_efficiency(eta: Array) -> None:
         _refuse((eta > 1) | (eta < 0), lambda k: f"efficiency {eta[k]:g}", "a value between 0 and 1")
 
 
-def _check_torques(torque_in: Array, torque_out: Array, ratio: float) -> None:
+def _check_torques(torque_in: Real, torque_out: Real, ratio: float) -> None:
     with np.errstate(invalid="ignore", divide="ignore"):
         driving, braking = torque_in <= 0, torque_out < -_idle_reading(torque_out)
         found = torque_out / ratio / torque_in
@@ -282,12 +281,12 @@ def _check_torques(torque_in: Array, torque_out: Array, ratio: float) -> None:
     )
 
 
-def _idle_reading(torque_out: Array) -> float:
+def _idle_reading(torque_out: Real) -> float:
     """Largest output torque, of either sign, that may be read without load."""
     return IDLE * float(np.nanmax(np.abs(torque_out))) + 1e-12
 
 
-def _check_agreement(given: Columns, ratio: float, steps: Columns, rows: NDArray[np.bool_]) -> None:
+def _check_agreement(given: Columns, ratio: float, steps: Columns, rows: Flags) -> None:
     torque_in, torque_out, eta = (given[name] for name in (IN, OUT, ETA))
     with np.errstate(invalid="ignore", divide="ignore"):
         expected = torque_out / (ratio * torque_in)
