@@ -467,11 +467,7 @@ class RunningLevel:
         """Which of the next intervals belong to the record, behind a filter that has answered to its beginning."""
         return slice(max(self._start - self._position, 0), max(min(count, self._end - self._position), 0))
 
-    def take(
-        self,
-        square: Real,
-        factor: NDArray[np.float64] | None = None,
-    ) -> None:
+    def take(self, square: Real, factor: NDArray[np.float64] | None = None) -> None:
         """Weight the next mean squares (channels, intervals), each channel's times a factor, and read the result."""
         high, low = self._span(square, self._start), self._span(square, self._settled)
         counted = self._span(square, self._first)
@@ -713,9 +709,8 @@ class BandHistoryAccumulator:
         self._settled = np.array(
             [SETTLING_TIME_CONSTANTS * average.time_constant + f.settling for f in filters]
         )
-        if (
-            self._derivatives.any()
-        ):  # an integrator rings for ever, and what is not filtered is differentiated
+        # an integrator rings for ever, and what is not filtered is differentiated
+        if self._derivatives.any():
             filters = [replace(one, ringing=math.inf, identity=False) for one in filters]
         stages = stages_of(record.rate)
         at = [stage_for(one, stages, average.time_constant).number for one in filters]

@@ -39,9 +39,8 @@ def fields_from_functions(
     measured = {name: _observable(name, given, named[name]) for name, given in observables.items()}
     starts = {name: _parameter(name, given) for name, given in more["parameters"].items()}
     for function in named.values():
-        for argument in inspect.signature(
-            function
-        ).parameters.values():  # with a starting value, as lmfit takes them
+        # with a starting value, as lmfit takes them
+        for argument in inspect.signature(function).parameters.values():
             if argument.default is not inspect.Parameter.empty and argument.name not in {*known, *named}:
                 starts.setdefault(argument.name, _parameter(argument.name, argument.default))
     _check_names(named, known, starts)

@@ -71,9 +71,8 @@ def fixed_point(around: Callable[[State], State], guess: Mapping[str, Any]) -> b
 
     x: State = {name: np.asarray(value) for name, value in guess.items()}
     before: tuple[State, State] | None = None
-    with np.errstate(
-        all="ignore"
-    ):  # one that runs away is told once; an element that has arrived does not move
+    # one that runs away is told once; an element that has arrived does not move
+    with np.errstate(all="ignore"):
         for _ in range(200):
             new = around(x)
             gap = {name: new[name] - x[name] for name in x}

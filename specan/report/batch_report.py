@@ -31,9 +31,8 @@ from specan.result import counted
 
 MOST_PAGES = 100  # of recordings; the others are in the list only
 FEW = 6  # channels whose bands have a column each
-Page = tuple[
-    list[Any], list[str]
-]  # a row of the list of recordings, and what is below it on a page of its own
+# a row of the list of recordings, and what is below it on a page of its own
+Page = tuple[list[Any], list[str]]
 
 
 def batch_report(report: BatchReport, settings: BatchSettings) -> str:

@@ -116,9 +116,8 @@ def table_rows(
     ]
     frame = pd.concat([levels, pd.concat(values, ignore_index=True)], axis=1)
     axes = map_axes({name: levels[name].to_numpy() for name in names})
-    axes = sorted(
-        axes, key=lambda name: levels[name].dtype.kind not in "fiu"
-    )  # no axis over names if there is another
+    # no axis over names if there is another
+    axes = sorted(axes, key=lambda name: levels[name].dtype.kind not in "fiu")
     if not axes:
         axes, read = ["row"], pd.DataFrame({"row": np.arange(len(frame), dtype=float)})
         frame = frame.assign(row=read["row"])

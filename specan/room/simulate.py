@@ -66,9 +66,8 @@ def _record(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     group: dict[str, object] = {"Excitation": "gaussian noise" if frequency is None else "sine"}
     if frequency is not None:
         group["ExcitationFrequency_Hz"] = frequency
-    write_recording(
-        path, channels, rate, group, samples="int32"
-    )  # 24 bits, as the laboratory's program writes
+    # 24 bits, as the laboratory's program writes
+    write_recording(path, channels, rate, group, samples="int32")
     length = channels[0].samples.size / rate
     say(f"{len(channels)} channels of {length:g} s at {rate:g} samples a second written to {path}")
     effects = [str(use) for use in chosen.assembly.uses]

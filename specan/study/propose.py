@@ -25,9 +25,8 @@ from specan.study.study import Study
 from specan.study.user_effects import LAWS, trust_file, write_beside_older
 from specan.study.verdict import parameters_of, percent
 
-OUT_OF_REACH = (
-    9.0  # chi-square, three standard deviations, by which a fit may end above what the search found
-)
+# chi-square, three standard deviations, by which a fit may end above what the search found
+OUT_OF_REACH = 9.0
 
 
 @dataclass(frozen=True, eq=False)

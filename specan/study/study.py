@@ -321,11 +321,7 @@ class Study:
         """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
         return curve_errors(self.problem, self.shown)
 
-    def diagnose(
-        self,
-        *,
-        progress: Progress | None = None,
-    ) -> Diagnosis:
+    def diagnose(self, *, progress: Progress | None = None) -> Diagnosis:
         """Find out which effect the model is missing; computed once for each state of the study, and kept with it.
 
         Raises

@@ -147,9 +147,8 @@ def try_effects(file: EffectFile, model: Model, observations: Sequence[Observati
         use = Use(effect.name, model.axes[effect.at][0] if effect.at else "")
         base = [u for u in model.assemble(model.base_effects).uses if u.name != effect.name]
         for observation in observations:
-            with np.errstate(
-                all="ignore"
-            ):  # a value that is not finite is told below, with the effect's name
+            # a value that is not finite is told below, with the effect's name
+            with np.errstate(all="ignore"):
                 without = model.assemble(base).evaluate(observation.conditions)
                 with_it = model.assemble([*base, use]).evaluate(observation.conditions)
             for name in effect.changes:

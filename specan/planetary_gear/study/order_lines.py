@@ -38,9 +38,8 @@ Complex = NDArray[np.complex128]
 REACH = 4.0  # orders within which the model's error is common to lines
 MOST = 2.0  # times a prediction: largest line that its relative errors are taken of
 ROUNDING = 1e-9  # of the strongest line of its gain: a smaller one is none
-BANDWIDTH = (
-    0.06  # of a resonance over its frequency: twice the damping ratio, 0.01 to 0.1 (see `Uncertainty`)
-)
+# of a resonance over its frequency: twice the damping ratio, 0.01 to 0.1 (see `Uncertainty`)
+BANDWIDTH = 0.06
 START = 0.3  # relative error that all lines are given for the first gains
 
 

@@ -33,12 +33,7 @@ SHIFT = Parameter(
 
 
 @quantity(unit="1")
-def mode_shift(
-    mode_shift_sd,
-    *,
-    frequency=SHIFT,
-    damping=SHIFT,
-):
+def mode_shift(mode_shift_sd, *, frequency=SHIFT, damping=SHIFT):
     """Relative changes of each mode's natural frequency and of its decay rate, array (2, modes)."""
     return np.stack([size * value for size, value in zip(mode_shift_sd, (frequency, damping), strict=True)])
 

@@ -163,9 +163,8 @@ def noise_density(reference: Real, responses: Iterable[Real], rate: float, frequ
     # columns of very different size: the transient is far smaller than the response
     scale = np.linalg.norm(system, axis=1, keepdims=True)
     basis, _ = np.linalg.qr(system / np.where(scale > 0, scale, 1.0))
-    picked = np.stack(
-        [np.fft.rfft(response)[rows] for response in responses], axis=-1
-    )  # (lines, equations, channels)
+    # (lines, equations, channels)
+    picked = np.stack([np.fft.rfft(response)[rows] for response in responses], axis=-1)
     left = picked - basis @ (basis.conj().transpose(0, 2, 1) @ picked)
     freedom = rows.shape[1] - system.shape[2]
     density = 2 * np.sum(np.abs(left) ** 2, axis=1).T / (freedom * n * rate)

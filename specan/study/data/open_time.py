@@ -58,9 +58,8 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     held_out += [_observation(model, wanted.validations, checked, noise)] if checked else []
     if model.is_own:
         few = {n: v[:1000] for n, v in fitted[0][0].items()}  # samples on which a user's functions are tried
-        model.assemble(model.base_effects).evaluate(
-            {n: v[:2] for n, v in few.items()}
-        )  # compiles, which takes seconds
+        # compiles, which takes seconds
+        model.assemble(model.base_effects).evaluate({n: v[:2] for n, v in few.items()})
         try_model(model, few)
     statements = [said for *_, said in (*fitted, *checked)]
     if model.is_own and model.rates:

@@ -32,9 +32,8 @@ from specan.units import convert, is_compatible, scale_to
 
 TITLE = "transfer functions (a recording, a universal file 58, or text with frequency, re and im)"
 
-Lines = tuple[
-    FrfObservation, str, bool
-]  # what was found of them in words, and whether their uncertainty is known
+# what was found of them in words, and whether their uncertainty is known
+Lines = tuple[FrfObservation, str, bool]
 
 
 def reads(path: Path) -> bool:

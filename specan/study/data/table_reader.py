@@ -15,10 +15,8 @@ from specan.models import Condition, Model, Observable, TableFault
 from specan.study.data.table_file import Table, read_table
 from specan.units import convert, is_compatible, scale_to
 
-MARKS = (
-    "repeat",
-    "setup",
-)  # readings of one round share the first, those of one set-up of a condition the second
+# readings of one round share the first, those of one set-up of a condition the second
+MARKS = ("repeat", "setup")
 
 # "n [1/min]", "n (1/min)", "n / (1/min)", "n / rpm"
 _WITH_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<a>[^]]*)\]|\((?P<b>[^)]*)\)|\s/\s*(?P<c>.+))\s*$")

@@ -78,9 +78,8 @@ def continuation_fit(
         ) from fault
     if len(starts) == 1 or rough:
         return problem.values_at(theta)
-    plain = down_weighted(
-        problem, values=problem.values_at(theta)
-    )  # what windows do would hide a small effect
+    # what windows do would hide a small effect
+    plain = down_weighted(problem, values=problem.values_at(theta))
     given = [problem.start(values) for values in starts]
     stepped = each_anew(lambda t: descend_steps(plain, t, SCREENING_JACOBIANS), near)
     reached = [(_chi2(plain, t), t) for t in (theta, *given, *stepped)]

@@ -83,11 +83,7 @@ class Fit:
         return float(np.sqrt(self.covariance[self.names.index(name), self.names.index(name)]))
 
 
-def fit(
-    problem: Problem,
-    start: Array | Mapping[str, Any] | None = None,
-    starts: int = 1,
-) -> Fit:
+def fit(problem: Problem, start: Array | Mapping[str, Any] | None = None, starts: int = 1) -> Fit:
     """Fit the free parameters of a problem.
 
     Parameters

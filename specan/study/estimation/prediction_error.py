@@ -119,9 +119,8 @@ def errors_of(
 def _error(name: str, unit: str, predicted: Array, measured: Array) -> ObservableError:
     gap = predicted - measured
     size = np.abs(measured)
-    if (
-        measured.size and measured.min() < 0 < measured.max()
-    ):  # near a zero a value is not a measure of an error
+    # near a zero a value is not a measure of an error
+    if measured.size and measured.min() < 0 < measured.max():
         size = np.full(size.shape, np.sqrt(np.mean(measured**2)))
     relative = 100 * gap[size > 0] / size[size > 0]
     return ObservableError(

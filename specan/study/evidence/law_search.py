@@ -106,9 +106,8 @@ class Target:
 
     quantity: str
     unit: str
-    effect: (
-        Real  # (rows, rows of data): whitened change of the residual by a change of the quantity in each row
-    )
+    # (rows, rows of data): whitened change of the residual by a change of the quantity in each row
+    effect: Real
     value: Real
 
 

@@ -19,9 +19,8 @@ from specan.study.localisation.frf_errors import FrfErrors, curve_errors  # also
 from specan.study.localisation.localise import CLEAR, Block, Localisation, level_and_phase, tested, trends_of
 from specan.study.observation import Array, Variable
 
-NEAR_MODE = (
-    0.03  # of its frequency: about what an error of 10 K or an unmodelled soft boundary moves a mode by
-)
+# of its frequency: about what an error of 10 K or an unmodelled soft boundary moves a mode by
+NEAR_MODE = 0.03
 
 Modes = Callable[[Any], list[tuple[float, str]]]
 Cells = tuple[Sequence[int], Sequence[int]]  # numbers of channels and of third octaves

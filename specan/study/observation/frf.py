@@ -24,9 +24,8 @@ Complex = NDArray[np.complex128]
 LINE_CORRELATION = (1.0, 4 / 9, 1 / 36)
 
 
-ABOVE_NOISE = (
-    10.0  # times its noise that a line's power must be for its level to count: noise then adds 0.4 dB
-)
+# times its noise that a line's power must be for its level to count: noise then adds 0.4 dB
+ABOVE_NOISE = 10.0
 
 
 class KeptLines(Observation):

@@ -21,17 +21,8 @@ from specan.study.observation.autoregression import (
 )
 from specan.study.observation.table import TableObservation
 
-WHITE = (
-    0.9,
-    0.5,
-    0.2,
-    0.05,
-    0.01,
-    2e-3,
-    5e-4,
-    1e-4,
-    1e-5,
-)  # shares of white noise beside that of a disturbance
+# shares of white noise beside that of a disturbance
+WHITE = (0.9, 0.5, 0.2, 0.05, 0.01, 2e-3, 5e-4, 1e-4, 1e-5)
 
 
 @dataclass(frozen=True)

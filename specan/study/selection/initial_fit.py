@@ -67,10 +67,7 @@ class InitialFit:
     left: float = 0.0
 
 
-def initial_fit(
-    start: Refit,
-    progress: Callable[[str, float], None],
-) -> InitialFit:
+def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> InitialFit:
     """Look for a field near the measured one, where the base is far from it.
 
     Single effects are fitted to few, uncertain lines; those that come near, to all lines.

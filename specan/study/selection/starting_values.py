@@ -31,9 +31,8 @@ from specan.study.selection.signatures import Known, Point, default_value, shape
 
 STARTS = 3  # signatures of a candidate that lie apart
 SCANNED = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
-BEST = (
-    2  # effects that are looked for at every place; places of an element; places from which a search goes on
-)
+# effects that are looked for at every place; places of an element; places from which a search goes on
+BEST = 2
 PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
 LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
 RESONANCES = 45  # 5 % apart over a decade

@@ -49,9 +49,8 @@ def shaft_flexibility(
     damping=Parameter(0.03, "1", min=0.005, max=0.2, lower=0.001, upper=0.5, doc="damping ratio"),
 ):
     """The sun follows the forces of its meshes on a shaft that twists: sidebands near a fixed frequency change."""
-    return np.array([compliance, resonance, damping]) * (
-        compliance > 0
-    )  # nothing of a shaft that does not twist
+    # nothing of a shaft that does not twist
+    return np.array([compliance, resonance, damping]) * (compliance > 0)
 
 
 @effect(

@@ -18,12 +18,7 @@ LATE = Parameter(2e-5, "s", min=-1e-3, max=1e-3, lower=-2e-3, upper=2e-3, doc="l
     reference="the pressure's gradient at the microphone",
     instrument=True,
 )
-def microphone_position(
-    *,
-    dx=AWAY,
-    dy=AWAY,
-    dz=AWAY,
-):
+def microphone_position(*, dx=AWAY, dy=AWAY, dz=AWAY):
     """One microphone reads the pressure of another place; most at the nodal planes, more with frequency."""
     return np.array([dx, dy, dz])
 

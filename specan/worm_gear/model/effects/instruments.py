@@ -47,11 +47,7 @@ def torque_zero_error(
     reference="multiplicative error of a sensor; 0.1 % to 0.5 % is usual",
     instrument=True,
 )
-def torque_gain_error(
-    *,
-    input=GAIN,
-    output=GAIN,
-):
+def torque_gain_error(*, input=GAIN, output=GAIN):
     """A torque sensor reads some parts in a thousand too high.
 
     The loss is the small difference of two large torques, so a gain error changes it many times more. It is
