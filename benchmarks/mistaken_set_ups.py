@@ -31,7 +31,7 @@ from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles
-from specan.study.processes import unheard
+from specan.study.progress import unheard
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.initial_fit import initial_fit
 from specan.study.selection.refits import Refit

@@ -23,7 +23,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import Form
 from specan.study.evidence.promises import Promise
 from specan.study.observation.frf import FrfObservation
-from specan.study.processes import unheard
+from specan.study.progress import unheard
 from specan.study.selection.initial_fit import initial_fit
 from specan.study.selection.refits import Refit, Refits
 from specan.study.study import Study
