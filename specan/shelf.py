@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
+from specan.errors import RequestError
 from specan.models.effect import Effect, Parameter, effect
 from specan.models.rates import State
 
@@ -53,6 +54,12 @@ class _Shelf:
     def __init__(
         self, of: Named, reads: Mapping[str, str], prefix: str, *others: Named, instrument: bool = False
     ) -> None:
+        for given in (of, *others):
+            if isinstance(given, str) or len(given) != 3:
+                raise RequestError(
+                    f"the shelf does not know how large {given!r} usually is",
+                    expected='name, usual size and unit, as ("spring", 100, "N")',
+                )
         self.units = {name: unit for name, _, unit in (of, *others)}
         self.of, self.reads, self.prefix, self.instrument = _Usual(*of), dict(reads), prefix, instrument
         self.effects: list[Effect] = []

@@ -87,3 +87,18 @@ def test_an_effect_is_named_beside_a_force_that_nobody_measured(model):
     seen = observed(model, np.random.default_rng(1), 3.0, 0.0, size=2e7)
     found = diagnose(base_problem(model, [seen]))
     assert found.alternatives == (("cubic-spring",),)
+
+
+def test_what_no_candidate_describes_is_no_noise(model):
+    """A spring that hardens, for which there is no candidate: what is left answers to the force."""
+    seen = observed(model, np.random.default_rng(2), 0.0, 0.0, size=2e7)
+    poor = Model.from_rates(
+        dx, dv, spring, damper, states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"},
+        observables={"x": Signal("mm")},
+        parameters={"stiffness": (1e4, 1e3, 1e5, "N/m"), "mass": (1.0, 0.1, 10, "kg"),
+            "damping": (20.0, 1, 200, "N*s/m")},
+        units={"spring": "N", "damper": "N"},
+        effects=[e for n, e in model.effects.items() if n in ("viscous-friction", "dry-friction")],
+    )  # fmt: skip
+    found = diagnose(base_problem(poor, [seen]))
+    assert found.verdict == "unknown-effect"

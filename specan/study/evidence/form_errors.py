@@ -10,10 +10,11 @@ the smooth part, or each has its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg import toeplitz
 from scipy.special import logsumexp
 
 from specan.study.data.table_covariance import choices
@@ -23,6 +24,7 @@ from specan.study.evidence.marginal import Marginal
 from specan.study.evidence.noise import Noise, Rough
 from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Array
+from specan.study.observation.time import TimeObservation
 
 # Shares of what an effect changes, to which its equation may be wrong: as likely each.
 FORMS = (0.01, 0.03, 0.1, 0.3)
@@ -30,6 +32,8 @@ FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of f
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
 SMOOTH = 0.8  # of unknown functions; the others act at one level of a variable, or from one on
 ROUGH = (0.0, 0.01, 0.03, 0.3)  # shares to which it may be wrong in each line by itself
+DELAYS = 30  # samples over which what is left may answer to the inputs, as many as noise may follow itself
+POWERS: tuple[Callable[[Array], Array], ...] = (np.square, lambda x: x**3, lambda x: x * np.abs(x))
 SEEN = 0.1  # standard deviations that a column changes all rows by, below which it says nothing
 
 # Form of the noise, columns, and deviations of their coefficients.
@@ -71,6 +75,11 @@ class OverConditions:
     def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
         """See `FormErrors`."""
         kinds = []
+        if any(isinstance(o, TimeObservation) for o in problem.observations):
+            gains = [
+                beside.beside(white, np.array(SIZES))[0] for white in delayed_functions(problem, predicted)
+            ]
+            return float(logsumexp(gains) - np.log(np.size(gains)))
         for share, functions in (
             (SMOOTH, self.smooth_functions(problem, predicted)),
             (1 - SMOOTH, self.functions_at_levels(problem, predicted)),
@@ -98,6 +107,30 @@ class OverConditions:
         for rows in levels(problem):
             for size in sizes_of(problem, predicted):
                 yield problem.whiten((size * rows)[:, None] * root)
+
+
+def delayed_functions(problem: Problem, predicted: Array) -> Iterator[Array]:
+    """What answers to the inputs with a delay and not in proportion, of the size of the prediction, whitened.
+
+    Noise does not go with the inputs, whatever it follows in time; what an effect leaves does. Volterra's series, with
+    powers of the prediction for products of inputs, each behind a filter of `DELAYS` taps.
+    """
+    blocks: list[list[Array]] = [[] for _ in POWERS]
+    first = 0
+    for o in problem.observations:
+        for chains in o.chains.values() if isinstance(o, TimeObservation) else ():
+            both = first + np.concatenate(chains)
+            size = float(np.std(predicted[both])) or 1.0
+            for power, block in zip(POWERS, blocks, strict=True):
+                columns = np.zeros((problem.n_data, DELAYS))
+                for rows in chains:
+                    shape = power((predicted[first + rows] - np.mean(predicted[both])) / size)
+                    columns[first + rows] = toeplitz(shape, np.zeros(DELAYS))
+                level = float(np.sqrt(np.mean(columns[both, 0] ** 2)))
+                block.append(columns * size / (level or 1.0))
+        first += o.n
+    each = [problem.whiten(np.hstack(block)) for block in blocks]
+    yield from (*each, np.hstack(each))
 
 
 class AlongLines:
