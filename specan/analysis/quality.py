@@ -110,13 +110,7 @@ class QualityAccumulator:
         )
 
 
-def _rests(
-    samples: Real,
-    border: Real,
-    top: float,
-    span: float,
-    full_scale: float | None,
-) -> bool:
+def _rests(samples: Real, border: Real, top: float, span: float, full_scale: float | None) -> bool:
     """Whether the signal rests on the rail at `top`, inside the block or across its beginning."""
     if full_scale is None:
         return is_cut_off(samples, top, span)

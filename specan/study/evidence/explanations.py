@@ -175,12 +175,7 @@ class Explanations:
     # expected beside a set as soon as it is fitted.
     cheap = True
 
-    def __init__(
-        self,
-        problem: Problem,
-        base: Fit,
-        progress: Progress = unheard,
-    ) -> None:
+    def __init__(self, problem: Problem, base: Fit, progress: Progress = unheard) -> None:
         self.problem, self.base, self.progress = problem, base, progress
         self.found: list[Explanation] = []
         # By the parameters of a fit: the likeliest errors of its form, and the probability that they are the largest.

@@ -75,16 +75,11 @@ class OverConditions:
     def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
         """See `FormErrors`."""
         kinds = []
+        functions_of = [(SMOOTH, self.smooth_functions), (1 - SMOOTH, self.functions_at_levels)]
         if any(isinstance(o, TimeObservation) for o in problem.observations):
-            gains = [
-                beside.beside(white, np.array(SIZES))[0] for white in delayed_functions(problem, predicted)
-            ]
-            return float(logsumexp(gains) - np.log(np.size(gains)))
-        for share, functions in (
-            (SMOOTH, self.smooth_functions(problem, predicted)),
-            (1 - SMOOTH, self.functions_at_levels(problem, predicted)),
-        ):
-            gains = [beside.beside(white, np.array(SIZES))[0] for white in functions]
+            functions_of = [(1.0, delayed_functions)]
+        for share, functions in functions_of:
+            gains = [beside.beside(white, np.array(SIZES))[0] for white in functions(problem, predicted)]
             if gains:
                 kinds.append(float(logsumexp(gains) + np.log(share / np.size(gains))))
         return float(logsumexp(kinds))

@@ -121,13 +121,7 @@ ERROR = Parameter(
     separate_by="measuring the wall's impedance again",
     reference="errors of the stated admittance, straight between octaves over the logarithm of frequency",
 )
-def wall_data(
-    frequency,
-    octave_hz,
-    *,
-    conductance=ERROR,
-    susceptance=ERROR,
-):
+def wall_data(frequency, octave_hz, *, conductance=ERROR, susceptance=ERROR):
     """A wall is not as the rig file states, by so many standard uncertainties in each octave."""
     parts = (np.broadcast_to(part, np.shape(octave_hz)) for part in (conductance, susceptance))
     real, imaginary = (np.interp(np.log(frequency), np.log(octave_hz), part) for part in parts)
