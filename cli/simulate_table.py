@@ -25,7 +25,7 @@ MOST_PRINTED = 60  # rows that a person reads on a terminal
 def table_options(function: Callable[..., None]) -> Callable[..., None]:
     """Options of a simulator that writes a table: its conditions, and how often each is read."""
     for option in (
-        opt("--repeats", click.IntRange(min=1), "Readings of each condition.", default=1),
+        opt("--repeats", click.IntRange(1, 10_000), "Readings of each condition.", default=1),
         opt("--conditions", Path, "Use the conditions of the rows of a table, or the inputs of a recording."),
         decimal_option(),
         opt(
@@ -101,6 +101,8 @@ def _conditions(
         columns.convert(table)
         known = {c.column for c in model.conditions.values()}
         given = {name: table.frame[name].to_numpy() for name in table.frame if name in known}
+        if not given:
+            raise RequestError(f"{options['conditions']} has no column {' or '.join(sorted(known))}")
         names = {axis: tuple(dict.fromkeys(given[axis])) for axis in model.groups if axis in given}
         return given | {axis: _numbered(given[axis], said) for axis, said in names.items()}, names
     axes = over_limits(model, points)

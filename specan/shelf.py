@@ -56,10 +56,8 @@ class _Shelf:
     ) -> None:
         for given in (of, *others):
             if isinstance(given, str) or len(given) != 3:
-                raise RequestError(
-                    f"the shelf does not know how large {given!r} usually is",
-                    expected='name, usual size and unit, as ("spring", 100, "N")',
-                )
+                expected = 'its name, usual size and unit: ("spring", 100, "N")'
+                raise RequestError(f"{given!r} does not tell how large it is", expected=expected)
         self.units = {name: unit for name, _, unit in (of, *others)}
         self.of, self.reads, self.prefix, self.instrument = _Usual(*of), dict(reads), prefix, instrument
         self.effects: list[Effect] = []
