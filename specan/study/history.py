@@ -239,7 +239,7 @@ def recover(directory: Path) -> None:
     """
     # A change that is being written takes milliseconds; a longer wait means a process that hangs.
     end = time.monotonic() + 5.0
-    while (directory / PENDING).exists():
+    while os.path.exists(directory / PENDING):  # Path.exists raises where a name is too long
         try:
             with changing(directory):
                 if (directory / PENDING).exists():

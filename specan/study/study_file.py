@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -101,7 +102,7 @@ def read_study_file(directory: Path) -> StudyFile:
         There is none, or it has a fault, which is named with its key.
     """
     path = directory / NAME
-    if not path.exists():
+    if not os.path.exists(path):  # Path raises where a name is too long
         raise RequestError(
             f"{directory} holds no study", expected=f"a file {NAME}", remedy="begin one with specan study new"
         )
