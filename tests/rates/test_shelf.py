@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from specan import shelf
+from specan.errors import RequestError
 from specan.models import Model, Signal, State, march
 from tests.rates.test_solver import damper, dv, dx, spring
 
@@ -67,3 +68,10 @@ def test_a_delay_and_a_filter_of_the_sensor_in_closed_form(known, plain):
     for k in range(1, plain.size):
         expected[k] = kept * expected[k - 1] + (1 - kept) * plain[k]
     assert np.allclose(response(known, ["x-lag"], {"x-lag.size": 0.01}), expected, atol=1e-9)
+
+
+def test_a_name_without_a_usual_size_is_refused_in_words():
+    with pytest.raises(
+        RequestError, match="'spring' does not tell how large it is; expected its name, usual size"
+    ):
+        shelf.mechanics(force="spring", x=("x", 5, "mm"), v=("v", 400, "mm/s"))
