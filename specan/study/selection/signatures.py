@@ -31,7 +31,8 @@ MOST_PLACES = 60  # places of its shapes that one candidate is tried at
 MOST_EVALUATIONS, LEAST_EVALUATIONS = 4000, 400
 ROWS = 175  # of a small table
 FEW = 10  # places below which sizes are not distinguished
-COLLINEAR = 1e-6  # share of a signature, in chi-square, that is no more than rounding
+COLLINEAR = 1e-3  # share of a signature that is no more than rounding
+ROUNDING = 1e-9  # standard deviations of the noise, below which a signature is nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +337,8 @@ class _ShapeGrid:
         if column is None:
             return None
         left = self.base.project_out(column)
-        return left / np.linalg.norm(left) if left @ left > COLLINEAR * (column @ column) else None
+        size = float(np.linalg.norm(left))
+        return left / size if size > max(COLLINEAR * float(np.linalg.norm(column)), ROUNDING) else None
 
     def sizes(self) -> list[float]:
         """Values of the amplitude whose signatures differ in direction; the default first."""
@@ -344,18 +346,38 @@ class _ShapeGrid:
         neutral = candidate.neutral(amplitude)
         low, high = candidate.plausible(amplitude)
         reach = max(abs(low), abs(high))
-        kept: list[tuple[float, Real]] = []
         ends = [default_value(candidate, amplitude), high, low][: None if self.most >= FEW else 1]
-        for values in (ends, [neutral + 0.1 * (v - neutral) for v in (high, low)]):
-            if values is not ends and len(kept) <= 1:
-                break  # the same direction at both ends: it is the same in between
-            apart = [v for v in dict.fromkeys(values) if abs(v - neutral) > 1e-9 * reach]
-            points = [{**self.defaults, amplitude: v} for v in apart]
-            for value, column in zip(apart, changes(self.problem, self.fit, candidate, points, self.known)):
-                unit = self._left(column)
-                if unit is not None and all(abs(unit @ other) < SAME_DIRECTION for _, other in kept):
-                    kept.append((value, unit))
+        values = [float(v) for v in dict.fromkeys(ends) if abs(v - neutral) > 1e-9 * reach]
+        units = self._units(amplitude, values, self.defaults)
+        if any(unit is None or _apart(unit, units[0]) for unit in units):
+            # It turns with its size, or begins at some size: what is smaller may differ again.
+            values += [neutral + 0.1 * (v - neutral) for v in (high, low) if v != neutral]
+            between = self._refined(amplitude, sorted(set(values)), self.defaults, len(values) + FEW)
+            values = list(dict.fromkeys([*values, *between]))
+            units = self._units(amplitude, values, self.defaults)
+        kept: list[tuple[float, Real]] = []
+        for value, unit in zip(values, units):
+            if unit is not None and all(_apart(unit, other) for _, other in kept):
+                kept.append((value, unit))
         return [value for value, _ in kept]
+
+    def _units(self, name: str, values: Sequence[float], held: Point) -> list[Real | None]:
+        """What is left of the signatures at values of one element."""
+        points = [{**held, name: v} for v in values]
+        return [
+            self._left(column)
+            for column in changes(self.problem, self.fit, self.candidate, points, self.known)
+        ]
+
+    def _refined(self, name: str, values: list[float], held: Point, most: int) -> list[float]:
+        """Values of one element, closer where its signature turns quickly, or begins."""
+        for _ in range(ROUNDS):
+            units = self._units(name, values, held)
+            wide = [k for k in range(len(values) - 1) if _turns(units[k], units[k + 1])]
+            if not wide or len(values) + len(wide) > most:
+                break
+            values = sorted({*values, *(_middle(values[k], values[k + 1]) for k in wide)})
+        return values
 
     def places(self, size: float) -> list[Point]:
         """Places of the shapes: each over its plausible range, closer where the signature turns quickly.
@@ -373,15 +395,7 @@ class _ShapeGrid:
         places = [defaults]
         for name in candidate.shapes:
             values = list(grid(*candidate.plausible(name), min(5, each))) if each > 1 else []
-            for _ in range(ROUNDS):
-                points = [{**defaults, **rest, name: v} for v in values]
-                columns = changes(self.problem, self.fit, candidate, points, self.known)
-                units = [self._left(column) for column in columns]
-                wide = [k for k in range(len(values) - 1) if _turns(units[k], units[k + 1])]
-                if not wide or len(values) + len(wide) > each:
-                    break
-                values = sorted({*values, *(_middle(values[k], values[k + 1]) for k in wide)})
-            places += [{**defaults, name: v} for v in values]
+            places += [{**defaults, name: v} for v in self._refined(name, values, {**defaults, **rest}, each)]
         if len(defaults) > 1 and len(places) + 3 ** len(defaults) <= self.most:
             coarse = [grid(*candidate.plausible(name), 3) for name in candidate.shapes]
             places += [dict(zip(candidate.shapes, place)) for place in product(*coarse)]
@@ -393,7 +407,13 @@ def _middle(low: float, high: float) -> float:
 
 
 def _turns(first: Real | None, second: Real | None) -> bool:
-    return first is not None and second is not None and bool(abs(first @ second) < REFINE_BELOW)
+    if first is None or second is None:
+        return first is not second
+    return bool(abs(first @ second) < REFINE_BELOW)
+
+
+def _apart(first: Real, second: Real | None) -> bool:
+    return second is None or bool(abs(first @ second) < SAME_DIRECTION)
 
 
 def not_finite(problem: Problem, fit: Fit, found: Sequence[Candidate]) -> dict[str, str]:

@@ -231,3 +231,30 @@ def test_a_strong_pair_and_its_rival_are_found(tmp_path, of_speed, of_temperatur
     path.write_text("\n".join(["flow,speed,temperature,power", *rows]) + "\n", encoding="utf-8")
     found = diagnose(base_problem(model, read_tables(model, [path]).fitted))
     assert set(found.alternatives) == {("cold", "falls"), *([("falls", "stiff")] if rival else [])}
+
+
+def test_an_effect_that_begins_beyond_its_usual_size_is_found(tmp_path):
+    """Below some height a wall is smooth: neither the usual size nor a straight line from the largest tells of it."""
+
+    def drag(speed, a, rough):
+        return a * speed**2 * (1 + rough)
+
+    def rough(speed):
+        return 0.0
+
+    @effect("roughness", adds_to="rough", neutral={"height": 0.0})
+    def roughness(speed, *, height=Parameter(50, "um", min=5, max=1000, lower=0, upper=5000)):
+        return np.maximum(0.05 * (np.cbrt(height) - 10 * speed**-0.3), 0)
+
+    model = Model.from_function(
+        drag, rough, conditions={"speed": ("1", 0.5, 3)}, observables={"drag": ("N", 0.05)},
+        parameters={"a": (10.0, 1, 50, "N")}, units={"rough": "1"}, effects=[roughness],
+    )  # fmt: skip
+    speed = np.linspace(0.5, 3, 60)
+    read = 12 * speed**2 * (1 + np.maximum(0.05 * (np.cbrt(450) - 10 * speed**-0.3), 0))
+    read += np.random.default_rng(3).normal(0, 0.05, 60)
+    path = tmp_path / "t.csv"
+    rows = "".join(f"{s:.6g},{y:.5g}\n" for s, y in zip(speed, read, strict=True))
+    path.write_text("speed,drag\n" + rows, encoding="utf-8")
+    found = diagnose(base_problem(model, read_tables(model, [path]).fitted))
+    assert found.alternatives == (("roughness",),)
