@@ -353,7 +353,8 @@ class _ShapeGrid:
             # It turns with its size, or begins at some size: what is smaller may differ again.
             values += [neutral + 0.1 * (v - neutral) for v in (high, low) if v != neutral]
             between = self._refined(amplitude, sorted(set(values)), self.defaults, len(values) + FEW)
-            values = list(dict.fromkeys([*values, *between]))
+            apart = [v for v in between if abs(v - neutral) > 1e-9 * reach]
+            values = list(dict.fromkeys([*values, *apart]))
             units = self._units(amplitude, values, self.defaults)
         kept: list[tuple[float, Real]] = []
         for value, unit in zip(values, units):

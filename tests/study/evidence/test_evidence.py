@@ -21,6 +21,7 @@ from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Strategy
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refit
+from specan.study.selection.signatures import _ShapeGrid
 from specan.study.verdict import headline
 
 
@@ -258,3 +259,19 @@ def test_an_effect_that_begins_beyond_its_usual_size_is_found(tmp_path):
     path.write_text("speed,drag\n" + rows, encoding="utf-8")
     found = diagnose(base_problem(model, read_tables(model, [path]).fitted))
     assert found.alternatives == (("roughness",),)
+
+
+def test_the_size_at_which_an_effect_does_nothing_is_none_to_start_from():
+    """Between the ends of a range lies nothing, where what is integrated differs by the steps of the solver only."""
+
+    class Turning(_ShapeGrid):
+        def _units(self, name, values, held):
+            return [np.array([np.cos(9 * v), np.sin(9 * v)]) for v in values]
+
+    bend = SimpleNamespace(
+        amplitudes=("size",), shapes=(), plausible=lambda name: (-1.0, 1.0), neutral=lambda name: 0.0,
+        parameter=lambda name: SimpleNamespace(si=SimpleNamespace(default=0.5)),
+    )  # fmt: skip
+    sizes = Turning(None, None, None, bend, 60, {}).sizes()
+    assert len(sizes) > 3
+    assert all(abs(size) > 1e-3 for size in sizes)
