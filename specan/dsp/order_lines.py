@@ -13,7 +13,8 @@ from specan.arrays import Complex, Real
 from specan.dsp.windows import window
 from specan.errors import InputError
 
-APART = 4.0  # line widths 1/turns between orders from which on a Hann window keeps them from each other
+# Line widths 1/turns between orders from which on a Hann window keeps them from each other, but for rounded orders.
+APART = 2.0 - 1e-6
 # Bins about a given order that are not noise; first and number of those that are.
 _NEAR, _NEAREST, _LINES = 2.0, 3, 24
 MOST_TURNS = 60  # longest common period that is looked for
@@ -65,10 +66,10 @@ def common_period(orders: Sequence[float]) -> int | None:
 def fit_lines(samples: Real, per_turn: int, orders: Sequence[float], *, first_turn: float = 0.0) -> Lines:
     """Amplitudes of the given orders by weighted least squares.
 
-    The weight is a Hann window over the whole record where the orders lie four line widths or more apart, so that other
+    The weight is a Hann window over the whole record where the orders lie two line widths or more apart, so that other
     lines do not leak in; otherwise all samples weigh the same. The noise of a line is the median of the power in
-    the nearest lines of the record's Hann spectrum that belong to no given order, over ln 2 (power of gaussian noise is
-    exponentially distributed).
+    the nearest lines of the record's spectrum, under the same weight, that belong to no given order, over ln 2 (power
+    of gaussian noise is exponentially distributed).
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ def fit_lines(samples: Real, per_turn: int, orders: Sequence[float], *, first_tu
     gram = _gram(given, x.shape[1], per_turn, smooth)
     parts = np.linalg.solve(gram, np.concatenate([whole.real, -whole.imag], axis=1).T)
     found = (parts[: given.size] - 1j * parts[given.size :]).T
-    noise = _noise(x, found, given, per_turn)
+    noise = _noise(x, found, given, per_turn, smooth)
     period = common_period(given.tolist())
     scatter = _scatter(x, per_turn, given, period)
     turned = np.exp(-2j * np.pi * given * first_turn)
@@ -284,11 +285,12 @@ def _spread(gram: Real, count: int) -> Real:
     return np.maximum(factor[:count], factor[count:])
 
 
-def _noise(x: Real, amplitude: Complex, orders: Real, per_turn: int) -> Real:
+def _noise(x: Real, amplitude: Complex, orders: Real, per_turn: int, smooth: bool) -> Real:
     """Standard deviation of one component of a line's amplitude, (channels, orders)."""
     n = x.shape[1]
     turns = n // per_turn
-    spectra = np.fft.rfft(x * window("hann", n))
+    spectra = np.fft.rfft(x * window("hann", n) if smooth else x)
+    weight = n / 2 if smooth else n
     last = spectra.shape[1] - 1
     found = np.full(amplitude.shape, np.nan)
     for k, order in enumerate(orders):
@@ -296,11 +298,11 @@ def _noise(x: Real, amplitude: Complex, orders: Real, per_turn: int) -> Real:
         if bins.size < 6:
             continue
         b = bins / turns
-        lines = 0.5 * amplitude @ _kernel(orders[:, None] - b[None, :], n, per_turn, True)
-        images = 0.5 * amplitude.conj() @ _kernel(-orders[:, None] - b[None, :], n, per_turn, True)
+        lines = 0.5 * amplitude @ _kernel(orders[:, None] - b[None, :], n, per_turn, smooth)
+        images = 0.5 * amplitude.conj() @ _kernel(-orders[:, None] - b[None, :], n, per_turn, smooth)
         power = np.median(np.abs(spectra[:, bins] - lines - images) ** 2, axis=1) / np.log(2.0)
-        # amplitude = 2 Y / sum(w), sum(w) = n / 2; half of the power lies in each component
-        found[:, k] = np.sqrt(0.5 * power) * 4.0 / n
+        # amplitude = 2 Y / sum(w); half of the power lies in each component
+        found[:, k] = np.sqrt(0.5 * power) * 2.0 / weight
     return found
 
 

@@ -140,6 +140,21 @@ def test_lines_that_are_no_multiple_of_the_record_do_not_disturb_each_other():
     assert np.allclose(np.angle(found.amplitude[0]), (0.1, -2.0, 3.0), atol=1e-9)
 
 
+@pytest.mark.parametrize("gap", [1 / 12, 1 / 24, 1 / 40])
+def test_a_strong_line_that_is_not_asked_for_is_no_line_beside_it(gap):
+    """A loud order between those given: where it leaks into them, their uncertainty says so."""
+    per_turn, turns = 512, 48
+    u = np.arange(per_turn * turns) / per_turn
+    orders = np.round(197 + gap * np.array([0, 1, 5, 9]), 9)  # four, two and 1.2 line widths, but for rounding
+    samples = np.cos(2 * np.pi * 203.011 * u) + 1e-6 * np.random.default_rng(5).standard_normal(u.size)
+    found = fit_lines(samples[None], per_turn, orders)
+    assert np.all(np.abs(found.amplitude) < 6 * found.u)
+    if gap * turns > 1.5:
+        assert np.all(
+            np.abs(found.amplitude) < 1e-6
+        )  # a Hann window falls with the third power of 288 widths
+
+
 def test_periods_of_the_article():
     """24/66/21: the sun's pattern repeats after 4 turns of the carrier, the planet's after 7, both after 28."""
     assert common_period([66 + 2.75]) == 4
