@@ -34,11 +34,7 @@ def command(file: Path, deliver: Delivery, **options: Any) -> int:
     \b
     specan export sample_data/recordings/knock.tdms --channel "Mic 1" --decimal , -o knock.csv
     """
-    from specan.errors import RequestError
-
     target = deliver.output or Path(f"{file.stem}.csv")
-    if deliver.decimal != "." and target.suffix.lower() not in ("", ".csv"):
-        raise RequestError(f"--decimal is for CSV, not for {target.suffix}", remedy="leave it out")
     refuse_unsafe(target)
     source, section = opened_with(file, options)
     recording = source.open()

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from specan_cli.options import json_option, opening_options, opt, section_options
-from specan_cli.output import SAMPLES, Delivery, OutputFile, plot_option, refuse_unsafe, verb
+from specan_cli.output import SAMPLES, Delivery, OutputFile, decimal_option, plot_option, refuse_unsafe, verb
 from specan_cli.recording_verb import given, opened_with, say_calibration, say_notes
 
 
@@ -28,6 +28,7 @@ from specan_cli.recording_verb import given, opened_with, say_calibration, say_n
     OutputFile(*SAMPLES),
     "The file, in the format of its ending.  [default: FILE_impulse.wav, here]",
 )
+@decimal_option("CSV")
 @plot_option("the responses")
 @json_option
 @opening_options
@@ -48,7 +49,8 @@ def command(file: Path, deliver: Delivery, **options: Any) -> int:
     source, own = opened_with(file, options)
     found = impulse(source.open(), **given(**own))
     responses = found.recording()
-    write_excerpt(Excerpt(responses, responses.channels, 0, found.samples.shape[1]), target)
+    excerpt = Excerpt(responses, responses.channels, 0, found.samples.shape[1])
+    write_excerpt(excerpt, target, deliver.decimal)
     deliver = replace(deliver, output=target)
     deliver.draw(found)
 

@@ -65,6 +65,8 @@ def write_excerpt(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
     writer = writers.get(path.suffix.lower())
     if writer is None:
         write_csv(excerpt, path, decimal)
+    elif decimal != ".":
+        raise RequestError(f"--decimal is for CSV, not for {path.suffix}", remedy="leave it out")
     else:
         writer(excerpt, path)
 

@@ -53,6 +53,14 @@ def test_decimal_commas_are_numbers_again_where_a_spreadsheet_reads_them(tmp_pat
         pd.testing.assert_frame_equal(found, expected)
 
 
+def test_an_impulse_response_has_decimal_commas_too(tmp_path):
+    words = ("impulse", NOISE, "--channel", "Mic 1", "-o")
+    run(*words, tmp_path / "point.csv")
+    run(*words, tmp_path / "comma.csv", "--decimal", ",")
+    found = pd.read_csv(tmp_path / "comma.csv", sep=";", decimal=",", encoding="utf-8-sig")
+    pd.testing.assert_frame_equal(found, pd.read_csv(tmp_path / "point.csv"))
+
+
 def test_tables_of_a_batch_with_commas_give_the_same_numbers(tmp_path):
     made = [
         specan.batch(SAMPLES / "sine", tmp_path / sign, decimal=d) for sign, d in (("p", "."), ("c", ","))
