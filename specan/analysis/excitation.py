@@ -194,7 +194,7 @@ def _may_be_a_tone(recording: Recording) -> bool:
     """Whether one line of the first section with a signal holds as much as a tone does."""
     for channel in [*recording.by_role("generator"), *recording.by_role("vibrometer")]:
         if channel.n_samples >= MIN_SAMPLES and channel.sampling_rate > 0:
-            size = min(channel.n_samples, int(LEAST_SECTION_S * channel.sampling_rate))
+            size = min(channel.n_samples, max(MIN_SAMPLES, int(LEAST_SECTION_S * channel.sampling_rate)))
             if tonal_share(recording.read([channel], 0, size)[0]) >= TONE_SHARE:
                 return True
     return False
@@ -213,9 +213,7 @@ def _sections(recording: Recording, channel: Channel) -> list[Real] | None:
     """The sections in which the channel is not silent, in their order; None where all hold what is not finite."""
     total, rate = channel.n_samples, channel.sampling_rate
     count = max(1, min(len(PLACES), int(total / max(LEAST_SECTION_S * rate, MIN_SAMPLES))))
-    size = min(total // count, int(SECTION_S * rate)) if count > 1 else total
-    if count == 1:
-        size = min(total, max(MIN_SAMPLES, int(SECTION_S * rate)))
+    size = min(total // count, max(MIN_SAMPLES, int(SECTION_S * rate)))
     # Contiguous in a short recording, spread over a long one.
     rest = total - count * size
     starts = [

@@ -62,10 +62,10 @@ class CalibrationSettings(Settings):
     level_dB: float | None = None
     frequency_hz: Annotated[float, Field(gt=0)] | None = None
     windows: Annotated[int, Field(ge=2)] = 20
-    u_level_dB: Annotated[float, Field(ge=0)] = 0.1
-    u_insertion_dB: Annotated[float, Field(ge=0)] = 0.05
+    u_level_dB: Annotated[float, Field(ge=0, le=20)] = 0.1
+    u_insertion_dB: Annotated[float, Field(ge=0, le=20)] = 0.05
     # The sound's ways to two seats differ by up to 0.2 mm: 0.2 mm / sqrt 3 x 360 degrees / 343 mm at 1 kHz.
-    u_insertion_deg: Annotated[float, Field(ge=0)] = 0.12
+    u_insertion_deg: Annotated[float, Field(ge=0, le=180)] = 0.12
     channels: tuple[str, ...] = ()
     phase_model: Literal["delay", "constant"] = "delay"
 

@@ -98,6 +98,22 @@ def _format_of(path: Path) -> Any:
     return next((point.load() for point in found), None)
 
 
+def source_of(path: Path, what: str) -> bytes:
+    """A user's Python file as it is on disk; `what` it holds is for messages.
+
+    Raises
+    ------
+    RequestError
+        It cannot be read.
+    """
+    try:
+        return regular(path).read_bytes()
+    except OSError as fault:
+        missing = isinstance(fault, FileNotFoundError)
+        why = "does not exist" if missing else f"cannot be read ({fault.strerror})"
+        raise RequestError(f"the {what} file {path} {why}", remedy="check the path") from None
+
+
 def content_of(path: Path) -> bytes:
     """Everything that decides what a model file is."""
     return b"".join(regular(file).read_bytes() for file in files_of(path))
@@ -206,10 +222,7 @@ def effects_from_file(path: Path, content: bytes | None = None) -> list[Effect]:
 def _module_from(path: Path, what: str, content: bytes | None = None) -> Any:
     """Run a user's file as a module of its own; `what` it holds is for messages."""
     try:
-        source = regular(path).read_bytes() if content is None else content
-        code = compile(source, str(path), "exec")
-    except FileNotFoundError:
-        raise RequestError(f"the {what} file {path} does not exist", remedy="check the path") from None
+        code = compile(source_of(path, what) if content is None else content, str(path), "exec")
     except (SyntaxError, ValueError) as fault:
         line = getattr(fault, "lineno", None)
         raise RequestError(

@@ -18,11 +18,10 @@ from specan.models.quantity import (
     Observable,
     Quantity,
     Reading,
-    SettingError,
     of_parameter,
     rig_statement,
 )
-from specan.units import base_unit, convert
+from specan.units import base_unit
 
 _FORMS = "a number, (value, low, high), (value, low, high, unit), or dict(value=, min=, max=, vary=, unit=)"
 
@@ -192,11 +191,7 @@ def _condition(name: str, given: Any) -> Condition:
         )
     unit = given if isinstance(given, str) else given[0]
     _require_unit(unit, f"the condition {name!r}")
-    offset = convert(0.0, unit, base_unit(unit)) != 0.0  # a scale whose zero is arbitrary: no percentages
-    usual = SettingError(absolute=1.0) if offset else SettingError(relative=0.02)
-    return Condition(
-        name, unit, name.replace("_", " "), name, unit, usual_setting=usual, setting_assumed=True
-    )
+    return Condition(name, unit, name.replace("_", " "), name, unit)
 
 
 def _observable(name: str, given: Any, function: Callable[..., Any]) -> Observable:

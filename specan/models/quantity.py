@@ -14,7 +14,7 @@ from typing import Any
 
 from specan.errors import RequestError, nearest
 from specan.models.effect import Parameter, signature_of
-from specan.units import convert, scale_to
+from specan.units import base_unit, convert, scale_to
 
 KIND = "transfer"  # kind of measurement that holds it
 
@@ -55,11 +55,10 @@ class Condition:
         `needs` it cannot be tested.
     varies : bool
         False: never an axis along which a failure is looked for.
-    usual_setting : SettingError
+    usual_setting : SettingError or None
         Usual uncertainty of setting it; tells levels apart where the rig states none. An absolute one says that
-        its scale has no zero that a percentage could be taken of (a temperature).
-    setting_assumed : bool
-        Whether `usual_setting` is a mere guess: then rows that are merely near each other are no repeats.
+        its scale has no zero that a percentage could be taken of (a temperature). With None rows that are merely
+        near each other are no repeats.
     label : str
         What sentences and axes call it; by default the column without its unit.
     group : bool
@@ -82,11 +81,10 @@ class Condition:
     column_unit: str = ""
     default: float | None = None
     varies: bool = True
-    usual_setting: SettingError = SettingError(relative=0.02)
+    usual_setting: SettingError | None = None
     label: str = ""
     idles: str = ""
     group: bool = False
-    setting_assumed: bool = False
 
     @property
     def words(self) -> str:
@@ -98,6 +96,14 @@ class Condition:
         return (stem if stem and suffix.lower() == unit.lower() else self.column or self.name).replace(
             "_", " "
         )
+
+    @property
+    def setting(self) -> SettingError:
+        """The usual uncertainty of setting it, or a guess."""
+        if self.usual_setting is not None:
+            return self.usual_setting
+        shifted = any(convert(0.0, unit, base_unit(unit)) for unit in {self.unit, self.column_unit or self.unit})
+        return SettingError(absolute=1.0) if shifted else SettingError(relative=0.02)
 
     @property
     def known(self) -> bool:

@@ -7,7 +7,6 @@ named once on this machine; the record of what was named lies outside every stud
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +16,7 @@ import numpy as np
 
 from specan.errors import RequestError
 from specan.models import Effect, Model, Use
-from specan.models.catalogue import content_of, effects_from_file, files_of, model_from_file
-from specan.schema import regular
+from specan.models.catalogue import content_of, effects_from_file, files_of, model_from_file, source_of
 from specan.study.observation import Observation
 from specan.study.study_file import EffectFileEntry
 from specan.user_folder import user_folder
@@ -108,10 +106,7 @@ def read_effect_file(path: Path) -> EffectFile:
     RequestError
         It is missing or cannot be loaded.
     """
-    if os.path.isdir(path) or not os.path.exists(path):  # Path.exists raises where a name is too long
-        what = "is a directory" if os.path.isdir(path) else "does not exist"
-        raise RequestError(f"the effect file {path} {what}", remedy="check the path")
-    content = regular(path).read_bytes()
+    content = source_of(path, "effect")
     return EffectFile(path, content, tuple(effects_from_file(path, content)))
 
 
@@ -199,8 +194,6 @@ def take_in_model(directory: Path, given: Path) -> tuple[str, str]:
     file, sha256 : str
         Its path in the study, and the hash of its content.
     """
-    if not os.path.exists(given):
-        raise RequestError(f"the model file {given} does not exist", remedy="check the path")
     sha256 = hashlib.sha256(content_of(given)).hexdigest()
     for file in files_of(given):
         inside = directory / "model" / file.name

@@ -68,3 +68,21 @@ def test_equal_rows_are_repeats(tmp_path):
         np.median(data.fitted[0].sigma), 0.75, 1.3
     )  # 32 degrees of freedom
     assert not any("near each other" in text for text in data.statements)
+
+
+def test_a_dense_sweep_of_readings_has_the_scatter_that_was_put_in(tmp_path):
+    """Neighbours are second readings at settings that differ a little: what the model's slope lacks is no scatter."""
+
+    def force(travel, rate):
+        return rate * travel
+
+    spring = Model.from_function(
+        force, conditions={"travel": ("m", 0, 1)}, observables={"force": "N"},
+        parameters={"rate": (2.0, 0.1, 10, "N/m")}, uncertainty={"travel_setting_percent": 2.0},
+    )  # fmt: skip
+    random, travel = np.random.default_rng(3), np.linspace(0.1, 1, 900)
+    read = 2 * travel + 0.36 * travel**3 + 0.01 * random.standard_normal(900)
+    np.savetxt(tmp_path / "t.csv", np.c_[travel, read], "%.9g", ",", header="travel,force", comments="")
+    data = read_tables(spring, [tmp_path / "t.csv"])
+    assert "back to back" in " ".join(data.statements)
+    np.testing.assert_allclose(data.fitted[0].sigma, 0.01, rtol=0.1)  # some 750 degrees of freedom: 3 %

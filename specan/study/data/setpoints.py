@@ -18,38 +18,36 @@ TIME = "elapsed_time"  # orders the readings; never a setting
 
 def grouping_of(model: Model, condition: Condition) -> SettingError:
     """Uncertainty of setting by which levels are distinguished: the rig's, or what is usual for the condition."""
-    return model.rig.setting.get(condition.name, condition.usual_setting)
+    return model.rig.setting.get(condition.name, condition.setting)
 
 
 def levels(values: Array, setting: SettingError) -> tuple[Array, bool]:
     """The level that each value was meant to be at, and whether the column holds set values.
 
-        Values on a round grid that is coarser than the scatter of setting are set values and levels as they
-        stand. Otherwise neighbours within the scatter form a level; where the values of a level hardly ever
-        differ they were set, else read.
+    Values on a round grid that is coarser than the scatter of setting are set values and levels as they
+    stand. Otherwise neighbours within the scatter form a level; where the values of a level hardly ever
+    differ they were set, else read.
 
-        Parameters
-        ----------
-        values : array
-            One value for each different operating point (repeats count once).
-        setting : SettingError
-            Scatter of setting this variable.
+    Parameters
+    ----------
+    values : array
+        One value for each different operating point (repeats count once).
+    setting : SettingError
+        Scatter of setting this variable.
 
-        Returns
-        -------
-        level : array
-            Mean of the values that were meant to be equal.
-        is_set : bool
+    Returns
+    -------
+    level : array
+        Mean of the values that were meant to be equal.
+    is_set : bool
 
-        Examples
-        --------
-        >>> from typing import Any
-
-    import numpy as np
-        >>> levels(np.array([5.0, 20.0, 5.0, 20.0]), SettingError(0.05))
-        (array([ 5., 20.,  5., 20.]), True)
-        >>> levels(np.array([5.1, 20.4, 4.9, 19.6]), SettingError(0.05))
-        (array([ 5., 20.,  5., 20.]), False)
+    Examples
+    --------
+    >>> import numpy as np
+    >>> levels(np.array([5.0, 20.0, 5.0, 20.0]), SettingError(0.05))
+    (array([ 5., 20.,  5., 20.]), True)
+    >>> levels(np.array([5.1, 20.4, 4.9, 19.6]), SettingError(0.05))
+    (array([ 5., 20.,  5., 20.]), False)
     """
     distinct = np.unique(values)
     step = round_step(distinct)
@@ -74,13 +72,11 @@ def levels(values: Array, setting: SettingError) -> tuple[Array, bool]:
 def round_step(distinct: Array) -> float:
     """Largest of 1, 2, 2.5, 5 times a power of ten that divides all values.
 
-        Examples
-        --------
-        >>> from typing import Any
-
-    import numpy as np
-        >>> round_step(np.array([5.0, 20.0, 35.0]))
-        5.0
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round_step(np.array([5.0, 20.0, 35.0]))
+    5.0
     """
     top = float(np.max(np.abs(distinct)))
     if top == 0:
@@ -137,26 +133,24 @@ def _break(ordered: Array, setting: SettingError) -> float:
 def apart_in_rounds(values: Array, level: Array, rounds: NDArray[np.intp], scatter: Array) -> Array:
     """Levels of a column that was read, parted where one round of a plan holds several rows of a level.
 
-        A round of a plan sets each condition once. Neighbouring set values that scatter into each other look like one
-        level; their order in each round distinguishes them.
+    A round of a plan sets each condition once. Neighbouring set values that scatter into each other look like one
+    level; their order in each round distinguishes them.
 
-        Parameters
-        ----------
-        values, level : array
-            Of one condition, every row.
-        rounds : array of int
-            Rows that share all other levels and the number of the round share a number.
-        scatter : array
-            Standard deviation of setting, every row: rows closer than half of it are readings of one setting.
+    Parameters
+    ----------
+    values, level : array
+        Of one condition, every row.
+    rounds : array of int
+        Rows that share all other levels and the number of the round share a number.
+    scatter : array
+        Standard deviation of setting, every row: rows closer than half of it are readings of one setting.
 
-        Examples
-        --------
-        >>> from typing import Any
-
-    import numpy as np
-        >>> read = np.array([66.2, 75.9, 69.1, 79.8])
-        >>> apart_in_rounds(read, np.full(4, 72.75), np.array([0, 0, 1, 1]), 0.05 * read).round(2)
-        array([67.65, 77.85, 67.65, 77.85])
+    Examples
+    --------
+    >>> import numpy as np
+    >>> read = np.array([66.2, 75.9, 69.1, 79.8])
+    >>> apart_in_rounds(read, np.full(4, 72.75), np.array([0, 0, 1, 1]), 0.05 * read).round(2)
+    array([67.65, 77.85, 67.65, 77.85])
     """
     out = level.copy()
     for value in np.unique(level):
@@ -191,13 +185,11 @@ def grouped(values: Array) -> Array:
 def cells(*columns: NDArray[np.generic]) -> NDArray[np.intp]:
     """Number of the combination of levels that each row belongs to.
 
-        Examples
-        --------
-        >>> from typing import Any
-
-    import numpy as np
-        >>> cells(np.array([1.0, 1.0, 2.0]), np.array([5.0, 6.0, 5.0]))
-        array([0, 1, 2])
+    Examples
+    --------
+    >>> import numpy as np
+    >>> cells(np.array([1.0, 1.0, 2.0]), np.array([5.0, 6.0, 5.0]))
+    array([0, 1, 2])
     """
     index = np.zeros(columns[0].size, dtype=np.intp)
     for column in columns:
@@ -245,7 +237,7 @@ class SetPoints:
         self._moved = [n for n in self._set if not np.array_equal(conditions[n], self.levels[n])]
         # Rows are alike only where these values are equal: nobody has said how well they are set.
         assumed = [
-            n for n in self._moved if model.conditions[n].setting_assumed and n not in model.rig.setting
+            n for n in self._moved if not model.conditions[n].usual_setting and n not in model.rig.setting
         ]
         self._exact = [] if marks else assumed
         columns = [conditions[n] if n in self._exact else self.levels[n] for n in self._set]

@@ -204,7 +204,7 @@ def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
         condition = model.conditions[name]
         if name == TIME or condition.group or not condition.varies or not np.ptp(rows.levels[name]) > 0:
             continue
-        size = 1.0 if condition.usual_setting.absolute else x
+        size = 1.0 if condition.setting.absolute else x
         found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
     if any(_stated(model, name) for name in rows.conditions):
         found["the reading noise of conditions that the rig declares"] = declared_conditions(
@@ -234,7 +234,7 @@ def declared_conditions(model: Model, centre: Reference, rows: Rows) -> Array:
     for name, condition in model.conditions.items():
         if name not in rows.conditions or rows.is_set[name]:
             continue
-        rounded = not condition.usual_setting.absolute
+        rounded = not condition.setting.absolute
         if not rounded and not _stated(model, name):
             continue
         step = rows.steps[name] if rounded else 0.0
@@ -283,7 +283,9 @@ def _scatter_of(
         return np.asarray(np.bincount(index, column) / counts)
 
     told = is_declared(model, str(part.observable[0]))
-    reading = pooled(rest, part.setup, slopes[:, :0], {n: c for n, c in grows.items() if n == "the reading"})
+    # Readings of one set-up differ by what their conditions were read to be, not by time.
+    read = _slopes(part, near, in_time=False)
+    reading = pooled(rest, part.setup, read, {n: c for n, c in grows.items() if n == "the reading"})
     reading, instrument, in_means = _usable(reading, told), mean(declared) / counts if told else None, None
     if reading is not None:  # back-to-back readings tell what an instrument puts into the means
         in_means, instrument = mean(reading.at(grows, part.n)) / counts, None
@@ -338,7 +340,7 @@ def _usable(found: VarianceFunction | None, declared: bool) -> VarianceFunction 
     return found if known else None
 
 
-def _slopes(rows: Rows, predicted: Array) -> Array:
+def _slopes(rows: Rows, predicted: Array, *, in_time: bool = True) -> Array:
     """What repeats of a condition may differ by without being scattered, most likely first.
 
     A setting that was read differed: the reference's slope may be a little wrong, so that a correction
@@ -354,7 +356,7 @@ def _slopes(rows: Rows, predicted: Array) -> Array:
         n: x - rows.levels[n] for n, x in rows.conditions.items() if n != TIME and not rows.is_set[n]
     }
     columns = list(deviations.values())
-    if TIME in rows.conditions:
+    if in_time and TIME in rows.conditions:
         basis = _piecewise_linear_basis(rows.conditions[TIME])
         columns += [part * weight for weight in (predicted, np.ones(rows.n)) for part in basis]
     columns += [deviation * u for deviation in deviations.values() for u in scaled]

@@ -253,7 +253,7 @@ def _slope(tangent: Tangent, o: TableObservation, name: str) -> Array:
 def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array) -> Iterator[Fault]:
     """A condition that is not what the table says: at some levels, from a row on, or everywhere."""
     condition, x = problem.assembly.model.conditions[name], o.conditions[name]
-    words, setting = condition.words, condition.usual_setting
+    words, setting = condition.words, condition.setting
     scale, sizes = (setting.absolute, OF_A_SETTING) if setting.absolute else (x, SIZES)
     change = slope * scale
     if not np.any(change):

@@ -333,7 +333,7 @@ def test_a_fault_in_an_effect_file_is_named(study, tmp_path, content, told):
 
 
 def test_a_directory_in_place_of_an_effect_file_is_named(tmp_path):
-    with pytest.raises(RequestError, match="is a directory"):
+    with pytest.raises(RequestError, match="cannot be read"):
         read_effect_file(tmp_path)
 
 
