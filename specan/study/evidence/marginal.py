@@ -26,6 +26,7 @@ from specan.study.evidence.noise import Noise
 from specan.study.observation import Array
 
 PULL_STEPS = 3  # linear steps in which the pulls of known ranges settle
+AT_END = 1e-6  # sizes of a parameter, within which it rests on an end of its domain: what rounding leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +186,8 @@ class Marginal:
         known = np.concatenate([np.ones(k), size / tangent.widths])
         volume = float(np.linalg.slogdet((normal + np.diag(known**2)) / np.outer(known, known))[1])
         # What rests on an end of its domain does not move when something is added.
-        rest = np.concatenate([np.zeros(k, bool), (step[k:] <= low) | (step[k:] >= high)])
+        at_end = (step[k:] <= low + AT_END) | (step[k:] >= high - AT_END)
+        rest = np.concatenate([np.zeros(k, bool), at_end])
         self._matrix = matrix + np.diag(np.where(rest, 1e12 * np.maximum(np.diag(matrix), 1.0), known**2))
         self.ln_evidence = float(tangent.ln_likelihood(self.chi2)) - 0.5 * volume + tangent.ln_volume
 

@@ -12,6 +12,7 @@ from specan.models import Model, Parameter, Use, effect
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
+from specan.study.evidence import marginal
 from specan.study.evidence.diagnosis import told as diagnosis_of
 from specan.study.evidence.explanations import Explanation, Explanations
 from specan.study.evidence.judgement import stated
@@ -54,6 +55,25 @@ def test_columns_beside_a_fit_gain_what_they_gain_in_a_law_with_them(toy):
     alone = ln_density(tangent, np.zeros((48, 0)))
     for gain, size in zip(gains, (0.1, 1.0), strict=True):
         assert gain == pytest.approx(ln_density(tangent, size * column) - alone, abs=0.02)
+
+
+@pytest.mark.parametrize("rounding", [0.0, 3e-14])
+def test_columns_gain_nothing_from_parameters_at_ends_of_their_domains(toy, monkeypatch, rounding):
+    """Two amplitudes that the data want beyond their ends stay there, whatever rounding a solver leaves of the ends."""
+    exact = marginal.held_inside
+    monkeypatch.setattr(marginal, "held_inside", lambda *given: exact(*given) - rounding)
+    problem = toy.problem(lambda x, z: 90 * x**2 + 80 * x * z + 60 * x, ["twin", "cross"], seed=4)
+    problem = problem.with_uses(["twin", "cross"])
+    tangent = tangent_of(problem)
+    at_end = [problem.names.index(name) for name in ("twin.c", "cross.c")]
+    np.testing.assert_allclose(tangent.theta[at_end], 50.0)
+    column = (toy.x**2 * (1 + toy.z))[:, None]
+    (gain,), _ = Marginal(tangent).beside(column, np.array([30.0]))
+    free = np.setdiff1d(np.arange(tangent.theta.size), at_end)
+    q, _ = np.linalg.qr(tangent.jacobian[:, free])
+    seen = (column - q @ (q.T @ column))[:, 0]
+    fall = (seen @ tangent.residual) ** 2 / (seen @ seen + 30.0**-2)
+    assert gain == pytest.approx(0.5 * fall - 0.5 * np.log1p(30.0**2 * (seen @ seen)), rel=1e-3)
 
 
 def test_a_lattice_makes_the_innovations_of_the_correlation():
