@@ -209,14 +209,6 @@ class Marginal:
         factor: tuple[Array, bool] = cho_factor(self._matrix)
         return factor
 
-    @cached_property
-    def covariance(self) -> Array:
-        """Of the parameters, errors of form included."""
-        k = self._scale.size - self._size.size
-        return np.asarray(
-            cho_solve(self._factor, np.eye(self._scale.size))[k:, k:] * np.outer(self._size, self._size)
-        )
-
     def beside(self, columns: Array, sizes: Array) -> tuple[Array, Array]:
         """ln of the evidence with more columns over that without.
 
