@@ -61,7 +61,12 @@ def test_the_fuzz_sees_a_file_that_is_changed_and_an_internal_error(good, monkey
         "study report s -o /",
         "export noise.tdms -o out.csv --stop inf",
         "impulse noise.tdms --length 1e300 -o a.csv",
+        "decay noise.tdms --sampling-rate 3",
+        "calibrate calibrator.tdms --u-level 1e300",
+        f"simulate worm-gear worm-gear.toml -o a.csv --effect-file {400 * '9'}",
+        "simulate worm-gear worm-gear.toml -o a.csv --effect-file /",
     ],
 )
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_what_a_fuzz_has_found_stays_mended(good, words) -> None:
     assert fuzz_commands.on_copies(good, tuple(words.split())) == []
