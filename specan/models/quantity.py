@@ -102,9 +102,8 @@ class Condition:
         """The usual uncertainty of setting it, or a guess."""
         if self.usual_setting is not None:
             return self.usual_setting
-        shifted = any(
-            convert(0.0, unit, base_unit(unit)) for unit in {self.unit, self.column_unit or self.unit}
-        )
+        units = {self.unit, self.column_unit or self.unit}
+        shifted = any(convert(0.0, unit, base_unit(unit)) for unit in units)
         return SettingError(absolute=1.0) if shifted else SettingError(relative=0.02)
 
     @property

@@ -155,18 +155,15 @@ def _size(s: Spread) -> tuple[str, str]:
     return (f"np.abs({s.name})", f"|{s.name}|") if s.negative else (s.name, s.name)
 
 
-def _with_unit(value: float, unit: str) -> str:
-    return f"{value:.6g}" if unit == "1" else f"{value:.6g} {unit}"
-
-
 def _power(s: Spread, exponents: Sequence[float]) -> Factor:
     """A power of the magnitude; no negative one where it is zero."""
     usable = tuple(e for e in exponents if e > 0 or not s.zero)
     shape = Shape(f"{s.name}_exponent", "1", usable, 0.05 if s.zero else RANGE[0], RANGE[1])
     size, shown = _size(s)
+    unit = "" if s.unit == "1" else f" {s.unit}"
     return Factor(
         "power", s.name, shape, lambda x, e: (np.abs(x) / s.middle) ** e,
-        f"({size} / {s.middle:.6g}) ** {shape.name}", f"({shown} / {_with_unit(s.middle, s.unit)})^{shape.name}",
+        f"({size} / {s.middle:.6g}) ** {shape.name}", f"({shown} / {s.middle:.6g}{unit})^{shape.name}",
     )  # fmt: skip
 
 

@@ -35,7 +35,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
                 continue
             gap = (predicted - o.measured)[rows]
             unit = problem.assembly.model.observables[name].unit
-            found = _following(
+            found = following(
                 gap, {n: o.conditions[c][rows] for n, c in inputs.items()}, o.conditions[TIME][rows]
             )
             if found:
@@ -58,12 +58,12 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     return Localisation(tuple(tested(blocks)), (), tuple(notes))
 
 
-def _following(
+def following(
     gap: Array, inputs: dict[str, Array], time: Array
 ) -> tuple[float, float, float, str, float] | None:
     """The band around the largest power of the residual that follows an input: ends, share, input, its probability."""
     rate, size = 1 / float(time[1] - time[0]), 2 * gap.size // (SEGMENTS + 1)
-    best = None
+    found = []
     for name, values in inputs.items():
         if not np.ptp(values):
             continue
@@ -83,6 +83,5 @@ def _following(
             high += 1
         share = float(np.sum(along[low : high + 1]) / np.sum(left[low : high + 1]))
         p = float((1 - coherence[k]) ** (SEGMENTS - 1) * f.size)
-        if best is None or along[k] > best[0]:
-            best = float(along[k]), (float(f[low]), float(f[high]), share, name, p)
-    return best[1] if best else None
+        found.append((float(along[k]), (float(f[low]), float(f[high]), share, name, p)))
+    return max(found)[1] if found else None

@@ -122,8 +122,7 @@ def _signature(
 ) -> Signature:
     neutral = candidate.neutral(amplitude)
     size = value - neutral
-    low, high = candidate.extended.domain(amplitude.whole)
-    ends = sorted(((low - neutral) / size, (high - neutral) / size))
+    ends = sorted((end - neutral) / size for end in candidate.extended.domain(amplitude.whole))
     return Signature(
         candidate.use, column[:, None], (amplitude,), np.array([neutral]), np.array([size]), shapes,
         (ends[0], ends[1]),
@@ -146,10 +145,9 @@ def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Signature:
 def _beside_certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Iterator[Signature]:
     """Amplitudes that have no certificate, together with those that have one and lose it, to either side."""
     certificate = _certificate(problem, fit, candidate)
-    fitted = {n: float(fit.theta[fit.names.index(n)]) for n in candidate.without_prior}
-    held: dict[str, float] = {str(n): candidate.neutral(n) for n in candidate.amplitudes}
-    held.update(certificate.shapes)
-    held.update((str(n), value) for n, value in fitted.items())
+    fitted = {str(n): float(fit.theta[fit.names.index(n)]) for n in candidate.without_prior}
+    at_rest = {str(n): candidate.neutral(n) for n in candidate.amplitudes}
+    held = {**at_rest, **certificate.shapes, **fitted}
     for name in candidate.amplitudes:
         if name in candidate.without_prior:
             continue
@@ -182,8 +180,9 @@ def _several_amplitudes(
     neutral = np.array([candidate.neutral(n) for n in names])
     value = np.array([default_value(candidate, n) for n in names])
     rest = dict(zip(names, neutral))
-    mirrored = _inside(candidate, 2 * neutral - value)
-    both = [(n, v) for pair in zip(names, value, mirrored) for n, v in zip([pair[0]] * 2, pair[1:])]
+    low, high = np.array([candidate.extended.domain(n.whole) for n in names]).T
+    mirrored = np.clip(2 * neutral - value, low, high)
+    both = [(n, v) for n, *ends in zip(names, value, mirrored) for v in ends]
     points = [{**s, **rest, n: v} for s in places for n, v in both]
     columns = changes(problem, fit, candidate, points)
     for k, shapes in enumerate(places):
@@ -194,12 +193,6 @@ def _several_amplitudes(
                 candidate.use, np.column_stack([c for c, _ in chosen]), names, neutral,
                 np.array([v for _, v in chosen]) - neutral, shapes, (-np.inf, np.inf),
             )  # fmt: skip
-
-
-def _inside(candidate: Candidate, values: Real) -> Real:
-    """Values inside the domains of the amplitudes."""
-    ends = [candidate.extended.domain(n.whole) for n in candidate.amplitudes]
-    return np.array([min(max(v, low), high) for v, (low, high) in zip(values, ends)])
 
 
 def _sides(there: Real | None, back: Real | None, value: float, mirrored: float) -> list[tuple[Real, float]]:
@@ -251,7 +244,8 @@ def changes(
 def _values_at(candidate: Candidate, fit: Fit, points: Sequence[Point]) -> list[dict[str, Any]]:
     """SI values of all parameters at each point, the base's as they were fitted."""
     extended = candidate.extended
-    start = extended.start({**fit.values, **_neutral_values(candidate)})
+    neutral = candidate.effect.neutral_si.items()
+    start = extended.start({**fit.values, **{f"{candidate.use}.{n}": v for n, v in neutral}})
     places: dict[str, int] = {name: k for k, name in enumerate(extended.names)}
     many = []
     for point in points:
@@ -267,10 +261,6 @@ def _change(fit: Fit, column: Real) -> Real | None:
     change = np.zeros(fit.residual.size)
     change[: column.size] = column - fit.residual[: column.size]
     return change if np.all(np.isfinite(change)) else None
-
-
-def _neutral_values(candidate: Candidate) -> dict[str, float]:
-    return {ParameterName.of(candidate.use, n): v for n, v in candidate.effect.neutral_si.items()}
 
 
 def _residual_or_nan(problem: Problem, values: Mapping[str, Any]) -> Real:
