@@ -59,7 +59,7 @@ class Scored:
 
 
 def score(fit: Projection, found: Sequence[Signature]) -> list[Scored]:
-    """Score every signature; those collinear with its Jacobian are left out.
+    """Score every signature, those first that promise most; those collinear with its Jacobian are left out.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def score(fit: Projection, found: Sequence[Signature]) -> list[Scored]:
             multiple_q, *_ = np.linalg.lstsq(projected, -fit.residual, rcond=1e-9)
             gain = float(fit.residual @ fit.residual - np.sum((fit.residual + projected @ multiple_q) ** 2))
             scored.append(Scored(signature, projected, gain, np.asarray(multiple_q, dtype=float)))
-    return scored
+    return sorted(scored, key=lambda s: -s.chi2_reduction)
 
 
 def _most(projected: Real, signature: Signature) -> float:
@@ -104,7 +104,7 @@ def _one(projected: Real, residual: Real, multiplier_bounds: tuple[float, float]
 def best_of_each(scored: Sequence[Scored]) -> dict[Use, list[Scored]]:
     """Signatures of each candidate, best first; candidates by their best, best first."""
     table: dict[Use, list[Scored]] = {}
-    for item in sorted(scored, key=lambda s: -s.chi2_reduction):
+    for item in scored:
         table.setdefault(item.use, []).append(item)
     return table
 

@@ -141,15 +141,14 @@ def planned_points(refit: Refit, found: Sequence[Candidate], known: Known) -> di
 
 
 def _at_places(refit: Refit, candidate: Candidate, places: Sequence[Found], known: Known) -> list[Scored]:
-    """Where the searches from the likely places of a candidate lead, best first."""
+    """Where the searches from the likely places of a candidate lead."""
     peaks = []
     for place in places:
         points = _at_place(candidate, place, _sizes(candidate))
         scored = _scored(refit, [candidate], {candidate.use: points}, known)
         if scored:
-            best = max(scored, key=lambda s: s.chi2_reduction)
-            peaks.append(_coordinate_search(refit, candidate, best, known))
-    return sorted(peaks, key=lambda s: -s.chi2_reduction)
+            peaks.append(_coordinate_search(refit, candidate, scored[0], known))
+    return peaks
 
 
 def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
@@ -167,9 +166,7 @@ def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
         for size in _sizes(candidate)
         for place in product(along, repeat=len(places))
     ]
-    scored = sorted(
-        _scored(refit, [candidate], {candidate.use: points}, known), key=lambda s: -s.chi2_reduction
-    )
+    scored = _scored(refit, [candidate], {candidate.use: points}, known)
     led = [_coordinate_search(refit, candidate, best, known) for best in different(scored, BEST)]
     return list({tuple(best.signature.shapes.values()): best for best in led}.values())
 
@@ -205,10 +202,8 @@ def _coordinate_optima(refit: Refit, candidate: Candidate, best: Scored, known: 
         ]
         other = _scored(refit, [candidate], {candidate.use: points}, known)
         if other:
-            peaks.append(
-                _coordinate_search(refit, candidate, max(other, key=lambda s: s.chi2_reduction), known)
-            )
-    return sorted(peaks, key=lambda s: -s.chi2_reduction)
+            peaks.append(_coordinate_search(refit, candidate, other[0], known))
+    return peaks
 
 
 def _coordinate_search(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> Scored:
@@ -229,10 +224,8 @@ def _coordinate_search(refit: Refit, candidate: Candidate, best: Scored, known: 
             best = max([best, *found], key=lambda s: s.chi2_reduction)
             tried[name] = _between(values, best.signature.shapes[name])
         symmetric = [{**size, **image} for image in _symmetric_places(best.signature.shapes)]
-        best = max(
-            [best, *_scored(refit, [candidate], {candidate.use: symmetric}, known)],
-            key=lambda s: s.chi2_reduction,
-        )
+        found = _scored(refit, [candidate], {candidate.use: symmetric}, known)
+        best = max([best, *found], key=lambda s: s.chi2_reduction)
     return best
 
 
@@ -272,8 +265,7 @@ def _between(values: Sequence[float], best: float) -> list[float]:
 def _scored(
     refit: Refit, found: Sequence[Candidate], points: Mapping[Use, Sequence[Point]], known: Known
 ) -> list[Scored]:
-    tried = signatures(refit.problem, refit.fit, found, points, known)
-    return score(refit.linear, tried)
+    return score(refit.linear, signatures(refit.problem, refit.fit, found, points, known))
 
 
 def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
