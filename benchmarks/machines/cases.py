@@ -123,7 +123,7 @@ class Case:
         actual, written = self.settings(rng)
         readings = self.machine.readings(actual, self.forms, self.strengths)
         noisy = {
-            n: y + 0.01 * self.noise * _scale(self.clean[n]) * self._white(rng, y.size)
+            n: y + 0.01 * self.noise * scale_of(self.clean[n]) * self._white(rng, y.size)
             for n, y in readings.items()
         }
         columns = {**written, **self.written(noisy, rng)}
@@ -234,7 +234,7 @@ def refitted(model: Model, observation: TableObservation, effects: Sequence[str]
     return float(min(found))
 
 
-def _scale(reading: Array) -> Array:
+def scale_of(reading: Array) -> Array:
     return np.hypot(reading, floor_of(reading))
 
 
@@ -282,7 +282,7 @@ def _strength(
 
     def change(logarithm: float) -> float:
         found = machine.readings(table, forms, Strengths({name: sign * float(np.exp(logarithm))}))
-        parts = [((found[o] - y) / _scale(y)) ** 2 for o, y in plain.items()]
+        parts = [((found[o] - y) / scale_of(y)) ** 2 for o, y in plain.items()]
         return float(100 * np.sqrt(np.mean(parts)) - size)
 
     ends = np.log([low, high])

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from machines.cases import SIZE, Array, Case, Machine, Strengths, _scale, candidates
+from machines.cases import SIZE, Array, Case, Machine, Strengths, candidates, scale_of
 from machines.cases import drawn as drawn_of_machine
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import base_problem
@@ -47,7 +47,7 @@ def _of_effect(
     for share in 0.9 ** np.arange(100):
         found = there | {n: zero + share * (there[n] - zero) for n, zero in sizes.items()}
         after = _readings(problem, {**values, **found}, plain)
-        change = [((after[o] - y) / _scale(y)) ** 2 for o, y in before.items()]
+        change = [((after[o] - y) / scale_of(y)) ** 2 for o, y in before.items()]
         if 100 * np.sqrt(np.mean(change)) < wanted:
             break
     return found

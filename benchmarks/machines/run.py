@@ -91,6 +91,8 @@ def main() -> int:
         "--report", type=Path, metavar="FILE.json", help="print the counts of a file, run nothing"
     )
     arguments = parser.parse_args()
+    if arguments.in_catalogue and arguments.kind not in ("", *in_catalogue.SHARES):
+        parser.error(f"--in-catalogue has the kinds {', '.join(in_catalogue.SHARES)}")
     if arguments.report:
         records = json.loads(arguments.report.read_text(encoding="utf-8"))
     else:

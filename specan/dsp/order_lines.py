@@ -13,7 +13,8 @@ from specan.arrays import Complex, Real
 from specan.dsp.windows import window
 from specan.errors import InputError
 
-# Line widths 1/turns between orders from which on a Hann window keeps them from each other, but for rounded orders.
+# Line widths 1/turns between orders from which on a Hann window keeps them from each other; a little less than two,
+# since orders are rounded.
 APART = 2.0 - 1e-6
 # Bins about a given order that are not noise; first and number of those that are.
 _NEAR, _NEAREST, _LINES = 2.0, 3, 24

@@ -145,16 +145,13 @@ def test_a_strong_line_that_is_not_asked_for_is_no_line_beside_it(gap):
     """A loud order between those given: where it leaks into them, their uncertainty says so."""
     per_turn, turns = 512, 48
     u = np.arange(per_turn * turns) / per_turn
-    orders = np.round(
-        197 + gap * np.array([0, 1, 5, 9]), 9
-    )  # four, two and 1.2 line widths, but for rounding
+    orders = np.round(197 + gap * np.array([0, 1, 5, 9]), 9)  # four, two, 1.2 line widths, but for rounding
     samples = np.cos(2 * np.pi * 203.011 * u) + 1e-6 * np.random.default_rng(5).standard_normal(u.size)
     found = fit_lines(samples[None], per_turn, orders)
     assert np.all(np.abs(found.amplitude) < 6 * found.u)
     if gap * turns > 1.5:
-        assert np.all(
-            np.abs(found.amplitude) < 1e-6
-        )  # a Hann window falls with the third power of 288 widths
+        # A Hann window falls with the third power of 288 widths.
+        assert np.all(np.abs(found.amplitude) < 1e-6)
 
 
 def test_periods_of_the_article():

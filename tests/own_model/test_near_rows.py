@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from specan.models import Model
+from specan.models import Condition, Model, Observable, Parameter, quantity
+from specan.models.quantity import RigStatement
 from specan.study.data.open_tables import read_tables
 
 NOISE = 1.0  # m/s^2 of one reading of a falling ball's acceleration
@@ -86,3 +87,25 @@ def test_a_dense_sweep_of_readings_has_the_scatter_that_was_put_in(tmp_path):
     data = read_tables(spring, [tmp_path / "t.csv"])
     assert "back to back" in " ".join(data.statements)
     np.testing.assert_allclose(data.fitted[0].sigma, 0.01, rtol=0.1)  # some 750 degrees of freedom: 3 %
+
+
+def test_a_condition_without_a_stated_setting_makes_no_repeats_of_neighbours(tmp_path):
+    """What the model lacks over a dense sweep is not taken for scatter: the declared uncertainty stands."""
+
+    @quantity(unit="N")
+    def force(travel, *, rate=Parameter(2.0, "N/m", min=0.1, max=10.0)):
+        "Of a spring."
+        return rate * travel
+
+    spring = Model(
+        name="spring", title="A spring", quantities={"force": force}, effects={},
+        conditions={"travel": Condition("travel", "m", "Travel.", "travel", "m")},
+        observables={"force": Observable("force", "force", "N", "Force.", column="force", column_unit="N")},
+        rig=RigStatement(reading={"force": 0.01}),
+    )  # fmt: skip
+    travel = np.linspace(0.1, 1, 900)
+    read = 2 * travel + 0.36 * travel**3 + 0.01 * np.random.default_rng(3).standard_normal(900)
+    np.savetxt(tmp_path / "t.csv", np.c_[travel, read], "%.9g", ",", header="travel,force", comments="")
+    data = read_tables(spring, [tmp_path / "t.csv"])
+    np.testing.assert_allclose(data.fitted[0].sigma, 0.01, rtol=1e-6)
+    assert data.fitted[0].noise_dof == np.inf

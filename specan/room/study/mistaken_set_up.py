@@ -168,7 +168,7 @@ def _words(names: Sequence[str], used: Flags, place: NDArray[np.intp], sign: Rea
         parts.append("the vibrometer has reversed sign")
     elif turned:
         verb = "has" if len(turned) == 1 else "have"
-        parts.append(f"{', '.join(turned)} {verb} reversed sign against the vibrometer")
+        parts.append(f"{_listed(turned)} {verb} reversed sign against the vibrometer")
     moved = [(m, int(p)) for m, p in enumerate(place) if m != p and used[m]]
     pairs = [(m, p) for m, p in moved if place[p] == m and (m < p or not used[p])]
     others = [(m, p) for m, p in moved if place[p] != m]
@@ -177,6 +177,10 @@ def _words(names: Sequence[str], used: Flags, place: NDArray[np.intp], sign: Rea
     if said:
         parts.append(f"positions of the rig file belong to other channels ({'; '.join(said)})")
     return ", and ".join(parts)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 # --- the source somewhere else --------------------------------------------------------------------------

@@ -102,7 +102,7 @@ def _one(projected: Real, residual: Real, multiplier_bounds: tuple[float, float]
 
 
 def best_of_each(scored: Sequence[Scored]) -> dict[Use, list[Scored]]:
-    """Signatures of each candidate, best first; candidates by their best, best first."""
+    """Signatures of each candidate, and candidates by their best, in the order of `score`: best first."""
     table: dict[Use, list[Scored]] = {}
     for item in scored:
         table.setdefault(item.use, []).append(item)

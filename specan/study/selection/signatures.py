@@ -336,10 +336,11 @@ class _ShapeGrid:
         neutral = candidate.neutral(amplitude)
         low, high = candidate.plausible(amplitude)
         reach = max(abs(low), abs(high))
-        ends = [default_value(candidate, amplitude), high, low][: None if self.most >= FEW else 1]
+        many = self.most >= FEW
+        ends = [default_value(candidate, amplitude), high, low][: None if many else 1]
         values = [float(v) for v in dict.fromkeys(ends) if abs(v - neutral) > 1e-9 * reach]
         units = self._units(amplitude, values, self.defaults)
-        if any(unit is None or _apart(unit, units[0]) for unit in units):
+        if many and any(unit is None or _apart(unit, units[0]) for unit in units):
             # It turns with its size, or begins at some size: what is smaller may differ again.
             values += [neutral + 0.1 * (v - neutral) for v in (high, low) if v != neutral]
             between = self._refined(amplitude, sorted(set(values)), self.defaults, len(values) + FEW)
