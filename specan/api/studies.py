@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, TypeAlias, Union
+from typing import TYPE_CHECKING, TypeAlias, TypedDict, Union, Unpack
 
 from specan.errors import RequestError
 from specan.io.output_file import check_output
@@ -26,6 +26,18 @@ if TYPE_CHECKING:
     from specan.study.verdict import Diagnosis, NextMeasurements
 
 Measured: TypeAlias = Union[str, Path, "pd.DataFrame", Sequence[Union[str, Path, "pd.DataFrame"]]]
+
+
+class Begun(TypedDict, total=False):
+    """Options of `Study.new` with which ``Study(model, frame)`` begins, for editors."""
+
+    rig: str | Path | None
+    validation: Measured
+    hold_out: str | Sequence[str]
+    calibration: str | Path | None
+    columns: Mapping[str, str] | None
+    groups: str | Sequence[str]
+    sheet: str
 
 
 class Study:
@@ -60,7 +72,7 @@ class Study:
         *,
         effects: Sequence[str | Path] = (),
         accept_changes: bool = False,
-        **begun: Any,
+        **begun: Unpack[Begun],
     ) -> None:
         if measurement is not None:
             self._place = TemporaryDirectory(prefix="specan-study-")
