@@ -50,11 +50,11 @@ def show(found: ProposedLaws, directory: Path) -> None:
     )
     if found.more:
         click.echo(f"The data admit {found.more} further families as well: measure more before you choose.")
-    before = "" if found.left_out_before is None else f", {found.left_out_before:.4g} on conditions left out"
+    before = "" if found.left_out_before is None else f", {found.left_out_before:.4g} in cross-validation"
     click.echo(f"Error now: {found.error_before:.4g} {found.unit}{before}.")
     table(
         "",
-        ["law", "error after", "left out", "probability"],
+        ["law", "error after", "cross-validated", "probability"],
         [
             [
                 law.name, f"{law.error_after:.4g}",
@@ -69,7 +69,9 @@ def show(found: ProposedLaws, directory: Path) -> None:
             unit = "" if p["unit"] == "1" else f" {p['unit']}"
             own = name.rpartition(".")[2]
             click.echo(f"  {own} = {p['value']:.4g} ({p['low']:.4g} to {p['high']:.4g}){unit}")
-    click.echo("(error after: RMS once it is added. left out: RMS on conditions left out in turn.)")
+    click.echo(
+        "(error after: RMS once it is added. cross-validated: each condition is predicted by a fit without it.)"
+    )
     for row in found.next_measurement:
         click.echo(f"To distinguish them: {row['text']}")
     click.echo(f"\nTry it: specan study add {directory} {directory / found.laws[0].file}")

@@ -99,7 +99,7 @@ def left_out() -> object:
     figure = new_figure(3.2, 6.4)
     axes = figure.subplots()
     axes.plot(degrees, fitted, "o-", color=COLOURS[0], label="on fitted data")
-    axes.plot(degrees, outside, "s--", color=COLOURS[1], label="on conditions left out of the fit")
+    axes.plot(degrees, outside, "s--", color=COLOURS[1], label="in cross-validation")
     axes.axhline(SIGMA, color="0.5", lw=0.8, ls=":", label="noise")
     axes.set(xlabel="Terms added to a constant (the truth has two)", ylabel="RMS error", yscale="log")
     axes.yaxis.set_major_formatter("{x:g}")

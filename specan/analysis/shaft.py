@@ -133,7 +133,7 @@ def tacho_of(recording: Recording, name: str | None) -> Channel:
         raise RequestError(f"{recording.label} has the tachos {names}", remedy="name one of them")
     raise RequestError(
         f"{recording.label} has no tacho",
-        remedy="name one with --tacho CH, or give the speed of the shaft with --speed HZ",
+        remedy="name the tacho (--tacho CH) or the speed of the shaft (--speed HZ)",
     )
 
 

@@ -19,8 +19,12 @@ if TYPE_CHECKING:
 # Black and white would vanish on one of the two backgrounds: grey in the place of black.
 COLOURS = (*PRINTED[:6], "#8b8f98")
 
-_LIGHT = {"ink": "#1d2530", "soft": "#5b6675", "line": "#dfe4ea", "paper": "#ffffff", "panel": "#f5f7f9"}
-_DARK = {"ink": "#e4e8ee", "soft": "#a3adba", "line": "#343d4a", "paper": "#161b22", "panel": "#1e2530"}
+_LIGHT = {
+    "ink": "#1d2530", "soft": "#5b6675", "line": "#dfe4ea", "paper": "#ffffff", "panel": "#f5f7f9", "wrong": "#b83224",
+}  # fmt: skip
+_DARK = {
+    "ink": "#e4e8ee", "soft": "#a3adba", "line": "#343d4a", "paper": "#161b22", "panel": "#1e2530", "wrong": "#f28b7d",
+}  # fmt: skip
 _ACCENT = {"light": "#0072B2", "dark": "#56B4E9"}
 
 
@@ -40,16 +44,21 @@ TEMPLATE = (
 html, body { margin: 0; padding: 0; background: var(--paper); color: var(--ink);
 font: 13px/1.45 system-ui, "Segoe UI", sans-serif; }
 </style>{% endblock %}
+{% block contents %}<main>{{ super() }}</main>{% endblock %}
 {% block postamble %}<script>
 (() => {
   const model = (name) => window.Bokeh?.documents[0]?.get_model_by_name(name);
   const seek = (views, id) => { for (const v of views) { if (v.model.id == id) return v.el;
     const f = seek(v.child_views ?? [], id); if (f) return f; } };
   const unnamed = (root) => { for (const e of root.querySelectorAll('*')) { if (e.shadowRoot) unnamed(e.shadowRoot);
-    const own = e.getRootNode().host?.ariaLabel; if (e.tagName == 'BUTTON' && own) e.ariaLabel = own;
+    const host = e.getRootNode().host;
+    if (e.tagName == 'BUTTON' && host?.ariaLabel) { e.ariaLabel = host.ariaLabel; host.ariaLabel = null; }
+    if (e.classList.contains('bk-ScrollBox')) { e.tabIndex = 0; e.role = 'group'; e.ariaLabel = 'scrolls'; }
+    if (e.tagName == 'TABLE' && e.scrollWidth > e.clientWidth) { e.tabIndex = 0; e.ariaLabel = 'scrolls'; }
+    if (e.classList.contains('bk-events')) { e.role = 'img'; e.ariaLabel = 'figure'; }
     if (['INPUT', 'SELECT'].includes(e.tagName) && !e.ariaLabel
       && ![...(e.labels ?? [])].some((l) => l.textContent.trim()))
-      e.ariaLabel = e.placeholder || e.getRootNode().host?.shadowRoot.textContent.trim() || 'value'; } };
+      e.ariaLabel = e.placeholder || host?.shadowRoot.querySelector('.bk-label')?.textContent.trim() || 'value'; } };
   setInterval(() => unnamed(document), 1000);
   const press = (name) => { const m = model(name); if (!m) return;
     const all = Bokeh.index; const views = Object.values(all).length ? Object.values(all) : [...all];
@@ -76,7 +85,7 @@ select:not([multiple]).bk-input { appearance: auto; background-image: none; }
 select[multiple].bk-input { height: auto; padding: 2px; }
 .bk-input:focus { border-color: var(--accent); box-shadow: none; outline: 1px solid var(--accent); }
 .bk-btn { background: var(--panel); color: var(--ink); border: 1px solid var(--line); border-radius: 5px;
-font-size: 13px; padding: 3px 9px; overflow: hidden; text-overflow: ellipsis; }
+font-size: 13px; padding: 3px 9px; min-width: 24px; min-height: 24px; overflow: hidden; text-overflow: ellipsis; }
 .bk-btn:hover { border-color: var(--accent); color: var(--accent); }
 .bk-btn.bk-active { background: var(--accent); border-color: var(--accent); color: var(--paper); box-shadow: none; }
 .bk-btn-primary { background: var(--accent); border-color: var(--accent); color: var(--paper); }
@@ -89,7 +98,11 @@ background: var(--paper); }
 td { padding: 1px 12px 1px 0; border-top: 1px solid var(--line); }
 td { white-space: pre-line; } td.n { text-align: right; } td.n, td:first-child, th { white-space: nowrap; }
 details > summary { cursor: pointer; color: var(--soft); font-weight: 600; padding: 2px 0; }
-p { margin: 4px 0; } h3 { margin: 4px 0; font-size: 14px; } h4 { margin: 6px 0 2px; }
+p { margin: 4px 0; } h1 { margin: 0; font-size: 13px; font-weight: 700; }
+h2 { margin: 4px 0; font-size: 14px; } h3 { margin: 6px 0 2px; font-size: 13px; }
+input[type=checkbox] { width: 24px; height: 24px; margin: 0 4px 0 0; }
+input[type=checkbox] + .bk-label { line-height: 24px; }
+@media (max-width: 720px) { table:not([style]) { display: block; overflow-x: auto; max-width: calc(100vw - 32px); } }
 """
 PANEL = {
     "background": "var(--panel)",
@@ -173,7 +186,7 @@ def folded(title: str, content: str) -> str:
 
 def notice(text: str, kind: str = "") -> str:
     """A line of text; a warning stands out."""
-    colour = {"error": "#c0392b", "busy": "var(--accent)"}.get(kind, "var(--soft)")
+    colour = {"error": "var(--wrong)", "busy": "var(--accent)"}.get(kind, "var(--soft)")
     return f'<span style="color:{colour}">{escape(text)}</span>'
 
 

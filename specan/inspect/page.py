@@ -94,8 +94,9 @@ class Page:
             buttons.append(Button(label=label, name=name))
             buttons[-1].on_click(press)
         text = (
-            '<span style="font-weight:700;color:var(--accent);font-size:15px">specan</span>'
-            f'<span style="color:var(--soft)"> &nbsp;{self.kind}&nbsp; </span><b>{escape(self._title)}</b>'
+            '<h1><span style="color:var(--accent);font-size:15px">specan</span>'
+            f'<span style="color:var(--soft);font-weight:400"> &nbsp;{self.kind}&nbsp; </span>'
+            f"{escape(self._title)}</h1>"
         )
         name = Div(
             text=text, styles={"white-space": "nowrap", "overflow": "hidden", "text-overflow": "ellipsis"}

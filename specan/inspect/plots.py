@@ -82,6 +82,8 @@ class Spectral:
 
     def __init__(self, sheet: Any, dimension: str = "height", colour: str = "#808894") -> None:
         self.sheet, self.per_hertz, self._dimension = sheet, 1.0, dimension
+        # The outermost pixels of a canvas keep a part of the colours before a change to dark.
+        sheet.styles = {**sheet.styles, "background": "var(--paper)", "clip-path": "inset(2px)"}
         self._spans = [
             Span(dimension=dimension, line_color=colour, line_dash="dashed", line_width=1, visible=False)
             for _ in range(_HARMONICS)
@@ -130,7 +132,7 @@ class PanelPlot(Spectral):
         grows = {} if height else {"flex": f"{share + 1} 1 0", "min-height": "0" if share > 1 else "112px"}
         self.sheet: Any = figure(
             height=height, min_height=76, sizing_mode="stretch_width" if height else "stretch_both",
-            styles={"background": "var(--paper)", **grows}, x_axis_type="log" if hertz else "linear",
+            styles=grows, x_axis_type="log" if hertz else "linear",
             x_range=like.sheet.x_range if like else Range1d(20, 20000) if hertz else Range1d(0, 1),
             y_range=Range1d(0, 1), tools=[], output_backend="canvas",
         )  # fmt: skip
@@ -354,7 +356,7 @@ class HeatMap(Spectral):
         sheet = figure(
             sizing_mode="stretch_both", tools="pan,box_zoom,wheel_zoom,reset,save", x_range=x_range, min_height=120,
             y_range=Range1d(20, 20000), y_axis_type="log" if hertz else "linear", min_border_left=88,
-            styles={"flex": "4 1 0", "min-height": "0", "background": "var(--paper)"}, toolbar_inner=True,
+            styles={"flex": "4 1 0", "min-height": "0"}, toolbar_inner=True,
         )  # fmt: skip
         super().__init__(sheet, *(("width", "#ffffff") if hertz else ()))
         sheet.toolbar.update(logo=None, autohide=True)
@@ -363,7 +365,7 @@ class HeatMap(Spectral):
         sheet.add_tools(HoverTool(renderers=[picture], tooltips=tips))
         if hertz:
             hertz_axis(sheet.yaxis[0])
-        self._bar = ColorBar(color_mapper=self._colours, title="dB")
+        self._bar = ColorBar(color_mapper=self._colours, title="dB", title_text_font_style="normal")
         sheet.add_layout(self._bar, "right")
 
     def draw(self, shown: Picture, dynamics_dB: float) -> None:

@@ -163,7 +163,7 @@ class RecordingPage(Page):
             title="Cursor / Hz", value=view.cursor, mode="float", width=92, name="cursor"
         )
         self._cursor.on_change("value", lambda a, old, new: self.change(cursor=new))
-        harmonics = Checkbox(label="harmonics", active=view.harmonics, name="harmonics", margin=(26, 0, 0, 4))
+        harmonics = Checkbox(label="harmonics", active=view.harmonics, name="harmonics", margin=(20, 0, 0, 4))
         harmonics.on_change("active", lambda a, old, new: self.change(harmonics=new))
         return column(
             search, self._channels, row(self._start, self._stop), row(self._cursor, harmonics),
@@ -287,7 +287,7 @@ class RecordingPage(Page):
 
     def _failed(self, message: str) -> None:
         super()._failed(message)
-        self._waiting.text = notice(message, "error")
+        self._waiting.text = ""
 
     def _save(self, kind: str) -> None:
         tab, view = self.tabs[self.view.tab], self.view

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from bokeh.document import Document
 
 _SIDE = 350  # px
-_AS_IT_IS = 112  # px: what the words "Model as it is" take
+_AS_IT_IS = 112  # px: what the words "Discard trial" take
 
 
 class StudyPage(Page):
@@ -65,7 +65,7 @@ class StudyPage(Page):
             label="Accept", button_type="primary", disabled=True, name="accept", width=_SIDE - _AS_IT_IS - 24
         )
         self.accept.on_click(self._accept)
-        self.again = Button(label="Model as it is", disabled=True, name="as-it-is", width=_AS_IT_IS)
+        self.again = Button(label="Discard trial", disabled=True, name="as-it-is", width=_AS_IT_IS)
         self.again.on_click(self._as_it_is)
         self.tried: Trial | None = None
         self.now: Trial | None = None
@@ -108,7 +108,7 @@ class StudyPage(Page):
         )  # fmt: skip
         main = row(
             self._left(), self._middle, sizing_mode="stretch_width",
-            styles={"height": "calc(100vh - 52px)", "gap": "8px"}, stylesheets=[on_phone(STACKED)],
+            styles={"height": "calc(100vh - 112px)", "gap": "8px"}, stylesheets=[on_phone(STACKED)],
         )  # fmt: skip
         self.show_page(main, column(self.trial, self.history, sizing_mode="stretch_width"))
         self.dressed(self._bottom)
@@ -116,9 +116,8 @@ class StudyPage(Page):
     def _left(self) -> Any:
         """The candidates, what one of them is, and the buttons."""
         explanation = ScrollBox(
-            child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=_share(2),
-            html_attributes={"tabindex": "0"},
-        )  # fmt: skip
+            child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=_share(2)
+        )
         return column(
             self.heading,
             ScrollBox(child=self.ranking.list, width=_SIDE, sizing_mode="stretch_height", styles=_share(3)),

@@ -137,10 +137,10 @@ class ErrorFall:
 
     @property
     def text(self) -> str:
-        """``0.45 to 0.21 mm (3.2 to 1.5 %); on conditions left out of the fit 0.50 to 0.25 mm (3.5 to 1.8 %)``."""
+        """``0.45 to 0.21 mm (3.2 to 1.5 %); in cross-validation 0.50 to 0.25 mm (3.5 to 1.8 %)``."""
         text = _fall(self.before, self.after)
         if self.left_out_before is not None and self.left_out_after is not None:
-            text += f"; on conditions left out of the fit {_fall(self.left_out_before, self.left_out_after)}"
+            text += f"; in cross-validation {_fall(self.left_out_before, self.left_out_after)}"
         return text
 
     def to_dict(self) -> dict[str, Any]:

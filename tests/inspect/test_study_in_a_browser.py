@@ -27,6 +27,7 @@ def study(tmp_path) -> Path:
 def test_candidates_are_ranked_as_the_command_ranks_them(open_page, serve, study):
     page = open_page(serve(str(study)))
     page.wait(lambda: page.text("verdict").strip())
+    page.wait(lambda: page.script("return document.documentElement.scrollHeight <= innerHeight"))
     found = json.loads(CliRunner().invoke(study_diagnose, [str(study), "--json"]).stdout)
     assert found["verdict"] in ("effect", "group")
     assert "Missing:" in page.text("verdict")

@@ -41,7 +41,7 @@ class TableAgreement:
         self._hue_text = dict(named)
         self.ordinate = Select(title="Show", value="z", options=_ORDINATES, width=150, name="ordinate")
         self.abscissa, self.hue = (
-            Select(title=title, value=axes[place], options=named, width=170, name=name)
+            Select(title=title, value=axes[place], options=named, width=200, name=name)
             for title, place, name in (("over", 0, "abscissa"), ("coloured by", min(1, len(axes) - 1), "hue"))
         )
         for choice in (self.ordinate, self.abscissa, self.hue):

@@ -117,7 +117,7 @@ class Ranking:
         children: list[Any] = []
         for text, ranked in ((alone, asked), ("Refitted, less likely", likely), ("Not plausible", unlikely)):
             if ranked:
-                children.append(_heading(f"{text}: remaining error"))
+                children.append(_heading(f"{text}: remaining error, probability"))
                 by_error = sorted(ranked, key=lambda r: r.error_after)
                 children += [self._row(uses_of(r), r) for r in by_error[:MOST_ROWS]]
         return children

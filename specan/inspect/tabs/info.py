@@ -35,9 +35,9 @@ class InfoTab(Tab):
 
 def _of(recording: Recording) -> str:
     """What ``specan info --all`` shows."""
-    parts = [f"<h3>{notice(recording.label)}</h3>"]
+    parts = [f"<h2>{notice(recording.label)}</h2>"]
     parts += [f"<p>{notice(note)}</p>" for note in (*recording.flags, *recording.notes)]
     for one in sheets(recording, {}, show_all=True):
         rows = [[str(cell)[:_LONGEST] for cell in row] for row in one.rows[:_MOST]]
-        parts += [f"<h4>{notice(one.title)}</h4>", table(one.header, rows)]
+        parts += [f"<h3>{notice(one.title)}</h3>", table(one.header, rows)]
     return "".join(parts)

@@ -25,7 +25,7 @@ class OrdersTab(Tab):
         self.channel_choice(view, "tacho", "Tacho", "the only one")
         self.number(view, "pulses", "Pulses per revolution", 140)
         self.number(view, "ratio", "Ratio", 70)
-        self.number(view, "speed", "or speed / Hz")
+        self.number(view, "speed", "Speed / Hz")
         self.number(view, "max_order", "Highest order")
         self.number(view, "turns", "Turns", 70, mode="int")
         self.choice(view, "order_map", "Show", [("False", "spectrum"), ("True", "with the map")], 140)

@@ -33,7 +33,7 @@ class FftTab(Tab):
         self.choice(view, "scaling", "Scaling", SCALINGS, 125)
         averages = ["linear", "exponential", ("max", "max hold"), ("min", "min hold")]
         self.choice(view, "spectrum_averaging", "Averaging", averages)
-        self.number(view, "blocks", "of blocks", 70, mode="int")
+        self.number(view, "blocks", "Blocks", 70, mode="int")
         self.channel_choice(view, "reference", "Phase over", "choose a channel", 190)
 
 
@@ -55,7 +55,7 @@ class FrfTab(Tab):
         """Reference, estimator, phase, blocks."""
         self.channel_choice(view, "over", "Reference", "the vibrometer")
         self.choice(view, "estimator", "Estimator", ["H1", "H2", "Hv", "H3c"], 90)
-        self.channel_choice(view, "instrument", "of H3c", "the generator", 150)
+        self.channel_choice(view, "instrument", "Instrument (H3c)", "the generator", 150)
         self.choice(view, "unwrapped", "Phase", [("False", "-180 to 180"), ("True", "unwrapped")], 130)
         self.number(view, "lines", "Lines", mode="int", placeholder="automatic")
         self.number(view, "overlap", "Overlap", 70)
