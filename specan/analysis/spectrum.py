@@ -148,10 +148,10 @@ class SpectrumAccumulator:
         """Spectra from what was added so far."""
         found = self._spectra.result()
         f, count = found.frequency_hz, len(self.shown)
-        correction = np.stack([correction_of_block(c, f, self.settings.window) for c in self.shown])
+        correction = np.stack([correction_of_block(c, f) for c in self.shown])
         phase = None
         if self.reference is not None:
-            over = correction * np.conj(correction_of_block(self.reference, f, self.settings.window))
+            over = correction * np.conj(correction_of_block(self.reference, f))
             phase = np.where(found.auto[:count] > 0, phase_deg(found.cross[0, :count] * over), np.nan)
         density = found.auto[:count] * np.abs(correction) ** 2
         notes = (*self.notes, *integrated(self.shown, self.settings.window, self.block))
@@ -200,7 +200,7 @@ def single_blocks(recording: Recording, settings: FourierSpectrum) -> Iterator[S
         found = scipy.fft.rfft(samples, overwrite_x=True)
         found *= peaks
         if channel.delay_s or channel.phase is not None or channel.derivatives:
-            found *= correction_of_block(channel, f, settings.window)
+            found *= correction_of_block(channel, f)
         return np.asarray(found)
 
     turn = None if reference is None else np.conj(spectrum(reference))
@@ -216,20 +216,30 @@ def single_blocks(recording: Recording, settings: FourierSpectrum) -> Iterator[S
         del density, phase, lines  # while the next channel is read
 
 
-def correction_of_block(channel: Channel, f: Real, name: WindowName) -> Complex:
-    """Factor on the lines of a block that `convert` has converted; zero below the lowest that it leaves right."""
+def correction_of_block(channel: Channel, f: Real) -> Complex:
+    """Factor on the lines of a block that `convert` has converted."""
     factor = replace(channel, derivatives=0).correction(f)
-    if channel.derivatives:
-        factor = factor * rest(f, channel.sampling_rate, channel.derivatives)
-        factor[: lowest_line(name, channel.derivatives)] = 0.0
-    return factor
+    return factor * rest(f, channel.sampling_rate, channel.derivatives) if channel.derivatives else factor
+
+
+def _cut(channels: Sequence[Channel], density: Real, name: WindowName) -> list[bool]:
+    """Take away the lines (channels, n) below the lowest that integration leaves right; whether most lay there.
+
+    What lies there reaches into the first lines that stay, as wide as the lobe of the window.
+    """
+    mostly = []
+    for channel, row in zip(channels, density, strict=True):
+        lowest = lowest_line(name, channel.derivatives)
+        mostly.append(bool(np.sum(row[:lowest]) > np.sum(row[lowest:])))
+        row[:lowest] = 0.0
+    return mostly
 
 
 def integrated(channels: Sequence[Channel], name: WindowName, block: int) -> tuple[str, ...]:
     """A note on the lowest frequency of what is integrated."""
     lines = [lowest_line(name, channel.derivatives) for channel in channels]
     lowest = max(lines) * channels[0].sampling_rate / block
-    return (f"integrated from {lowest:.3g} Hz on: below, there is no line",) if lowest else ()
+    return (f"integrated from {lowest:.3g} Hz on: below, there is no line; finer lines go lower",) if lowest else ()
 
 
 def block_of(recording: Recording, settings: BlockSettings, n: int) -> int:
@@ -307,6 +317,9 @@ def spectrum_of(
     frequency_hz, density, phase, block, n_blocks, n_effective = lines
     kept = lines_between(frequency_hz, settings)
     rate = channels[0].sampling_rate
+    mostly_below = _cut(channels, density, settings.window)
+    if phase is not None:
+        phase[density == 0] = np.nan
     if not kept.all():  # a copy of all lines of a whole recording is large
         frequency_hz, density = frequency_hz[kept], density[:, kept]
         phase = None if phase is None else phase[:, kept]
@@ -327,13 +340,15 @@ def spectrum_of(
         phase_deg=phase,
         phase_reference=settings.reference,
         rms=np.sqrt(np.sum(density, axis=1) * (rate / block)),
-        flags=tuple((*recording.flags, *_flags(row)) for row in density),
+        flags=tuple((*recording.flags, *_flags(*of_one)) for of_one in zip(density, mostly_below)),
     )
 
 
-def _flags(density: Real) -> tuple[str, ...]:
+def _flags(density: Real, mostly_below: bool) -> tuple[str, ...]:
     if not np.all(np.isfinite(density)):
         return ("not-finite",)
+    if mostly_below:
+        return ("mostly-below-the-lowest-line",)
     return () if np.any(density > 0) else ("dead",)
 
 
@@ -381,7 +396,7 @@ class SpectrogramSettings(BlockSettings):
         kept = lines_between(frequency, self)
         room = max(1, VALUES // (len(channels) * int(kept.sum())))
         per_column = -(-n_blocks // min(self.columns, room))
-        gain = np.square(np.abs([correction_of_block(c, frequency, self.window) for c in channels]))
+        gain = np.square(np.abs([correction_of_block(c, frequency) for c in channels]))
         gain *= power_weighting(frequency, self.weighting)
         count = n_blocks // per_column  # an incomplete last column is left out
         density = np.zeros((len(channels), count, int(kept.sum())))
@@ -391,7 +406,9 @@ class SpectrogramSettings(BlockSettings):
         )  # fmt: skip
         pieces = recording.blocks(channels, READ_BLOCK, start, stop)
         for column, auto in zip(range(count), _means(pieces, grid, average, per_column), strict=False):
-            density[:, column] = (auto * gain)[:, kept]
+            auto *= gain
+            _cut(channels, auto, self.window)
+            density[:, column] = auto[:, kept]
         time: Real = np.arange(count, dtype=np.float64) * (per_column * hop / rate)
         width = ((per_column - 1) * hop + block) / rate
         return Spectrogram(

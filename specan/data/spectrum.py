@@ -139,7 +139,7 @@ class _Lines(RecordingResult):
         rows = []
         for row, (name, unit) in enumerate(zip(self.channels, self.units)):
             values = scale.values(density[row], self.has_mirror)
-            for rank, k in enumerate(highest(values, peaks)):
+            for rank, k in enumerate(highest(values, peaks, self.has_mirror)):
                 level = float(scale.level_dB(density[row, k : k + 1], unit)[0])
                 rows.append(
                     [
@@ -330,17 +330,26 @@ class Spectrogram(_Lines):
         return f"{counted(len(self.time_s), 'column')} of {counted(self.blocks_per_column, 'block')}"
 
 
-def highest(values: Real, count: int) -> list[int]:
-    """Lines of the highest local maxima, highest first; the highest line of all where there is none.
+def highest(values: Real, count: int, has_mirror: Flags | None = None) -> list[int]:
+    """Lines of the highest local maxima, highest first; the first line where there is none.
+
+    A line with a mirror has two neighbours. Where one of them is not given, because the range of lines or of integration
+    ends there, the line may be the foot of something outside, and is no maximum.
 
     Examples
     --------
     >>> highest(np.array([0.0, 3.0, 1.0, 2.0, 5.0, 4.0]), 2)
     [4, 1]
+    >>> highest(np.array([0.0, 3.0, 1.0, 2.0, 1.0, 4.0]), 2, np.ones(6, bool))
+    [3]
     """
     around = np.concatenate([[-np.inf], np.nan_to_num(values, nan=-1.0), [-np.inf]])
-    maxima = np.flatnonzero((around[1:-1] >= around[:-2]) & (around[1:-1] > around[2:]))
-    return maxima[np.argsort(-around[1 + maxima], kind="stable")][:count].tolist() or [0]
+    if has_mirror is not None:
+        around[0], around[-1] = np.where(has_mirror[[0, -1]], np.inf, -np.inf)
+        around[1 : 1 + np.argmax(around[1:] > 0)] = np.inf
+    lines = around[1:-1]
+    maxima = np.flatnonzero((lines >= around[:-2]) & (lines > around[2:]) & np.isfinite(lines))
+    return maxima[np.argsort(-lines[maxima], kind="stable")][:count].tolist() or [0]
 
 
 @dataclass(frozen=True, repr=False)

@@ -96,3 +96,29 @@ def test_what_a_window_leaks_is_not_integrated(
     assert found.values[0, away].max() < 0.01 * true
     assert (found.values[0, :3] == 0).all()
     assert any("integrated from" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("settings", [{"lines": 3200}, {"whole": True, "stop_s": 0.16}])
+def test_the_foot_of_a_tone_below_the_lowest_line_is_no_peak(settings: dict[str, object]) -> None:
+    """63 um at 20 Hz, where a flat-top of 6.25 Hz a line has no line: 1.9 um at 43.75 Hz are its lobe, not a motion."""
+    rate = 51200.0
+    t = np.arange(round(2 * rate)) / rate
+    channels = tuple(Channel(name, unit="m/s^2", sampling_rate=rate, n_samples=t.size) for name in ("a", "b"))
+    low, high = np.cos(2 * np.pi * 20 * t), np.cos(2 * np.pi * 500 * t)
+    shown = Recording("a.tdms", channels, ArraySource([low + 0.3 * high, high])).in_quantity("displacement")
+    found = FourierSpectrum(window="flat-top", **settings)(shown)
+    assert found.flags == (("mostly-below-the-lowest-line",), ())
+    peaks = [float(row[2]) for row in found.sheets()[0].rows]
+    assert peaks == pytest.approx([500.0, 500.0], abs=3)
+    assert found.values[0, round(500 / 6.25)] == pytest.approx(0.3 / (2 * np.pi * 500) ** 2, rel=5e-3)
+    assert any("finer lines go lower" in note for note in found.notes)
+
+
+def test_the_foot_of_a_tone_outside_the_range_is_no_peak() -> None:
+    rate = 8000.0
+    t = np.arange(8000) / rate
+    channel = Channel("Mic 1", unit="Pa", sampling_rate=rate, n_samples=t.size)
+    samples = np.cos(2 * np.pi * 500 * t) + 1e-3 * np.cos(2 * np.pi * 800 * t) + np.cos(2 * np.pi * 1500 * t)
+    shown = Recording("a.tdms", (channel,), ArraySource([samples]))
+    found = FourierSpectrum(whole=True, fmin_hz=501.0, fmax_hz=1499.0)(shown)
+    assert float(found.sheets()[0].rows[0][2]) == 800.0
