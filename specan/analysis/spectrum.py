@@ -239,7 +239,11 @@ def integrated(channels: Sequence[Channel], name: WindowName, block: int) -> tup
     """A note on the lowest frequency of what is integrated."""
     lines = [lowest_line(name, channel.derivatives) for channel in channels]
     lowest = max(lines) * channels[0].sampling_rate / block
-    return (f"integrated from {lowest:.3g} Hz on: below, there is no line; finer lines go lower",) if lowest else ()
+    return (
+        (f"integrated from {lowest:.3g} Hz on: below, there is no line; finer lines go lower",)
+        if lowest
+        else ()
+    )
 
 
 def block_of(recording: Recording, settings: BlockSettings, n: int) -> int:

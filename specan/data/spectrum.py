@@ -333,8 +333,8 @@ class Spectrogram(_Lines):
 def highest(values: Real, count: int, has_mirror: Flags | None = None) -> list[int]:
     """Lines of the highest local maxima, highest first; the first line where there is none.
 
-    A line with a mirror has two neighbours. Where one of them is not given, because the range of lines or of integration
-    ends there, the line may be the foot of something outside, and is no maximum.
+    A line with a mirror has two neighbours. Where one of them is not given, because the range of lines or of
+    integration ends there, the line may be the foot of something outside, and is no maximum.
 
     Examples
     --------
