@@ -15,7 +15,7 @@ import hashlib
 import inspect
 import types
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ UNSETTLED = False, 4  # method and steps at values at which nothing settles
 
 
 class Program:
-    """The rates of a model with some effects as one function ``rates(states, drives, parameters, on, out)``.
+    """The rates of a model with some effects as one function ``rates(states, drives, parameters, on)``.
 
     Parameters
     ----------
@@ -81,14 +81,14 @@ class Program:
                 self._quantity(name)
         for k, (name, state) in enumerate(self.states.items()):
             if state.rate is None:
-                self._lines.append(f"out[{k}] = {self._read('d' + name)}")
+                self._lines.append(f"rate_{k} = 1.0 * {self._read('d' + name)}")
             else:
                 use = next(u for u in self.uses if name in self.assembly.model.effects[u.name].states)
                 own = {n: f"{use}.{n}" for n in self.assembly.model.effects[use.name].parameters}
                 self._on(
                     use,
-                    f"out[{k}] = {self._call(f'r{k}', state.rate, state.reads, own)}",
-                    f"out[{k}] = 0.0",
+                    f"rate_{k} = 1.0 * {self._call(f'r{k}', state.rate, state.reads, own)}",
+                    f"rate_{k} = 0.0",
                 )
 
     def _quantity(self, name: str) -> None:
@@ -140,43 +140,65 @@ class Program:
 
     @cached_property
     def source(self) -> str:
-        """The function as text."""
-        return "def rates(s, d, p, on, out):\n    " + "\n    ".join(self._lines) + "\n"
+        """The function as text, and what it needs for its number of states and drives."""
+        states, drives = range(len(self.states)), range(max(len(self.drives), 1))
+        return "\n".join(
+            [
+                "def rates(s, d, p, on):",
+                *(f"    {line}" for line in self._lines),
+                _giving("rate_{k}", states),
+                "def moved(s, h, slope):",
+                _giving("s[{k}] + h * slope[{k}]", states),
+                "def between(drives, i, part):",
+                _giving("drives[{k}, i] + (drives[{k}, i + 1] - drives[{k}, i]) * part", drives),
+            ]
+        )
 
     @cached_property
-    def marches(self) -> tuple[Any, Any]:
-        """Runge-Kutta's method and the implicit one over all samples; with numba where effects are switched."""
+    def explicit(self) -> Any:
+        """Runge-Kutta's method over all samples; with numba where effects are switched."""
+        return self._march("explicit")
+
+    @cached_property
+    def implicit(self) -> Any:
+        """The method for stiff models; it is compiled only where one is."""
+        return self._march("implicit")
+
+    def _march(self, method: str) -> Any:
         text = f"{inspect.getsource(marching)}\n\n{self.source}"
         if not self.switched:
-            space = _run(text, "rates of a model", self.functions)
-            return space["explicit"], space["implicit"]
+            return _run(text, "rates of a model", self.functions)[method]
         parts = [text, *(_described(f) for f in self.functions.values())]
         key = hashlib.sha256("\n".join(map(str, parts)).encode()).hexdigest()
-        if key not in _COMPILED:
+        if (key, method) not in _COMPILED:
             file = _file_of(text, key) if all(parts) else None
             try:
-                _COMPILED[key] = self._compiled(text, file)
+                _COMPILED[key, method] = self._compiled(text, method, file)
             except Exception:  # kept code that does not load costs a compilation, no verdict
                 if file is None:
                     raise
-                _COMPILED[key] = self._compiled(text, None)
-        return _COMPILED[key]
+                _COMPILED[key, method] = self._compiled(text, method, None)
+        return _COMPILED[key, method]
 
-    def _compiled(self, text: str, file: Path | None) -> tuple[Any, Any]:
-        """Both methods, from machine code that was kept beside `file` where there is some."""
+    def _compiled(self, text: str, method: str, file: Path | None) -> Any:
+        """A method, from machine code that was kept beside `file` where there is some."""
         numba = _numba()
         space = _run(
             text, str(file), {n: numba.njit(error_model="numpy")(f) for n, f in self.functions.items()}
         )
         for name, _ in inspect.getmembers(marching, inspect.isfunction):
-            cached = file is not None and name in ("explicit", "implicit")
-            space[name] = numba.njit(error_model="numpy", cache=cached)(space[name])
-        n, d = len(self.states), len(self.drives)
-        on = np.ones(len(self.uses), bool)
-        space["explicit"](
-            np.arange(2.0), 1, np.ones((d, 2)), np.ones(len(self.parameters)), on, np.ones((n, 2))
-        )
-        return space["explicit"], space["implicit"]
+            cached = file is not None and name == method
+            inline = name in ("rates", "moved", "between")
+            space[name] = numba.njit(error_model="numpy", cache=cached, forceinline=inline)(space[name])
+        n, d = len(self.states), max(len(self.drives), 1)
+        p, on, start = (1.0,) * len(self.parameters), (True,) * len(self.uses), (1.0,) * n
+        space[method](np.arange(2.0), 1, np.ones((d, 2)), p, on, start, np.ones((n, 2)))
+        return space[method]
+
+
+def _giving(element: str, numbers: Iterable[int]) -> str:
+    """The end of a function that returns a tuple."""
+    return f"    return ({', '.join(element.format(k=k) for k in numbers)},)\n\n"
 
 
 def _run(text: str, file: str, names: Mapping[str, Any]) -> dict[str, Any]:
@@ -226,7 +248,7 @@ def _described(function: Any) -> str:
     return repr((code.co_code, code.co_consts, code.co_names, code.co_varnames, told))
 
 
-_COMPILED: dict[str, tuple[Any, Any]] = {}  # by what was compiled: a model that is loaded again is the same
+_COMPILED: dict[tuple[str, str], Any] = {}  # by what was compiled: a model that is loaded again is the same
 
 
 def _numba() -> Any:
@@ -293,22 +315,19 @@ class Solver:
         defaults = {**self.model.assemble(program.uses).defaults, **assembly.defaults}
         values = np.array([[float(v.get(n, defaults[n])) for v in many] for n in program.parameters])
         values = values.reshape(len(program.parameters), len(many))
-        on = np.array([use in assembly.uses for use in program.uses], bool)
+        on = tuple(use in assembly.uses for use in program.uses)
 
         def march(implicit: bool, steps: int) -> Real:
-            found = np.empty((len(program.states), times.size, len(many)))
+            found = np.empty((len(many), len(program.states), times.size)).transpose(1, 2, 0)
             found[:, 0] = starts
-            way = program.marches[int(implicit)]
+            way = program.implicit if implicit else program.explicit
             with np.errstate(all="ignore"):
                 if not program.switched and not implicit:  # all sets as columns
-                    way(times, steps, drives, values, on, found)
+                    way(times, steps, drives, tuple(values), on, tuple(starts), found)
                 else:
                     for k in range(len(many)):
-                        states, own, given = map(
-                            np.ascontiguousarray, (found[:, :, k], values[:, k], drives[:, :, k])
-                        )
-                        way(times, steps, given, own, on, states)
-                        found[:, :, k] = states
+                        own, start = tuple(values[:, k].tolist()), tuple(starts[:, k].tolist())
+                        way(times, steps, drives[:, :, k], own, on, start, found[:, :, k])
             found[~(np.abs(found) < 1e100)] = np.nan
             return found
 
@@ -350,7 +369,7 @@ def _compile(assembly: Evaluator) -> Program | None:
         return None
     try:
         program = Program(assembly, switched=True)
-        program.marches  # noqa: B018 - compiles
+        program.explicit  # noqa: B018 - compiles
     except (RequestError, numba.errors.NumbaError, TypeError):
         return None
     return program

@@ -128,7 +128,7 @@ class Rates:
         ) -> tuple[Any, Any]:
             own = [f"{name}_start" for name in states if name in self.states]
             wanted = [name for name in (*names, *own) if name in assembly.model.quantities]
-            drives = np.zeros((max(len(names), 1), times.size, len(many)))
+            drives = np.zeros((len(many), max(len(names), 1), times.size)).transpose(1, 2, 0)
             starts = np.zeros((len(states), len(many)))
             for k, found in enumerate(assembly.pointwise(conditions, many, wanted)):
                 for i, name in enumerate(names):

@@ -107,6 +107,27 @@ def test_stiff_system_takes_the_implicit_method(way):
     assert "stiff" in model.rates.solver(model).method()
 
 
+@pytest.mark.parametrize("broken", [False, True])
+@pytest.mark.parametrize(("damping", "method"), [(20.0, "explicit"), (1e6, "implicit")])
+def test_machine_code_is_kept_and_where_it_is_broken_made_anew(
+    tmp_path, monkeypatch, damping, method, broken
+):
+    """Both methods: the next program takes up what this one compiled, and gives the same."""
+    pytest.importorskip("numba")
+    monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path))
+    found, hits = [], []
+    for _ in range(2):
+        monkeypatch.setattr(march, "_COMPILED", {})
+        model = oscillator(start=1e-3, damping=damping)
+        found.append(response(model, TIME, np.zeros(TIME.size)))
+        program = model.rates.solver(model).program(model.assemble())
+        hits.append(sum(getattr(program, method).stats.cache_hits.values()))
+        for kept in tmp_path.rglob("*.nbi") if broken else ():
+            kept.write_bytes(b"cut off")
+    assert np.array_equal(*found)
+    assert hits == [0, 0 if broken else 1]
+
+
 def test_effects_that_are_off_change_nothing(way):
     force = 30 * np.cos(2 * np.pi * 15 * TIME)
     plain = response(oscillator(), TIME, force)
