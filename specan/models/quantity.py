@@ -103,8 +103,10 @@ class Condition:
         if self.usual_setting is not None:
             return self.usual_setting
         units = {self.unit, self.column_unit or self.unit}
-        shifted = any(convert(0.0, unit, base_unit(unit)) for unit in units)
-        return SettingError(absolute=1.0) if shifted else SettingError(relative=0.02)
+        if any(convert(0.0, unit, base_unit(unit)) for unit in units):
+            return SettingError(absolute=1.0)
+        # 1 K at room temperature: a percentage of an absolute temperature is many degrees.
+        return SettingError(relative=1 / 300 if base_unit(self.unit) == base_unit("K") else 0.02)
 
     @property
     def known(self) -> bool:

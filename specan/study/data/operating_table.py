@@ -142,7 +142,9 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
     conditions, steps, groups, notes = _conditions(tables, frame, model)
     outside = check_limits(conditions, places, model)
     marks = {how: frame[how].to_numpy() for how in MARKS if all(how in t.frame for t in tables)}
-    points = SetPoints(conditions, model, recording, marks)
+    said = {n: {t.units.get(model.conditions[n].column, "") for t in tables} for n in conditions}
+    units = {n: next(iter(found)) for n, found in said.items() if len(found) == 1 and "" not in found}
+    points = SetPoints(conditions, model, recording, marks, units)
 
     def place(rows: NDArray[np.intp]) -> str:
         file = f"{recordings[int(recording[rows[0]])]}, " if len(recordings) > 1 else ""
@@ -151,7 +153,6 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
     # From rows of the tables to measured values, of which a row may hold several.
     row, observable, measured, printed = _measured(tables, frame, model)
     kinds = cells(observable)
-    said = {n: {t.units.get(model.conditions[n].column, "") for t in tables} for n in conditions}
     return Rows(
         recordings=recordings,
         recording=recording[row],
@@ -172,7 +173,7 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
             *points.said(place),
         ),
         groups=groups,
-        units={n: next(iter(units)) for n, units in said.items() if len(units) == 1 and "" not in units},
+        units=units,
     )
 
 
@@ -233,10 +234,13 @@ def check_varied(rows: Rows, model: Model) -> None:
     if all(np.unique(values).size < 2 for name, values in rows.levels.items() if name != TIME):
         there = ", ".join(rows.recordings)
         what = "one row" if rows.n == 1 else f"{rows.n} rows, all at the same condition"
+        near = [model.conditions[n].column for n, v in rows.conditions.items() if n != TIME and np.ptp(v) > 0]
+        remedy = f"measure at other {model.words.vary}"
+        if near:
+            what = f"{rows.n} rows that differ in {' and '.join(near)} by no more than the scatter of setting"
+            remedy += f", or declare a smaller {near[0]}_setting_percent"
         raise InputError(
-            f"{there}: {what}",
-            expected="at least two different operating conditions",
-            remedy=f"measure at other {model.words.vary}",
+            f"{there}: {what}", expected="at least two different operating conditions", remedy=remedy
         )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from specan.models import Condition, Model, SettingError
 from specan.study.observation import Array
+from specan.units import convert
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
 ENOUGH = 8  # degrees of freedom above which repeats are believed
@@ -21,7 +22,7 @@ def grouping_of(model: Model, condition: Condition) -> SettingError:
     return model.rig.setting.get(condition.name, condition.setting)
 
 
-def levels(values: Array, setting: SettingError) -> tuple[Array, bool]:
+def levels(values: Array, setting: SettingError, printed: Array | None = None) -> tuple[Array, bool]:
     """The level that each value was meant to be at, and whether the column holds set values.
 
     Values on a round grid that is coarser than the scatter of setting are set values and levels as they
@@ -34,6 +35,8 @@ def levels(values: Array, setting: SettingError) -> tuple[Array, bool]:
         One value for each different operating point (repeats count once).
     setting : SettingError
         Scatter of setting this variable.
+    printed : array, optional
+        The same in the table's unit, in which set values are round.
 
     Returns
     -------
@@ -49,11 +52,11 @@ def levels(values: Array, setting: SettingError) -> tuple[Array, bool]:
     >>> levels(np.array([5.1, 20.4, 4.9, 19.6]), SettingError(0.05))
     (array([ 5., 20.,  5., 20.]), False)
     """
-    distinct = np.unique(values)
-    step = round_step(distinct)
+    distinct, shown = np.unique(values), np.unique(values if printed is None else printed)
     span = float(distinct[-1] - distinct[0])
     if span == 0:
         return values.copy(), True
+    step = round_step(shown) * span / float(shown[-1] - shown[0])
     scatter = float(setting.at(np.median(np.abs(values))))
     if step >= scatter and distinct.size >= 0.3 * (span / step + 1):
         return values.copy(), True
@@ -210,6 +213,8 @@ class SetPoints:
         File of every row.
     marks : mapping
         Columns ``repeat`` and ``setup`` where all tables have them.
+    units : mapping
+        Units of the tables' columns where that is not the condition's `column_unit`.
 
     Attributes
     ----------
@@ -227,12 +232,13 @@ class SetPoints:
         model: Model,
         recording: NDArray[np.intp],
         marks: Mapping[str, Array],
+        units: Mapping[str, str],
     ) -> None:
         self.conditions, self._recording, self._marks = conditions, recording, marks
         self._settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
         self.levels: dict[str, Array] = {}
         self.is_set: dict[str, bool] = {}
-        self._find_levels(model)
+        self._find_levels(model, units)
         self._set = [n for n in conditions if n != TIME]
         self._moved = [n for n in self._set if not np.array_equal(conditions[n], self.levels[n])]
         # Rows are alike only where these values are equal: nobody has said how well they are set.
@@ -249,15 +255,19 @@ class SetPoints:
         self.replicate_group = apart if enough else self._alike
         self.setup, self.setups_from = self._set_ups()
 
-    def _find_levels(self, model: Model) -> None:
+    def _find_levels(self, model: Model, units: Mapping[str, str]) -> None:
         distinct: Any = (
             np.unique(np.stack([*self.conditions.values()], axis=1), axis=0) if self.conditions else []
         )
         for k, (name, values) in enumerate(self.conditions.items()):
-            if model.conditions[name].group:
+            condition = model.conditions[name]
+            if condition.group:
                 self.levels[name], self.is_set[name] = values, True
                 continue
-            points, self.is_set[name] = levels(distinct[:, k], self._settings[name])
+            shown = np.asarray(
+                convert(distinct[:, k], condition.unit, units.get(name, condition.column_unit))
+            )
+            points, self.is_set[name] = levels(distinct[:, k], self._settings[name], shown)
             back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
             self.levels[name] = np.array([back[x] for x in values.tolist()])
         if "repeat" not in self._marks or "setup" in self._marks:

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from specan.models import SettingError
+from specan.errors import InputError
+from specan.models import Model, SettingError
+from specan.study.data.open_tables import read_tables
 from specan.study.data.setpoints import MOST_LEVELS, cells, grouped, levels, round_step
 
 TORQUES = np.array([5, 15, 30, 50, 80.0])
@@ -65,3 +67,37 @@ def test_many_levels_are_grouped_with_their_neighbours():
 
 def test_cells_number_combinations():
     assert cells(np.array([1.0, 2, 1, 2]), np.array([5.0, 5, 5, 6])).tolist() == [0, 1, 0, 2]
+
+
+def test_temperatures_in_kelvin_are_as_far_apart_as_in_degrees(tmp_path):
+    """A heat flow of 2 W/K from 25, 30, 40, 55 and 70 degC: five conditions, of which one is put aside."""
+
+    def heat(T, k):
+        return k * (T - 290.0)
+
+    (tmp_path / "t.csv").write_text(
+        "T [degC],heat [W]\n" + "".join(f"{t},{2 * t:.3f}\n" for t in (25, 30, 40, 55, 70))
+    )
+    for unit, low, high in (("K", 273, 400), ("degC", 0, 127)):
+        model = Model.from_function(
+            heat, conditions={"T": (unit, low, high)}, observables={"heat": ("W", 0.1)},
+            parameters={"k": (2.0, 0.1, 10, "W/K")},
+        )  # fmt: skip
+        data = read_tables(model, [tmp_path / "t.csv"])
+        assert "5 levels" in " ".join(data.statements)
+        np.testing.assert_allclose(data.fitted[0].sigma, 0.1, rtol=1e-5)
+
+
+def test_rows_nearer_than_they_can_be_set_are_refused_with_the_reason(tmp_path):
+    def force(travel, rate):
+        return rate * travel
+
+    model = Model.from_function(
+        force, conditions={"travel": ("m", 0, 1)}, observables={"force": ("N", 0.1)},
+        parameters={"rate": (2.0, 0.1, 10, "N/m")},
+    )  # fmt: skip
+    (tmp_path / "t.csv").write_text("travel,force\n0.5,1\n0.502,1\n0.5037,1\n")
+    with pytest.raises(
+        InputError, match=r"differ in travel by no more than .* smaller travel_setting_percent"
+    ):
+        read_tables(model, [tmp_path / "t.csv"])
