@@ -25,6 +25,7 @@ from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
 from specan.divisions import division_name
 from specan.errors import SpecanError, unforeseen
+from specan.report.figure_style import micro
 from specan.report.figures import figure_of
 from specan.report.html_page import page, picture, table
 from specan.result import counted
@@ -167,9 +168,11 @@ class _Measured:
         parts = [f'<h2 class="sheet">{number}  {escape(self.entry.label)}</h2>']
         parts += [f"<p>{escape(fact)}</p>" for fact in facts]
         if self.levels is not None:
-            parts += ["<h3>Levels</h3>", table(*_level_table(self.levels))]
+            parts += ["<h3>Levels / dB</h3>", table(*_level_table(self.levels))]
         if self.bands is not None:
-            parts += [f"<h3>{division_name(self.bands.fraction).capitalize()} bands</h3>"]
+            unit = {f"dB re {micro(reference.text)}" for reference in self.bands.references}
+            bands = division_name(self.bands.fraction).capitalize()
+            parts += [f"<h3>{bands} bands{', ' + unit.pop() if len(unit) == 1 else ' / dB'}</h3>"]
             parts += [picture(figure_of(self.bands), f"band levels of {self.entry.label}")]
             parts += [table(*_band_table(self.bands))]
         if self.excitation.startswith(("noise", "sweep")):
@@ -187,16 +190,18 @@ class _Measured:
 
 def _level_table(found: SignalLevels) -> tuple[list[str], list[list[str]]]:
     """Equivalent and largest levels, of sound with A weighting."""
-    sound = np.isfinite(found.equivalent_dB.get("A", np.full(len(found.channels), np.nan)))
-    if sound.any():
-        header, columns = ["LAeq / dB", "LAFmax / dB"], (found.equivalent_dB["A"], found.max_dB)
+    names, unknown = found.channels, np.full(len(found.channels), np.nan)
+    if np.isfinite(equivalent := found.equivalent_dB.get("A", unknown)).any():
+        header, first, levels = ["LAeq", "LAFmax"], [_decibels(v) for v in equivalent], found.max_dB
     else:
-        header, columns = ["RMS", "level / dB"], (found.rms, found.level_dB)
-    rows = [
-        [name, *("" if v[k] != v[k] else f"{v[k]:.1f}" if v[k] > 1 else f"{v[k]:.4g}" for v in columns)]
-        for k, name in enumerate(found.channels)
-    ]
+        header, levels = ["RMS", "level"], found.level_dB
+        first = [f"{value:.4g} {unit}" for value, unit in zip(found.rms, found.units)]
+    rows = [[*row, _decibels(level)] for *row, level in zip(names, first, levels)]
     return _side_by_side(["channel", *header], rows, max(8, -(-len(rows) // 3)))
+
+
+def _decibels(level: float) -> str:
+    return "" if np.isnan(level) else f"{level:.1f}"
 
 
 def _side_by_side(header: list[str], rows: list[list[str]], height: int) -> tuple[list[str], list[list[str]]]:
@@ -221,8 +226,7 @@ def _band_table(found: BandLevels) -> tuple[list[str], list[list[str]]]:
             "lowest": found.level_dB.min(axis=0),
             "highest": found.level_dB.max(axis=0),
         }
-    reference = f"dB re {found.references[0].text}" if alike else "dB"
-    header = [f"Hz ({reference})", *rows]
+    header = ["Hz", *rows]
     lines = zip(found.nominal_hz, *rows.values(), strict=True)
     shown = [[f"{hertz:g}", *(f"{level:.1f}" for level in levels)] for hertz, *levels in lines]
     return _side_by_side(header, shown, -(-len(shown) // 2))
@@ -233,6 +237,9 @@ def _skipped(report: BatchReport) -> list[str]:
     rows += [
         [f"{r.label}, {channel}", why] for r in report.results for channel, why in r.set_aside if channel
     ]
-    aside = [r.label for r in report.of_kind("aside")]
     parts = ["<h2>Not analysed</h2>", table(["file", "reason"], rows)] if rows else []
-    return [*parts, f"<p>Skipped: {escape(', '.join(aside))}.</p>"] if aside else parts
+    aside: dict[str, list[str]] = {}
+    for result in report.of_kind("aside"):
+        aside.setdefault(result.reason, []).append(result.label)
+    lines = [f"Skipped, {why}: {', '.join(files)}." for why, files in aside.items()]
+    return [*parts, *(f"<p>{escape(line)}</p>" for line in lines)]

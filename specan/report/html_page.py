@@ -26,7 +26,8 @@ h1 { font-size: 1.6em; margin: 0 0 0.2em; } h2 { font-size: 1.25em; margin: 1.6e
 border-bottom: 1px solid var(--line); padding-bottom: 0.2em; } h3 { font-size: 1.05em; margin: 1.2em 0 0.3em; }
 table { border-collapse: collapse; margin: 0.8em 0; font-size: 0.92em; }
 td, th { padding: 0.2em 0.8em; text-align: left; border-bottom: 1px solid var(--line); }
-th { color: var(--soft); font-weight: 600; } td.n { text-align: right; font-variant-numeric: tabular-nums; }
+th { color: var(--soft); font-weight: 600; }
+td.n { text-align: right; font-variant-numeric: tabular-nums; }
 img { max-width: 100%; background: #fff; border-radius: 4px; }
 .verdict { font-size: 1.15em; border-left: 0.3em solid var(--accent); margin: 0.5em 0; padding: 0.1em 0 0.1em 0.7em; }
 pre { background: var(--panel); padding: 0.8em; overflow-x: auto; font-size: 0.85em; } tr.grey { color: var(--soft); }

@@ -68,6 +68,16 @@ def test_a_recording_has_its_level_its_bands_and_its_calibration(tmp_path):
     assert f"|Report of|{datetime.date.today():%Y-%m-%d}|" in text
 
 
+def test_the_rms_of_an_acceleration_has_its_unit(tmp_path):
+    """A sine of 8 m/s² over whole periods: 8 / sqrt(2) = 5.657 m/s²."""
+    t = np.arange(2 * RATE) / RATE
+    lines = "\n".join(f"{a:.6f},{b:.9e}" for a, b in zip(t, 8 * np.sin(2 * np.pi * 100 * t)))
+    (tmp_path / "shaker.csv").write_text(f"time [s],Acc 1 [m/s^2]\n{lines}\n", encoding="utf-8")
+    CliRunner().invoke(command, [str(tmp_path), "-o", str(tmp_path / "out"), "--jobs", "1", "--report"])
+    text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert f"{8 / np.sqrt(2):.4g} m/s^2" in text
+
+
 def test_the_calibration_of_the_batch_is_that_of_the_report(tmp_path):
     samples = Path(__file__).parents[2] / "sample_data" / "recordings"
     for place in ("calibration", "noise"):
