@@ -163,11 +163,11 @@ def printed_unit(unit: str) -> str:
 
     Examples
     --------
-    >>> [printed_unit(unit) for unit in ("degC", "N*m", "Pa*s/m", "percent", "1")]
-    ['°C', 'Nm', 'Pa s/m', '%', '']
+    >>> [printed_unit(unit) for unit in ("degC", "N*m", "Pa*s/m", "um/N", "percent", "1")]
+    ['°C', 'Nm', 'Pa s/m', 'µm/N', '%', '']
     """
     return {"degC": "°C", "degF": "°F", "percent": "%", "1": ""}.get(
-        unit, unit.replace("N*m", "Nm").replace("*", " ")
+        unit, re.sub(r"\bu(m|Pa|N)\b", r"µ\1", unit.replace("N*m", "Nm").replace("*", " "))
     )
 
 

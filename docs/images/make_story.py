@@ -101,7 +101,7 @@ def draw(drawn: dict[str, Any], path: Path) -> None:
             axes.plot(
                 speed[mine] + shift, np.array(residual)[mine], "o", ms=3, color=colour, label=f"{level:g}"
             )
-        axes.set(xlabel="speed / rpm", ylim=(-span, span), title=title)
+        axes.set(xlabel="speed / rpm\n(temperatures side by side)", ylim=(-span, span), title=title)
     first.set_ylabel("model - measured / mN m")
     second.legend(
         title="oil temperature / °C",

@@ -164,7 +164,7 @@ class SignalLevels(RecordingResult):
     def sheets(self) -> list[Sheet]:
         """The signal, its levels, and their percentiles."""
         letter, stop = {"fast": "F", "slow": "S"}[self.averaging], self.start_s + self.duration_s
-        weighted = f"the {self.averaging} level, {self.weighting} weighted for Pa"
+        weighted = f"the {self.averaging} level, sound pressure {self.weighting}-weighted"
         signal = zip(self.channels, self.units, self.rms, self.peak, self.crest_factor, self.mean)
         levels = zip(
             self.channels, [r.text for r in self.references], self.level_dB, self.equivalent_dB["A"],
@@ -198,7 +198,7 @@ class SignalLevels(RecordingResult):
         """Lines above the table in a text file."""
         return [
             f"levels of {self.label}, {self.start_s:g} s to {self.start_s + self.duration_s:g} s, about the mean",
-            f"max, min and L of the {self.averaging} level, {self.weighting} weighted for Pa",
+            f"max, min and L of the {self.averaging} level, sound pressure {self.weighting}-weighted",
             f"settling: {self.settling}",
         ]
 

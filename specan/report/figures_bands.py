@@ -118,7 +118,7 @@ def history_panels(found: BandLevels, weighting: str) -> Drawing:
     levels = np.where(np.isfinite(weighted).any(axis=1, keepdims=True), weighted, history.overall_dB["Z"])
     labels = [level_label(reference.text) for reference in found.references]
     panels = level_panels(labels, found.channels, times, levels, _DYNAMICS_DB)
-    about = f"{found.averaging} time weighting, {weighting} weighting for Pa"
+    about = f"time weighting {found.averaging}, sound pressure {weighting}-weighted"
     return Drawing(found.label, (about,), "Time / s", tuple(panels))
 
 
@@ -178,7 +178,8 @@ def figure_levels(found: SignalLevels) -> Figure:
     ]
     heading(
         figure, found.label or "Levels",
-        f"{found.start_s:g} s to {stop:g} s, time weighting {found.averaging}, {found.weighting} weighting for Pa",
+        f"{found.start_s:g} s to {stop:g} s, time weighting {found.averaging}, "
+        f"sound pressure {found.weighting}-weighted",
         f"Highest equivalent level: {', '.join(loudest)}" if loudest else "",
     )  # fmt: skip
     return figure

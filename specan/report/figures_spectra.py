@@ -81,16 +81,17 @@ def figure_spectrum(found: Spectrum) -> Drawing:
         strong = level > np.nanmax(level, axis=1, initial=-np.inf)[:, None] - _PHASE_DB
         phases = np.where(strong, found.phase_deg, np.nan)
         over = f" over {found.phase_reference}" if found.phase_reference else ""
-        label = f"Phase{over} / degrees\nwithin {_PHASE_DB:.0f} dB of the peak"
+        label = f"Phase{over}\n/ degrees"
         curves = tuple(Curve(name, f, phase) for name, phase in zip(found.channels, phases, strict=True))
         panels.append(Panel(label, curves, share=2, leads=False, phase=True, kind="dots"))
     about = (
         f"{scale.scaling}, {scale.window}, {found.averaging} averaging of {counted(found.n_blocks, 'block')}, "
         f"line spacing {scale.line_spacing_hz:.4g} Hz, noise bandwidth {scale.enbw_hz:.4g} Hz"
     )
-    return Drawing(
-        found.label or "Spectrum", (about, _strongest(found)), "Frequency / Hz", tuple(panels), hertz=True
-    )
+    facts = (about, _strongest(found))
+    if found.phase_deg is not None:
+        facts += (f"Phases of lines within {_PHASE_DB:.0f} dB of the highest",)
+    return Drawing(found.label or "Spectrum", facts, "Frequency / Hz", tuple(panels), hertz=True)
 
 
 def _strongest(found: Spectrum) -> str:

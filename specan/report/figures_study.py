@@ -91,7 +91,7 @@ def figure_comparison(found: Comparison, channel: str | None = None) -> Figure:
         if line:
             legend_below(figure, same[0][0], MOST_LINES, title=axis_text(line, observation.variables))
     figure.align_ylabels(grid[:, 0])
-    grid[1, 0].set_ylabel("(Model - measured) / sigma" if study.data.known else "Relative to 1 %")
+    grid[1, 0].set_ylabel("(Model - measured)\n/ sigma" if study.data.known else "Relative to 1 %")
     heading(
         figure, f"{study.directory.resolve().name}: measured and model", *state_of(study), _explained(study)
     )

@@ -36,10 +36,11 @@ def efficiency_map(chosen: ChosenModel) -> Figure:
     x, y, z = (rows[n].reshape(speeds.size, torques.size) for n in (*axes_of, "efficiency"))
     figure = new_figure(4.2, 6.4)
     axes = figure.subplots()
-    filled = axes.contourf(x, y, 100 * z, levels=20, cmap="viridis")
+    levels = np.arange(5 * np.floor(20 * z.min()), 100 * z.max() + 2.5, 2.5)
+    filled = axes.contourf(x, y, 100 * z, levels=levels, cmap="viridis")
     lines = axes.contour(x, y, 100 * z, levels=[50, 60, 70, 80, 85, 90, 95], colors="k", linewidths=0.6)
     axes.clabel(lines, fmt="%g %%")
-    figure.colorbar(filled, ax=axes).set_label("Efficiency / %")
+    figure.colorbar(filled, ax=axes, ticks=range(0, 101, 10)).set_label("Efficiency / %")
     axes.set(xlabel="Input speed / r/min", ylabel="Output torque / Nm")
     heading(figure, "Efficiency of the worm gear")
     return figure
