@@ -122,8 +122,8 @@ def _print_statistics(found: Diagnosis) -> None:
 def _print_power(found: Diagnosis) -> None:
     from specan.report import study_sheets
 
-    hidden = [n for n, v in found.smallest_visible.items() if v is None]
-    if (sheet := study_sheets.visible(found.smallest_visible)).rows:
+    sheet, hidden = study_sheets.visible(found)
+    if sheet.rows:
         click.echo("")
         show_sheets([sheet])
     if hidden:

@@ -59,7 +59,7 @@ class CalibrationSettings(Settings):
         How the phase goes on to other frequencies.
     """
 
-    level_dB: float | None = None
+    level_dB: Annotated[float | None, Field(ge=0, le=200)] = None
     frequency_hz: Annotated[float, Field(gt=0)] | None = None
     windows: Annotated[int, Field(ge=2)] = 20
     u_level_dB: Annotated[float, Field(ge=0, le=20)] = 0.1

@@ -199,7 +199,12 @@ class OrderAccumulator:
             )
         if self.settings.max_order is not None:
             return max(self.settings.max_order, wanted)
-        return max(math.floor(holds) if holds >= 1 else holds, wanted)
+        if holds < 1 and not wanted:
+            raise RequestError(
+                f"{self.recording.label}: a shaft at {high:g} Hz is too fast for a sampling rate of {self.rate:g} Hz",
+                expected=f"at most {self.rate / PASS:.0f} Hz, or the wanted orders below one",
+            )
+        return max(math.floor(holds), wanted)
 
     def _lay_out(self) -> None:
         """First output sample, whole turns, blocks and columns."""

@@ -169,8 +169,8 @@ def _rejected(found: Diagnosis | None) -> list[str]:
         sheet = study_sheets.candidates(found.to_dict(), MOST_REJECTED, valued=True)
         grey = [not row.plausible for row in found.ranking[:MOST_REJECTED]]
         parts += ["<h2>Candidates tested</h2>", table(sheet.header, sheet.rows, grey)]
-    sheet = study_sheets.visible(found.smallest_visible)
-    hidden = [[n, "not detectable in its range", ""] for n, v in found.smallest_visible.items() if v is None]
+    sheet, names = study_sheets.visible(found)
+    hidden = [[name, "not detectable in its range", ""] for name in names]
     hidden += [[n, f"not testable: {why}", ""] for n, why in found.not_testable.items()]
     if sheet.rows or hidden:
         parts += [f"<h2>{sheet.title}</h2>", table(sheet.header, [*sheet.rows, *hidden])]

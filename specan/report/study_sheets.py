@@ -12,7 +12,7 @@ from specan.study.estimation.prediction_error import ObservableError
 from specan.study.history import Step, error_pairs
 from specan.study.localisation.frf_errors import FrfErrors
 from specan.study.localisation.localise import Block
-from specan.study.verdict import Pull, placed
+from specan.study.verdict import Diagnosis, Pull, placed
 
 SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell them apart
 
@@ -194,7 +194,9 @@ def blocks(found: Sequence[Block]) -> Sheet:
     return Sheet(title, ["conditions", "values", "z", "p", ""], rows)
 
 
-def visible(found: Mapping[str, Mapping[str, Any] | None]) -> Sheet:
-    """Smallest detectable effects."""
-    rows = [[n, f"{v['value']:.2g}", unit_text(v["unit"])] for n, v in found.items() if v is not None]
-    return Sheet("Smallest detectable effects", ["effect", "size", ""], rows)
+def visible(found: Diagnosis) -> tuple[Sheet, list[str]]:
+    """Smallest detectable sizes of effects that the verdict does not name, and effects detectable at no size."""
+    sizes = {n: v for n, v in found.smallest_visible.items() if n not in found.effects}
+    rows = [[n, f"{v['value']:.2g}", unit_text(v["unit"])] for n, v in sizes.items() if v is not None]
+    sheet = Sheet("Smallest detectable effects", ["effect", "size", ""], rows)
+    return sheet, [n for n, v in sizes.items() if v is None]

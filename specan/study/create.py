@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -131,7 +132,7 @@ def _begun(directory: Path, model_name: str, content: dict[str, Any]) -> Begun:
 
 
 def _data_entry(directory: Path, path: Path, model: Model, sheet: str) -> dict[str, Any]:
-    if not path.exists():
+    if not os.path.exists(path):  # Path.exists raises where a name is too long
         raise RequestError(f"the measurement {path} does not exist", remedy="check the path")
     entry = {"file": relative_to(directory, path), "sha256": file_hash(path), "kind": kind_of(path, model)}
     return entry | ({"sheet": sheet} if sheet and path.suffix.lower() == ".xlsx" else {})

@@ -59,3 +59,15 @@ def test_a_spectrogram_shows_what_changes_unless_lines_are_given(thud):
     column = np.argmax(found.density[0][:, found.frequency_hz > 1000].sum(axis=1))
     assert found.time_s[column] == pytest.approx(0.5, abs=found.time_s[1] - found.time_s[0])
     assert len(specan.spectrogram(thud, lines=1600).time_s) < 10
+
+
+def test_an_effect_that_is_named_is_not_among_the_smallest_that_could_be_detected():
+    from specan.report.study_sheets import visible
+    from specan.study.verdict import Diagnosis
+
+    sizes = {"windage": {"value": 3.0, "unit": "W"}, "drag": {"value": 2.0, "unit": "W"}, "tilt": None}
+    sheet, hidden = visible(Diagnosis("effect", "", alternatives=(("windage",),), smallest_visible=sizes))
+    assert [row[0] for row in sheet.rows] == ["drag"]
+    assert hidden == ["tilt"]
+    named = Diagnosis("group", "", alternatives=(("tilt",), ("drag",)), smallest_visible=sizes)
+    assert visible(named)[1] == []
