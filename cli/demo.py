@@ -17,7 +17,8 @@ SAMPLES = (
     "own_model/*",
     "worm_drive/*",
     "worm_gear/*",
-    "worm_gear/study/*/*",
+    "worm_gear/study/article/*",
+    "worm_gear/study/bench/*",
     "planetary_gear/*",
 )
 

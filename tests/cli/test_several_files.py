@@ -2,6 +2,7 @@
 
 import ast
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -143,6 +144,15 @@ def test_the_demo_writes_what_the_examples_name(tmp_path):
     copy_samples(tmp_path / "sample_data")
     assert knock.read_bytes() == b"mine"
     assert sample_place().name == "sample_data"
+
+
+def test_the_demo_leaves_out_what_python_compiled(tmp_path, monkeypatch):
+    source = shutil.copytree(ROOT / "sample_data" / "worm_gear", tmp_path / "source" / "worm_gear").parent
+    (source / "worm_gear" / "study" / "__pycache__").mkdir(exist_ok=True)
+    (source / "worm_gear" / "study" / "__pycache__" / "make_studies.pyc").write_bytes(b"")
+    monkeypatch.setattr("specan_cli.demo.sample_place", lambda: source)
+    assert copy_samples(tmp_path / "out") > 5
+    assert list(tmp_path.glob("out/**/__pycache__")) == []
 
 
 def test_the_package_is_built_with_the_sample_data():
