@@ -270,7 +270,7 @@ def _default(condition: Mapping[str, Any]) -> str:
         return "needed"
     if default != default:  # not known unless the data have it
         return "unknown"
-    return f"{default:g} {condition['column_unit']}"
+    return f"{default:g} {condition['column_unit']}".removesuffix(" 1")
 
 
 # What is said of an effect and of a quantity below its parameters.

@@ -56,9 +56,13 @@ def say_notes(notes: Sequence[str], flags: Mapping[str, Sequence[str]]) -> None:
     """Notes and flags, on standard error."""
     for note in () if is_quiet() else notes:
         say(f"Note: {note}.")
+    alike: dict[str, list[str]] = {}
     for name, words in flags.items():
         if words:
-            say(f"Warning: {name}: {', '.join(words)}.")
+            alike.setdefault(", ".join(words), []).append(name)
+    for said, names in alike.items():
+        whose = ", ".join(names) if len(names) <= 8 else f"{names[0]} ... {names[-1]} ({len(names)})"
+        say(f"Warning: {whose}: {said}.")
 
 
 class RecordingVerb(Verb):

@@ -20,7 +20,7 @@ LEAST_PROBABLE = 0.01
 PLACES = 4  # where the model fails
 BY_PROBABILITY = (
     "(error after: RMS once it is added. probable: among all explanations, nothing missing and something else "
-    "included.\nevidence: natural logarithm of how much more probable it makes the data than the model as it is does.)"
+    "included.\nevidence: natural logarithm of the Bayes factor over the current model.)"
 )
 
 
@@ -113,8 +113,8 @@ def _print_statistics(found: Diagnosis) -> None:
         fit, percent = found.lack_of_fit, found.model_discrepancy_percent
         allowed = f"; model discrepancy {percent:g} % allowed for" if percent else ""
         click.echo(
-            f"The model as it is: reduced chi-square {fit.reduced_chi2:.2f} (one for a true model), "
-            f"{probability(fit.p_value)} (of a worse fit of a true model), {fit.n_effective:.0f} independent values"
+            f"Current model: reduced chi-square {fit.reduced_chi2:.2f} (1 is expected of a complete model), "
+            f"{probability(fit.p_value)} (of a worse fit by chance), {fit.n_effective:.0f} independent values"
             f"{allowed}."
         )
 

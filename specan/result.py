@@ -32,6 +32,18 @@ class Sheet(NamedTuple):
     below: str = ""
 
 
+def explained(meanings: Mapping[str, str], sheets: Iterable[Sheet]) -> str:
+    """A line for each flag that tables show.
+
+    Examples
+    --------
+    >>> explained({"dead": "all samples are equal", "edges": "a cut"}, [Sheet("", ["Hz", ""], [["20", "dead"]])])
+    '\\ndead: all samples are equal.'
+    """
+    shown = {word for sheet in sheets for row in sheet.rows for cell in row for word in str(cell).split()}
+    return "".join(f"\n{word}: {text}." for word, text in meanings.items() if word in shown)
+
+
 class Result:
     """The base of results.
 

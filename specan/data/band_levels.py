@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from specan.arrays import Flags, Real
 from specan.divisions import division_name
-from specan.result import RecordingResult, Sheet, cell, counted, picked, records
+from specan.result import RecordingResult, Sheet, cell, counted, explained, picked, records
 from specan.units import LevelReference
 
 if TYPE_CHECKING:
@@ -225,10 +225,14 @@ class BandLevels(RecordingResult):
         )
         found += [self._percentiles(row) for row in range(len(self.channels)) if self.percentile_dB]
         exceeded = "LN: level exceeded during N % of the time that follows settling.\n"
-        below = "u: standard deviation of noise."
-        if self.other is not None and any("edges" in row[-1] for sheet in found for row in sheet.rows):
+        meanings = {
+            "low-BT": f"narrow band, short section: the level of noise scatters by {LOW_BT_DB:g} dB or more",
+            "unsettled": "the filter and the time weighting take longer to settle than the section lasts",
+        }
+        if self.other is not None:
             way = "with" if self.other.name == "counted" else "without"
-            below += f"\nedges: what lies at the ends of the section changes the level; {self.other.name}: {way} it."
+            meanings["edges"] = f"the ends of the section change the level; {self.other.name}: {way} them"
+        below = "u: standard deviation of noise." + explained(meanings, found)
         if self.settings.get("settling") == "left-out":
             below += f" Settling: {self.settling}."
         found[-1] = found[-1]._replace(below=(exceeded if self.percentile_dB else "") + below)

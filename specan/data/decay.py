@@ -12,13 +12,19 @@ from specan.arrays import Real
 from specan.data.band_levels import all_flags, flag_words
 from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording
-from specan.result import RecordingResult, Result, Sheet, cell, counted, crossed, picked
+from specan.result import RecordingResult, Result, Sheet, cell, counted, crossed, explained, picked
 
 NOT_LINEAR_PERMILLE, CURVED_PERCENT = 10.0, 10.0
 """Above these a decay is far from a straight line: ISO 3382-2:2008, B.2 and B.3."""
 
 LEAST_BT = 4.0
 """Bandwidth times decay time that a band filter reversed in time allows: ISO 3382-1:2009, 7.3."""
+MEANINGS = {
+    "low-range": "the noise is too high for T20",
+    "low-BT": f"bandwidth times decay time is below {LEAST_BT:g}, the band filter itself decays too slowly",
+    "not-linear": "the decay is not a straight line (ISO 3382-2:2008, B.2)",
+    "curved": "T30 is more than 10 % longer than T20 (ISO 3382-2:2008, B.3)",
+}
 
 TIMES = ("edt_s", "t20_s", "u_t20_s", "t30_s", "u_t30_s")
 VALUES = (
@@ -143,7 +149,7 @@ class DecayTimes(RecordingResult):
         below = (
             "--json and -o hold C50 and the centre time as well.\n"
             "u: standard deviation over positions in a diffuse field (ISO 3382-2:2008, 7.1)."
-        )
+        ) + explained(MEANINGS, found)
         return [*found[:-1], *(sheet._replace(below=below) for sheet in found[-1:])]
 
     def of_channels(self) -> dict[str, Any]:

@@ -37,7 +37,7 @@ pre { background: var(--panel); padding: 0.8em; overflow-x: auto; font-size: 0.8
 body { max-width: none; margin: 0; font-size: 9pt; line-height: 1.35; }
 h1, h2, h3, p, table { margin-top: 0.4em; margin-bottom: 0.4em; } h2, h3 { break-after: avoid; }
 img { max-height: 78mm; width: auto; } .sheet { break-before: page; }
-img, tr { break-inside: avoid; } td, th { padding: 0.1em 0.6em; } }
+img, tr, table[style] { break-inside: avoid; } td, th { padding: 0.1em 0.6em; } }
 """
 
 

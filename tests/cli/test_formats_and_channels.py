@@ -130,6 +130,15 @@ def test_a_directory_is_a_line_for_each_recording(monkeypatch):
     assert sine[1:] == ["sine", "250.7", "26", "0.5", "8000"]
 
 
+def test_flags_are_explained_and_channels_alike_share_a_warning():
+    said = CliRunner().invoke(main, ["octave", str(SAMPLES.parent / "broken" / "truncated.tdms")])
+    assert said.stderr.count("Warning:") == 1
+    assert "Mic 1, Mic 8, Mic 15, Mic 22, Vibrometer, Generator: truncated" in said.stderr
+    lines = run("octave", NOISE, "--channel", "Mic 1", "--fmax", "50").splitlines()
+    assert [line for line in lines if line.startswith("low-BT: ")]
+    assert not [line for line in lines if line.startswith("unsettled: ")]
+
+
 def test_levels_of_many_channels_fit_the_terminal_with_no_name_broken(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     lines = run("octave", NOISE).splitlines()
