@@ -29,7 +29,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
         raise RequestError(
             f"{model.name} answers to a recorded input", remedy="name a recording with --conditions FILE"
         )
-    conditions, rate = inputs_of(model, DataFile(file.name, file, columns=options["columns"]))
+    model, conditions, rate = inputs_of(model, DataFile(file.name, file, columns=options["columns"]))
     chosen = choose_model(model, options["effects"], options["without"])
     given = {model.conditions[name].column: values for name, values in conditions.items()}
     rows = simulated_table(chosen, given, noise=options["noise"], seed=options["seed"])

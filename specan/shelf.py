@@ -1,17 +1,19 @@
 """Effects that machines are often missing, for models of rates, each with its source.
 
-A function gives those of one kind for names of your model. With each name goes a size that it usually has in your
-recordings, and its unit: from these the plausible ranges of the parameters follow. ::
+A function gives those of one kind for names of your model. Plausible ranges of their parameters follow from the sizes
+that these have in the recordings of a study, or that you give with their units. ::
 
+    effects = shelf.mechanics(force="spring", x="x", v="v") + shelf.sensor(of="x")
     effects = shelf.mechanics(force=("spring", 100, "N"), x=("x", 5, "mm"), v=("v", 400, "mm/s"))
-    effects += shelf.sensor(of=("x", 5, "mm"))
 """
 
 # ruff: noqa: B008  defaults are parameters, made for one model
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import wraps
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,9 +21,10 @@ from scipy.signal import lfilter
 
 from specan.errors import RequestError
 from specan.models.effect import Effect, Parameter, effect
-from specan.models.rates import State
+from specan.models.rates import State, Unsized
 
 Named = tuple[str, float, str]  # name, usual size, unit
+Effects = list[Effect] | list[Unsized]
 
 OVER = 0.005  # (3 % of the usual level) to the power 1.5: a brim lets the usual flow out at that height
 SHARP = 0.003  # of the usual speed, over which friction turns round
@@ -55,8 +58,8 @@ class _Shelf:
         self, of: Named, reads: Mapping[str, str], prefix: str, *others: Named, instrument: bool = False
     ) -> None:
         for given in (of, *others):
-            if isinstance(given, str) or len(given) != 3:
-                expected = 'its name, usual size and unit: ("spring", 100, "N")'
+            if len(given) != 3:
+                expected = 'its name, or also its usual size and unit: ("spring", 100, "N")'
                 raise RequestError(f"{given!r} does not tell how large it is", expected=expected)
         self.units = {name: unit for name, _, unit in (of, *others)}
         self.of, self.reads, self.prefix, self.instrument = _Usual(*of), dict(reads), prefix, instrument
@@ -101,14 +104,32 @@ def _with_names(state: State, names: Mapping[str, str]) -> State:
     return replace(state, reads=tuple(names[a] for a in arguments if a in names))
 
 
-def mechanics(force: Named, x: Named, v: Named, *, prefix: str = "") -> list[Effect]:
+def _of_recordings(
+    *names: str, measured: str = ""
+) -> Callable[[Callable[..., Effects]], Callable[..., Effects]]:
+    """Let these arguments be names without sizes, which recordings tell then."""
+
+    def decorate(function: Callable[..., Effects]) -> Callable[..., Effects]:
+        @wraps(function)
+        def effects_of(*given: Any, **more: Any) -> Effects:
+            called = inspect.signature(function).bind(*given, **more).arguments
+            named = {n: (called[n], f"{called[n]}{measured}") for n in names if isinstance(called[n], str)}
+            return [Unsized(function, named, called)] if named else function(**called)
+
+        return effects_of
+
+    return decorate
+
+
+@_of_recordings("force", "x", "v")
+def mechanics(force: Named, x: Named, v: Named, *, prefix: str = "") -> Effects:
     """Effects on a force that holds a mass back: springs, friction, hysteresis, what is attached to it.
 
     Parameters
     ----------
-    force : (name, size, unit)
+    force : name or (name, size, unit)
         Quantity that they add to, positive where it pulls against x and v.
-    x, v : (name, size, unit)
+    x, v : name or (name, size, unit)
         Displacement and velocity; angle and rate of turning do as well.
     prefix : str
         Before the name of each, where a model has several such forces.
@@ -116,6 +137,7 @@ def mechanics(force: Named, x: Named, v: Named, *, prefix: str = "") -> list[Eff
     Returns
     -------
     list of Effect
+        A single element that waits for a recording where a name has no size.
 
     Examples
     --------
@@ -347,12 +369,13 @@ def _attached(on: _Shelf, displacement: _Usual, velocity: _Usual) -> None:
         return x * (size * np.cos(2 * np.pi * frequency * time) + sine * np.sin(2 * np.pi * frequency * time))
 
 
-def sensor(of: Named, *, input: str = "", late: float = 1e-3, prefix: str = "") -> list[Effect]:
+@_of_recordings("of", measured="_measured")
+def sensor(of: Named, *, input: str = "", late: float = 1e-3, prefix: str = "") -> Effects:
     """Faults of the sensor and its amplifier, on what is measured of a state or quantity.
 
     Parameters
     ----------
-    of : (name, size, unit)
+    of : name or (name, size, unit)
         The observable, in the unit in which it is measured.
     input : str
         A recorded input that may leak into it.
@@ -381,12 +404,13 @@ def sensor(of: Named, *, input: str = "", late: float = 1e-3, prefix: str = "") 
     return on.effects
 
 
-def actuator(of: Named, *, late: float = 1e-3, prefix: str = "") -> list[Effect]:
+@_of_recordings("of")
+def actuator(of: Named, *, late: float = 1e-3, prefix: str = "") -> Effects:
     """Faults of an input: of what drives it, or of how it is measured.
 
     Parameters
     ----------
-    of : (name, size, unit)
+    of : name or (name, size, unit)
         The input.
     late : float
         Usual delay in s.
@@ -454,12 +478,13 @@ def _channel(on: _Shelf, late: float) -> None:
         return size * (value / usual) ** 3
 
 
-def tank(outflow: Named, level: Named, *, prefix: str = "") -> list[Effect]:
+@_of_recordings("outflow", "level")
+def tank(outflow: Named, level: Named, *, prefix: str = "") -> Effects:
     """What else leaves a vessel, added to its outflow.
 
     Parameters
     ----------
-    outflow, level : (name, size, unit)
+    outflow, level : name or (name, size, unit)
         The quantity that is added to, and the state that drives it.
     prefix : str
         Before each name.

@@ -44,9 +44,6 @@ model = Model.from_rates(
         "mass": (1, 0.1, 10, "kg"),
     },
     units={"spring": "N", "damper": "N"},
-    # what may be missing: of each name its usual size in your recordings
-    effects=[
-        *shelf.mechanics(force=("spring", 60, "N"), x=("x", 6e-3, "m"), v=("v", 0.6, "m/s")),
-        *shelf.sensor(of=("x", 6, "mm")),
-    ],
+    # what may be missing, in the sizes that your recordings have
+    effects=shelf.mechanics(force="spring", x="x", v="v") + shelf.sensor(of="x"),
 )

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from specan.errors import RequestError
-from specan.models.effect import Effect, Parameter
+from specan.errors import RequestError, nearest
+from specan.models.effect import Effect, Parameter, Use
 from specan.models.from_function import fields_from_functions
 from specan.models.quantity import Condition, Observable, Quantity, constant, of_parameter, rig_statement
 from specan.units import is_compatible, scale_to
@@ -22,6 +22,7 @@ KIND = "time"  # of measurement
 TIME = "time"
 MEASURED = "measured"  # of a state's start
 SECONDS = "s"
+UNSIZED = "ranges of effects of the shelf are for usual sizes of 1; a recording tells them (--measurement)"
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,34 @@ class Signal:
 
 
 @dataclass(frozen=True)
+class Unsized:
+    """Effects of the shelf for names of a model, whose usual sizes a recording tells.
+
+    Attributes
+    ----------
+    make : callable
+        The function of the shelf.
+    named : mapping
+        Of each argument the name, and the quantity whose size goes with it.
+    arguments : mapping
+        All arguments.
+    """
+
+    make: Callable[..., Any]
+    named: Mapping[str, tuple[str, str]]
+    arguments: Mapping[str, Any]
+
+    def effects(self, sizes: Mapping[str, float], units: Mapping[str, str]) -> list[Effect]:
+        """Effects for these sizes; of one where none is known yet."""
+        given = {}
+        for argument, (name, quantity) in self.named.items():
+            if quantity not in units:
+                raise RequestError(f"the model has no {name!r}", remedy=nearest(name, units))
+            given[argument] = name, sizes.get(quantity, 1.0), units[quantity]
+        return list(self.make(**{**self.arguments, **given}))
+
+
+@dataclass(frozen=True)
 class Rates:
     """What makes a model one of rates.
 
@@ -83,6 +112,8 @@ class Rates:
         Name of the quantity to name of the condition that is recorded.
     scales : mapping
         Of each observable that is a state: its unit in that of the state.
+    unsized : tuple of Unsized
+        Effects whose ranges a recording tells.
     tolerances : dict
         Change of a state that no reading shows.
     solvers : dict
@@ -92,6 +123,7 @@ class Rates:
     states: Mapping[str, State]
     inputs: Mapping[str, str]
     scales: Mapping[str, float] = field(default_factory=dict)
+    unsized: tuple[Unsized, ...] = ()
     tolerances: dict[str, float] = field(default_factory=dict)
     solvers: dict[int, tuple[Any, Solver]] = field(default_factory=dict, compare=False, repr=False)
 
@@ -100,6 +132,39 @@ class Rates:
         for name, size in noise.items():
             if name in self.scales:
                 self.tolerances.setdefault(name, 0.1 * size * self.scales[name])
+
+    def sized(self, model: Any, recordings: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> Any:
+        """The model with effects of the shelf for its sizes in recordings: conditions and measured values of each.
+
+        What is not measured is what the model answers at its starting values, times what was measured over that.
+
+        Raises
+        ------
+        RequestError
+            A size is nothing, or not finite.
+        """
+        if not self.unsized:
+            return model
+        own = {name: model.effects[Use.parse(name).name] for name in model.base_effects}
+        base = replace(model, effects=own).assemble(model.base_effects)
+        with np.errstate(all="ignore"):
+            found = [base.evaluate(conditions) for conditions, _ in recordings]
+        shown = {
+            o.quantity: [own[n] for _, own in recordings if n in own] for n, o in model.observables.items()
+        }
+        told = {name: _usual_size(parts) for name, parts in shown.items() if parts}
+        ratio = float(np.mean([told[n] / _usual_size([one[n] for one in found]) for n in told] or 1.0))
+        sizes: dict[str, float] = {}
+        for _, name in {pair for one in self.unsized for pair in one.named.values()}:
+            scale = 1.0 if name in self.inputs else ratio
+            sizes[name] = told.get(name) or scale * _usual_size([one[name] for one in found])
+            if not (np.isfinite(sizes[name]) and sizes[name] > 0):
+                raise RequestError(
+                    f"{name} is {sizes[name]:g} in what the model answers at its starting values",
+                    remedy=f'change these, or give the shelf its usual size: ("{name}", 5, "{_units(model)[name]}")',
+                )
+        made = [effect for one in self.unsized for effect in one.effects(sizes, _units(model))]
+        return replace(model.with_effect(*made), notes=())
 
     def solver(self, model: Any) -> Solver:
         """The solver of a model: one for each set of effects that it knows."""
@@ -150,6 +215,15 @@ class Rates:
         return [{name: found[i, :, k] for i, name in enumerate(names)} for k in range(len(many))]
 
 
+def _usual_size(parts: Sequence[Any]) -> float:
+    """Size that 95 % of the samples stay below."""
+    return float(np.quantile(np.abs(np.concatenate([np.atleast_1d(p) for p in parts])), 0.95))
+
+
+def _units(model: Any) -> dict[str, str]:
+    return {name: node.unit for name, node in {**model.quantities, **model.rates.states}.items()}
+
+
 def fields_from_rates(
     functions: Sequence[Callable[..., Any]],
     states: Mapping[str, State],
@@ -165,13 +239,16 @@ def fields_from_rates(
         A state without a rate, an observable that is nothing known or in another unit.
     """
     _check_rates(functions, states)
-    effects = [_with_reads(effect) for effect in more["effects"]]
     units = {f"d{name}": f"{state.unit}/s" for name, state in states.items()} | more["units"]
     channels = {name: f"{name}_channel" for name in inputs}
     input_units = {name: given if isinstance(given, str) else given[0] for name, given in inputs.items()}
     known = {name: state.unit for name, state in states.items()} | units | input_units
     signals = {name: _signal(name, given, known) for name, given in observables.items()}
-    _check_units(effects, known | {f"{name}_measured": one.unit for name, one in signals.items()})
+    all_known = known | {f"{name}_measured": one.unit for name, one in signals.items()}
+    unsized = tuple(one for one in more["effects"] if isinstance(one, Unsized))
+    given = [one.effects({}, all_known) if isinstance(one, Unsized) else [one] for one in more["effects"]]
+    effects = [_with_reads(effect) for some in given for effect in some]
+    _check_units(effects, all_known)
     conditions = _conditions(states, known, channels)
     others = [
         *(_passed_on(n, known[n], f"The input {n}.", channel) for n, channel in channels.items()),
@@ -181,12 +258,12 @@ def fields_from_rates(
     stated = [*states.items(), *(one for e in effects for one in e.states.items())]
     asked = {**{n: state.unit for n, state in stated}, **{node.name: node.unit for node in others}}
     beside = {n: Condition(n, unit, n) for n, unit in asked.items()}
-    given = {**more, "units": units, "effects": effects, "uncertainty": {}}
-    fields = fields_from_functions(functions, {**conditions, **beside}, {}, given)
+    more = {**more, "units": units, "effects": effects, "uncertainty": {}}
+    fields = fields_from_functions(functions, {**conditions, **beside}, {}, more)
     measured = {name: _measured(name, one) for name, one in signals.items()}
     noise = {name: one.uncertainty for name, one in signals.items() if one.uncertainty is not None}
     scales = {n: scale_to(one.unit, states[n].unit) for n, one in signals.items() if n in states}
-    rates = Rates(states, channels, scales)
+    rates = Rates(states, channels, scales, unsized)
     rates.allow(noise)
     starts = [_start_of(name, state) for name, state in states.items()]
     return fields | {
@@ -195,6 +272,7 @@ def fields_from_rates(
         "quantities": fields["quantities"] | {node.name: node for node in (*others, *starts)},
         "rig": rig_statement({"uncertainty": noise}, (), measured.values()),
         "rates": rates,
+        "notes": (UNSIZED,) if unsized else (),
     }
 
 

@@ -102,7 +102,7 @@ class Study:
         self.model = self._load_model(named)
         files = self._measured_files().items()
         self.data = together([kind_named(kind).open_data(self.model, wanted) for kind, wanted in files])
-        self.model = grouped_by(self.model, self.data.fitted)
+        self.model = grouped_by(self.data.model or self.model, self.data.fitted)
         self._assembled = assemble(self.model, self.content, self.data.fitted)
         for file in named:
             try_effects(file, self.model, self.data.fitted)

@@ -70,8 +70,40 @@ def test_a_delay_and_a_filter_of_the_sensor_in_closed_form(known, plain):
     assert np.allclose(response(known, ["x-lag"], {"x-lag.size": 0.01}), expected, atol=1e-9)
 
 
-def test_a_name_without_a_usual_size_is_refused_in_words():
-    with pytest.raises(
-        RequestError, match="'spring' does not tell how large it is; expected its name, usual size"
-    ):
-        shelf.mechanics(force="spring", x=("x", 5, "mm"), v=("v", 400, "mm/s"))
+def test_a_size_without_a_unit_is_refused_in_words():
+    with pytest.raises(RequestError, match="does not tell how large it is; expected its name, or also its"):
+        shelf.mechanics(force=("spring", 60), x=("x", 5, "mm"), v=("v", 400, "mm/s"))
+
+
+def test_sizes_are_those_of_a_recording(known):
+    """A tone: 95 % of its samples stay below 0.997 of its amplitude; what is not measured goes with what is."""
+    with_names = Model.from_rates(
+        dx, dv, spring, damper, states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"},
+        observables={"x": Signal("mm", 0.05)},
+        parameters={"stiffness": (1e4, 1e3, 1e5, "N/m"), "damping": (200, 1, 300, "N*s/m"), "mass": (1, 0.1, 10, "kg")},
+        units={"spring": "N", "damper": "N"},
+        effects=shelf.mechanics(force="spring", x="x", v="v") + shelf.sensor(of="x", input="force")
+        + shelf.actuator(of="force"),
+    )  # fmt: skip
+    assert list(with_names.effects) == list(known.effects)
+    assert "usual sizes" in with_names.notes[0]
+    omega, clock = 2 * np.pi * 5, np.arange(5000) / 1000
+    given = {"time": clock, "force_channel": 30 * np.sin(omega * clock)}
+    sized = with_names.rates.sized(with_names, [(given, {"x": 4 * np.sin(omega * clock)})])
+    assert not sized.notes
+    expected = {
+        "dry-friction": 0.1 * 1e4 * 4e-3, "viscous-friction": 0.1 * 1e4 / omega, "x-zero": 0.1 * 4,
+        "force-zero": 0.1 * 30, "quadratic-spring": 0.1 * 1e4 * 4e-3 / 4e-3**2,
+    }  # fmt: skip
+    for name, size in expected.items():
+        assert sized.effects[name].parameters["size"].default == pytest.approx(size, rel=0.02)
+
+
+def test_a_name_that_the_model_lacks_is_told():
+    with pytest.raises(RequestError, match="no 'sprung'.*spring"):
+        Model.from_rates(
+            dx, dv, spring, damper, states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"},
+            observables={"x": Signal("mm")}, units={"spring": "N", "damper": "N"},
+            parameters={"stiffness": 1e4, "damping": 20, "mass": 1},
+            effects=shelf.mechanics(force="sprung", x="x", v="v"),
+        )  # fmt: skip

@@ -39,6 +39,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     fitted = [_read(model, file, wanted.calibration) for file in wanted.measurements]
     checked = [_read(model, file, wanted.calibration) for file in wanted.validations]
     noise = {name: _noise(model, name, [one[1][name] for one in fitted]) for name in _observables(model)}
+    model = _sized(model, [one[:2] for one in fitted])
     if model.rates:
         model.rates.allow({name: size for name, (size, _) in noise.items()})
     whole = _observation(model, wanted.measurements, fitted, noise)
@@ -70,21 +71,26 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
             f"{name}: noise of {size:.3g} {model.observables[name].unit}, {how}; a diagnosis corrects it by what the "
             "likeliest explanation leaves"
         )
-    return OpenedData((kept,), tuple(held_out), tuple(statements))
+    return OpenedData((kept,), tuple(held_out), tuple(statements), model=model)
 
 
-def inputs_of(model: Model, file: DataFile) -> tuple[dict[str, Array], float]:
-    """Conditions of a recording that need hold nothing but the inputs, and its sampling rate."""
-    conditions, _, _ = _read(model, file, None, needs_outputs=False)
-    return conditions, 1 / float(conditions[TIME][1])
+def inputs_of(model: Model, file: DataFile) -> tuple[Model, dict[str, Array], float]:
+    """Conditions of a recording that need hold nothing but the inputs, the model for these, and the sampling rate."""
+    conditions, measured, _ = _read(model, file, None, needs_outputs=False)
+    return _sized(model, [(conditions, measured)]), conditions, 1 / float(conditions[TIME][1])
 
 
 def for_check(model: Model, file: DataFile) -> tuple[Model, dict[str, Array]]:
     """A model that knows the noise of a recording's channels, and the first conditions of that."""
     conditions, measured, _ = _read(model, file, None)
     noise = {name: _noise(model, name, [values])[0] for name, values in measured.items()}
-    known = replace(model, rig=replace(model.rig, reading={**model.rig.reading, **noise}))
+    known = _sized(model, [(conditions, measured)])
+    known = replace(known, rig=replace(model.rig, reading={**model.rig.reading, **noise}))
     return known, {name: values[:CHECKED] for name, values in conditions.items()}
+
+
+def _sized(model: Model, recordings: Sequence[tuple[dict[str, Array], dict[str, Array]]]) -> Model:
+    return model.rates.sized(model, recordings) if model.rates else model
 
 
 def _observables(model: Model) -> dict[str, Observable]:

@@ -358,6 +358,8 @@ class OpenedData:
         False where the uncertainty is unknown.
     discrepancy_percent : float
         Declared discrepancy of the model that the covariance holds.
+    model : Model, optional
+        Completed by what was measured.
     """
 
     fitted: tuple[Observation, ...]
@@ -365,6 +367,7 @@ class OpenedData:
     statements: tuple[str, ...] = ()
     known: bool = True
     discrepancy_percent: float = 0.0
+    model: Model | None = None
 
 
 def kind_named(kind: str) -> Any:
@@ -432,4 +435,5 @@ def together(parts: Sequence[OpenedData]) -> OpenedData:
         statements=tuple(s for p in parts for s in p.statements),
         known=all(p.known for p in parts),
         discrepancy_percent=max((p.discrepancy_percent for p in parts), default=0.0),
+        model=next((p.model for p in parts if p.model), None),
     )
