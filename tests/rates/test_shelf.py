@@ -100,7 +100,7 @@ def test_sizes_are_those_of_a_recording(known):
 
 
 def test_a_name_that_the_model_lacks_is_told():
-    with pytest.raises(RequestError, match="no 'sprung'.*spring"):
+    with pytest.raises(RequestError, match=r"no 'sprung'.*spring"):
         Model.from_rates(
             dx, dv, spring, damper, states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"},
             observables={"x": Signal("mm")}, units={"spring": "N", "damper": "N"},
