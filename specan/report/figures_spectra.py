@@ -88,10 +88,10 @@ def figure_spectrum(found: Spectrum) -> Drawing:
         f"{scale.scaling}, {scale.window}, {found.averaging} averaging of {counted(found.n_blocks, 'block')}, "
         f"line spacing {scale.line_spacing_hz:.4g} Hz, noise bandwidth {scale.enbw_hz:.4g} Hz"
     )
-    facts = (about, _strongest(found))
+    facts = [about, _strongest(found)]
     if found.phase_deg is not None:
-        facts += (f"Phases of lines within {_PHASE_DB:.0f} dB of the highest",)
-    return Drawing(found.label or "Spectrum", facts, "Frequency / Hz", tuple(panels), hertz=True)
+        facts.append(f"Phases of lines within {_PHASE_DB:.0f} dB of the highest")
+    return Drawing(found.label or "Spectrum", tuple(facts), "Frequency / Hz", tuple(panels), hertz=True)
 
 
 def _strongest(found: Spectrum) -> str:
