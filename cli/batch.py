@@ -38,7 +38,7 @@ SHOWN = 20  # failures named on the screen
 @opt("--jobs", int, "Number of processes [default: chosen from the amount of data].")
 @opt("--cluster", None, "Work on a dask cluster: tcp://host:8786.", "ADDRESS")
 @opt("--verify", bool, "Compare every byte to detect changed files.")
-@opt("--report with_report", bool, "Write report.html, a summary on one page.")
+@opt("--report with_report", bool, "Write report.html to print: a list, and a page for each recording.")
 @opt("--json as_json", bool, "Print a summary as JSON.")
 def command(
     directories: tuple[Path, ...],

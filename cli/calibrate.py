@@ -52,7 +52,7 @@ def command(
     budget: bool,
     **options: Any,
 ) -> int:
-    """Find sensitivity and phase of every microphone from recordings of a calibrator.
+    """Determine sensitivity and phase of every microphone from recordings of a calibrator.
 
     Name all insertions of one calibration together: those that share a microphone are chained in phase.
 

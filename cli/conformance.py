@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 @verb("conformance")
 @opt(
-    "--sampling-rate rate", float, "Of the signals that are made for it.", "HZ", default=51200.0, show_default=True
+    "--sampling-rate rate", float, "Sampling rate of the test signals.", "HZ", default=51200.0, show_default=True
 )  # fmt: skip
 @opt("-o --output", OutputFile(*TABLES), "Write the table.")
 @decimal_option()
 @json_option
 def command(rate: float, deliver: Delivery) -> int:
-    """Try what IEC 61260-1, IEC 61672-1 and IEEE 1057 ask of an analyser.
+    """Test specan against IEC 61260-1, IEC 61672-1 and IEEE 1057.
 
-    Signals are made and analysed as recordings are. The exit code is 5 where a requirement is not met. Microphones
-    and converters are not part of this.
+    Test signals are generated and analysed like recordings. The exit code is 5 if a requirement is not met.
+    Microphones and converters are not tested.
 
     \b
     specan conformance --sampling-rate 48000

@@ -20,7 +20,7 @@ from specan_cli.recording_verb import ResultDelivery, Source, given, recording_v
 @section_options
 @plot_option()
 def command(source: Source, deliver: ResultDelivery, **options: Any) -> int:
-    """Find reverberation times, clarity, definition and centre time (ISO 3382-1).
+    """Compute reverberation times, clarity, definition and centre time (ISO 3382-1).
 
     FILE holds impulse responses (a shot, a balloon, what `specan impulse` wrote), or noise or a sweep together
     with its excitation.

@@ -28,8 +28,8 @@ SAMPLES = (
 def command(directory: Path) -> None:
     """Write the sample data of the examples to DIR, by default sample_data.
 
-    Recordings of a simulated box with microphones and of a calibrator, a gear's table and rig. Files that are there
-    already stay as they are.
+    Recordings of a simulated box with microphones and of a calibrator, a gear's table and rig. Existing files
+    are not changed.
 
     \b
     specan demo

@@ -66,10 +66,10 @@ def command(
     limit: Path | None,
     **options: Any,
 ) -> int:
-    """Find magnitude and phase spectra.
+    """Compute magnitude and phase spectra.
 
-    Phases are those of exp(+j w t). A single block (--whole, --averaging none) has phases of its own, of cosines
-    with time zero at its first sample; an average has phases only over a --reference.
+    Phases are those of exp(+j w t). A single block (--whole, --averaging none) has the phases of
+    cosines that begin at its first sample; an average has phases only relative to a --reference.
 
     \b
     specan fft sample_data/recordings/noise/noise_24_microphones.tdms --channel "Mic 1" --lines 800

@@ -35,7 +35,7 @@ from specan_cli.recording_verb import UFF, ResultDelivery, Source, given, record
 def command(
     source: Source, deliver: ResultDelivery, at_hz: tuple[float, ...], unwrap: bool, **options: Any
 ) -> int:
-    """Find the transfer functions of microphones and accelerometers over the vibrometer, or over --reference.
+    """Compute the transfer functions of microphones and accelerometers over the vibrometer, or over --reference.
 
     Phases are those of exp(+j w t), response over reference: a delayed response has a falling phase.
 

@@ -33,7 +33,7 @@ from specan_cli.recording_verb import given, opened_with, say_calibration, say_n
 @json_option
 @opening_options
 def command(file: Path, deliver: Delivery, **options: Any) -> int:
-    """Find impulse responses of microphones and accelerometers to the excitation, and write them.
+    """Compute impulse responses of microphones and accelerometers to the excitation, and write them.
 
     Maximum length sequences, sweeps and impulses are deconvolved; of noise, the averaged transfer function is
     transformed back.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def command(files: tuple[Path, ...], levels: bool, show_all: bool, deliver: Delivery, **opening: Any) -> int:
     """Show groups, channels, roles, rates, units, excitation, notes and integrity of recordings.
 
-    Only headers are read, and a few seconds of one channel to tell sine from noise. A directory stands for all
+    Only headers are read, and a few seconds of one channel to distinguish sine and noise. A directory stands for all
     recordings in it. Each of several has one line; --all shows everything of each.
 
     \b

@@ -85,7 +85,7 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE.py")
 @opt("--rates", bool, "A differential equation, which is compared with recordings.")
 def new(file: Path, rates: bool) -> None:
-    """Write a small model of your own into FILE.py, to be changed, and a table or recordings to try it on beside it.
+    """Write an example model to FILE.py for you to edit, with a table or recordings to try it on.
 
     \b
     specan model new pump.py
@@ -145,10 +145,10 @@ def check(
     columns: dict[str, str],
     as_json: bool,
 ) -> None:
-    """Check a model of your own, or effects: neutral, finite, determined by some measurement.
+    """Check a model of your own, or effects for a model; studies on this machine may run it then.
 
-    A model of your own is checked whole: its units, that it is finite over its limits, that some measurement
-    determines each parameter, and which effects none could distinguish. It may then be run by studies on this machine.
+    Of a model: units, finite values over its limits, parameters that some measurement determines, effects that some
+    measurement distinguishes. Of an effect: no change at its neutral values, finite, determined by some measurement.
 
     \b
     specan model check worm-gear belt_loss.py
@@ -200,7 +200,7 @@ def _check_whole(model: Model, file: Path, recorded: Mapping[str, Any] | None, a
             emit_json({"passed": [], "without_limits": lacking})
             return
         if model.rates:
-            click.echo(f"{model.name} can be used in a study. Checked with a recording, it is told more:")
+            click.echo(f"{model.name} can be used in a study. To check it with a recording:")
             click.echo(f"specan model check {file} --measurement FILE")
             return
         click.echo(

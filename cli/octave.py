@@ -53,7 +53,7 @@ def command(
     history: bool,
     **options: Any,
 ) -> int:
-    """Find levels in octave and fractional-octave bands (IEC 61260-1 class 1), and overall levels.
+    """Compute levels in octave and fractional-octave bands (IEC 61260-1 class 1), and overall levels.
 
     \b
     specan octave sample_data/recordings/knock.tdms --fraction 3 --weighting A --channel "Mic *"

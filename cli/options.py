@@ -61,9 +61,9 @@ opening_options = together(
 QUANTITIES = ["displacement", "velocity", "acceleration"]
 quantity_option = opt(
     "--quantity", QUANTITIES,
-    "Of channels of motion: integrated or differentiated.  [default: as measured, a vibrometer's velocity]",
+    "Integrate or differentiate vibration channels to this.  [default: as measured, a vibrometer's velocity]",
 )  # fmt: skip
-velocity_option = opt("--velocity-reference", ["1 nm/s", "50 nm/s"], "0 dB of velocity.  [default: 1 nm/s]")
+velocity_option = opt("--velocity-reference", ["1 nm/s", "50 nm/s"], "Velocity at 0 dB.  [default: 1 nm/s]")
 limit_option = opt(
     "--limit", Path, "Compare the levels with limits (CSV: band_hz, upper_dB, lower_dB); exit code 5 beyond one.",
     "FILE",

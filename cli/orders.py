@@ -48,7 +48,7 @@ def command(
     as_map: bool,
     **options: Any,
 ) -> int:
-    """Find order spectra, complex amplitudes of given orders, and synchronous averages.
+    """Compute order spectra, complex amplitudes of given orders, and synchronous averages.
 
     Angles are those of a tacho, whose missing and double pulses are repaired and whose jitter is smoothed, or of a
     known constant speed.

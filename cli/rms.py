@@ -20,9 +20,9 @@ from specan_cli.recording_verb import ResultDelivery, Source, given, recording_v
 @velocity_option
 @plot_option()
 def command(source: Source, deliver: ResultDelivery, **options: Any) -> int:
-    """Find RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
+    """Compute RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
 
-    All but the mean are of the signal about its mean.
+    The mean is subtracted for all other values.
 
     \b
     specan rms sample_data/recordings/knock.tdms --averaging slow

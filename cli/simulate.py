@@ -42,9 +42,9 @@ ENTRY_POINTS = (
     "--effect-file effect_files", Path, "A Python file with effects of your own; repeatable.",
     multiple=True,
 )  # fmt: skip
-@opt("--without", None, "An effect of the base to switch off; repeatable.", "NAME", multiple=True)
+@opt("--without", None, "A base effect to switch off; repeatable.", "NAME", multiple=True)
 @opt(
-    "--noise", float, "Standard deviation of what a reading or a channel adds, in its unit.", "SD",
+    "--noise", float, "Standard deviation of the noise of a reading or a channel, in its unit.", "SD",
     default=0.0,
 )  # fmt: skip
 @opt("--seed", click.IntRange(min=0), "Seed of the noise.", default=0, show_default=True)

@@ -27,7 +27,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     file: Path | None = options["conditions"]
     if file is None:
         raise RequestError(
-            f"{model.name} answers to a recorded input", remedy="name a recording with --conditions FILE"
+            f"{model.name} needs a recorded input", remedy="name a recording with --conditions FILE"
         )
     model, conditions, rate = inputs_of(model, DataFile(file.name, file, columns=options["columns"]))
     chosen = choose_model(model, options["effects"], options["without"])
@@ -40,7 +40,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     made = Recording.from_arrays(samples, rate, units={n: units[n] for n in samples}, label="simulated")
     if not np.all(np.isfinite(list(samples.values()))):
         raise RequestError(
-            "the states run away", remedy="choose other values with --effects, or correct the model"
+            "the states grow without bound", remedy="choose other values with --effects, or correct the model"
         )
     if options["output"]:
         OutputFile(*SAMPLES).check_ending(options["output"])

@@ -23,7 +23,7 @@ from specan_cli.recording_verb import ResultDelivery, Source, given, recording_v
 @section_options
 @plot_option()
 def command(source: Source, deliver: ResultDelivery, **options: Any) -> int:
-    """Find shock response spectra of accelerations: largest responses, maximax, positive and negative (ISO 18431-4).
+    """Compute shock response spectra of accelerations: largest responses, maximax, positive and negative (ISO 18431-4).
 
     \b
     specan simulate planetary-gear sample_data/planetary_gear/rig.toml -o run.tdms --duration 3

@@ -147,13 +147,13 @@ def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
 
 @verb("history")
 @click.argument("directory", type=click.Path(path_type=Path), metavar="DIR")
-@plot_option("the staircase of errors")
+@plot_option("the error of each step")
 @opt("--json as_json", bool, "Print the steps as JSON.")
 def history(directory: Path, deliver: Delivery) -> None:
     """Show every step of DIR with its error on fitted and on held-out data.
 
     \b
-    specan study history my_study --plot staircase.png
+    specan study history my_study --plot steps.png
     """
     from specan.report import study_sheets
     from specan.study.history import History

@@ -35,7 +35,7 @@ FILE = click.Path(path_type=Path)
 )
 @opt(
     "--group groups", None,
-    "A column of names, such as specimen: is a parameter different for each? Repeatable.", "NAME",
+    "A column of names, such as specimen, by which parameters may differ; repeatable.", "NAME",
     multiple=True,
 )  # fmt: skip
 @opt(

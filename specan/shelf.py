@@ -60,7 +60,7 @@ class _Shelf:
         for given in (of, *others):
             if len(given) != 3:
                 expected = 'its name, or also its usual size and unit: ("spring", 100, "N")'
-                raise RequestError(f"{given!r} does not tell how large it is", expected=expected)
+                raise RequestError(f"{given!r} does not state its size", expected=expected)
         self.units = {name: unit for name, _, unit in (of, *others)}
         self.of, self.reads, self.prefix, self.instrument = _Usual(*of), dict(reads), prefix, instrument
         self.effects: list[Effect] = []

@@ -236,7 +236,7 @@ def _tones(recording: Recording, channels: Sequence[Channel], nominal: float | N
                 frequency = peak_frequency(x, rate, *_search(nominal, rate))
             except ValueError as fault:
                 raise InputError(
-                    f"{recording.label}: no tone can be sought ({fault})",
+                    f"{recording.label}: no tone can be found ({fault})",
                     expected="a recording that is long enough for its tone",
                 ) from None
             fit = fit_sine(x, rate, frequency)
@@ -548,7 +548,7 @@ def _inside(found: Candidates, windows: _Windows, label: str) -> tuple[list[int]
     clear = audible > np.sqrt(2) * windows.rest
     if not clear.any():
         raise InputError(
-            f"{label}: no channel shows a tone above everything else that it holds",
+            f"{label}: no channel has a dominant tone",
             expected="the recording of a calibrator",
             remedy="leave the file out, or name the channels",
         )

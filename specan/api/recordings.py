@@ -317,7 +317,7 @@ def decay(recording: Source, reference: str | None = None, **settings: Any) -> D
     whole = asked.model_copy(update={"start_s": 0.0, "stop_s": None, "channels": ()})
     found = whole(responses.recording(), responses.upper_hz)
     kept = {"calibration": responses.settings["calibration"]}
-    remark = f"of impulse responses to {responses.reference} ({responses.method})"
+    remark = f"from impulse responses to {responses.reference} ({responses.method})"
     return replace(found, notes=(*found.notes, remark), settings={**asked.model_dump(mode="json"), **kept})
 
 

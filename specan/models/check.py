@@ -176,7 +176,7 @@ def check_model(model: Model, recorded: Conditions | None = None) -> ModelReport
         Its measurements are tables; or it is one of rates, with the noise of its channels.
     recorded : mapping, optional
         SI conditions of a recording. Effects that its noise hides are then told, and values at the limits of parameters
-        at which the states run away.
+        at which the states grow without bound.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def _running_away(model: Model, conditions: Conditions) -> Iterator[str]:
                 if np.isfinite(value) and not np.all(
                     np.isfinite(_predict(assembly, conditions, {name: value}))
                 ):
-                    yield f"the states run away with {name} at {end:g} {p.unit}, an end of its range"
+                    yield f"the states grow without bound with {name} at {end:g} {p.unit}, an end of its range"
 
 
 def without_limits(model: Model) -> list[str]:

@@ -319,7 +319,7 @@ def effect(
     """
     if not _IDENTIFIER.fullmatch(name):
         raise RequestError(
-            f"the effect identifier {name!r} is not one", expected="lower case words joined by hyphens"
+            f"the effect identifier {name!r} is not valid", expected="lower case words joined by hyphens"
         )
 
     def make(function: Callable[..., Any]) -> Effect:

@@ -503,5 +503,5 @@ def _require_known(owner: str, names: Iterable[str], known: set[str]) -> None:
     for name in names:
         if name not in known:
             raise RequestError(
-                f"{owner!r} names the quantity {name!r}, which is not one", remedy=nearest(name, known)
+                f"{owner!r} names the quantity {name!r}, which does not exist", remedy=nearest(name, known)
             )

@@ -107,7 +107,7 @@ def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> No
         values = found.values[name]
         if values is None:
             raise RequestError(
-                f"{place_of(node.function)}: {name!r} gives nothing", remedy="return its value"
+                f"{place_of(node.function)}: {name!r} returns nothing", remedy="return its value"
             )
         try:
             numbers = np.asarray(values, dtype=complex)

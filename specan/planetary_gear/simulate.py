@@ -27,7 +27,7 @@ _NEAR = 0.15
 def run(model: Model, options: Mapping[str, Any]) -> None:
     """A recording of forces, torques, accelerations and tachos (-o run.tdms), or order lines (-o lines.csv).
 
-    --noise is what a channel adds, V.
+    --noise is the standard deviation of the noise of a channel, V.
 
     \b
     specan simulate planetary-gear sample_data/planetary_gear/rig.toml -e planet-position-error@P2=5 -o lines.csv
@@ -35,7 +35,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     path = options["output"]
     if path is None:
         raise RequestError(
-            "a simulated run has nowhere to go",
+            "the simulated run has no output file",
             remedy="name a file with -o: run.tdms, or lines.csv for order lines",
         )
     elif path.suffix.lower() == ".csv":
@@ -61,7 +61,7 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     rig, duration = model.settings["parsed_rig"], options["duration"]
     check_duration(duration)
     if not HAS_NUMBA:
-        say("Each second of the run takes some forty; install specan[fast] (numba) to have it in about one.")
+        say("A simulated second takes about 40 s; with specan[fast] (numba) about 1 s.")
     motion = simulate(rig, duration, sampling_rate=RATE)
     channels = recorded_channels(motion, RATE)
     write_recording(path, channels, RATE, _described(rig), noise=(options["noise"], options["seed"]))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 def run(model: Model, options: Mapping[str, Any]) -> None:
     """A recording of microphones, vibrometer and generator (-o recording.tdms), or with --field the sound field.
 
-    --noise is what a microphone adds, Pa.
+    --noise is the standard deviation of the noise of a microphone, Pa.
 
     \b
     specan simulate room cabin.toml -o recording.tdms --duration 1
@@ -38,7 +38,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 
     if not options["output"]:
         raise RequestError(
-            "a simulated room has nowhere to go",
+            "the simulated room has no output file",
             remedy="name a file with -o: recording.tdms, or field.csv or field.png with --field",
         )
     chosen = choose_model(model, options["effects"], options["without"])

@@ -27,9 +27,9 @@ def command(
 ) -> None:
     """Surface impedance and absorption of every wall of a room, per third octave, with 95 % intervals.
 
-    All walls are estimated at once, free in every third octave, beside the errors of the instruments; what
-    the study's model says of the walls plays no part. Where the microphones do not tell, that is said,
-    with the positions or the covered wall that would.
+    All walls are estimated together in every third octave, with the errors of the instruments. The walls of the
+    study's model are not used. Where the microphones do not determine a value, specan says so and proposes positions,
+    or a wall to cover.
 
     \b
     specan study impedance my_room --plot walls.png
@@ -69,7 +69,7 @@ def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:
         f"Reduced chi-square {found.fit.reduced_chi2:.2f}."
     )
     if advice:
-        click.echo("\nWhat would tell more:")
+        click.echo("\nMeasurements that would determine more:")
         for one in advice:
             click.echo(f"  {one.text}")
 

@@ -122,7 +122,7 @@ def _begun(directory: Path, model_name: str, content: dict[str, Any]) -> Begun:
         step = study.step("new")
         with changing(directory):
             if (directory / NAME).exists():
-                raise RequestError(f"{directory} holds a study by now", remedy="choose another directory")
+                raise RequestError(f"{directory} holds a study already", remedy="choose another directory")
             study.keep(step)
     except BaseException:
         if not existed and not (directory / NAME).exists():

@@ -123,7 +123,7 @@ def with_own_effects(model: Model, known: Sequence[Effect], named: Sequence[Effe
         for effect in file.effects:
             if effect.name in model.effects:
                 raise RequestError(
-                    f"the effect file {file.path} brings {effect.name!r}, which specan has already",
+                    f"the effect file {file.path} brings {effect.name!r}, a name that specan uses already",
                     remedy="give your effect another name",
                 )
         model = model.with_effect(*file.effects)

@@ -209,7 +209,7 @@ def test_what_is_no_calibration_says_so(rig: Rig, change, message) -> None:
 def test_noise_is_no_calibrator() -> None:
     rng = np.random.default_rng(1)
     take = Take(("Mic 1",), RATE, np.zeros((1, 12000)), rng.standard_normal((1, 12000)), {})
-    with pytest.raises(InputError, match="no channel shows a tone"):
+    with pytest.raises(InputError, match="no channel has a dominant tone"):
         evaluate_insertion(recording(take, "noise.tdms"))
 
 

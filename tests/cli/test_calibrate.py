@@ -92,7 +92,7 @@ def test_a_file_that_is_no_calibrator_costs_the_others_nothing(place: Path, rig:
     write_tdms(place / "noise.tdms", rig, noise_take(rig, 1.0, 9000, RATE, 2), with_excitation=False)
     code, _, messages = run("0.tdms", "noise.tdms", "gone.tdms")
     assert code == 1
-    assert "Left out: noise.tdms: no channel shows a tone" in messages
+    assert "Left out: noise.tdms: no channel has a dominant tone" in messages
     assert "gone.tdms does not exist" in messages
     assert read_calibration("calibration.toml").made_from == ("0.tdms",)
 

@@ -175,7 +175,7 @@ def test_a_picture_of_the_field(rig, tmp_path):
         (("-o", "rec.tdms", "--frequency", "900"), "f_max_hz, 250 Hz"),
         (("-o", "rec.csv"), "ends in .tdms"),
         (("-o", "no/such/place.tdms"), "does not exist"),
-        ((), "nowhere to go"),
+        ((), "no output file"),
         (("-o", "f.csv", "--field", "z=0.3"), "needs a frequency"),
         (("-o", "f.csv", "--field", "z=0.8", "--frequency", "100"), "between 0 and 0.7 m"),
         (("-o", "f.csv", "--field", "height", "--frequency", "100"), "not a plane"),

@@ -61,7 +61,7 @@ CASES = {
         HEAD + "R = np.random.default_rng(1).normal\ndef f(x, a):\n    return a * x + R()\n" + MODEL,
         r"m\.py, line 4: 'y' gives other values when it is called again",
     ),
-    "nothing returned": (body("a * x"), r"m\.py, line 3: 'y' gives nothing; return its value"),
+    "nothing returned": (body("a * x"), r"m\.py, line 3: 'y' returns nothing; return its value"),
     "a function of single numbers": (
         HEAD + "import math\ndef f(x, a):\n    return a * math.sqrt(x)\n" + MODEL,
         r"m\.py, line 5: 'y' fails \(TypeError.*functions receive arrays.*np\.sqrt",

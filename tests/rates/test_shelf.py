@@ -71,7 +71,7 @@ def test_a_delay_and_a_filter_of_the_sensor_in_closed_form(known, plain):
 
 
 def test_a_size_without_a_unit_is_refused_in_words():
-    with pytest.raises(RequestError, match="does not tell how large it is; expected its name, or also its"):
+    with pytest.raises(RequestError, match="does not state its size; expected its name, or also its"):
         shelf.mechanics(force=("spring", 60), x=("x", 5, "mm"), v=("v", 400, "mm/s"))
 
 

@@ -131,7 +131,7 @@ PLACES = EXAMPLE_RIG["mics"]["position_m"]
     ("changes", "message"),
     [
         ({"recordings": [{"file": "b.tdms", "position_m": PLACES[:2]}]}, "has 2 positions, [mics] 4"),
-        ({"recordings": [{"file": "b.tdms"}, {"file": "b.tdms"}]}, "b.tdms is there twice"),
+        ({"recordings": [{"file": "b.tdms"}, {"file": "b.tdms"}]}, "b.tdms occurs twice"),
         (
             {"recordings": [{"file": "b.tdms", "position_m": [[2.0, 0.1, 0.1], *PLACES[1:]]}]},
             "outside the room",

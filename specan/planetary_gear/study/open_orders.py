@@ -268,7 +268,9 @@ def _noise(lines: FoundLines) -> NDArray[np.float64]:
     both = np.fmax(lines.u, np.where(scatter > 2 * np.nan_to_num(lines.u), scatter, 0.0))
     middle = np.nanmedian(np.where(both > 0, both, np.nan), axis=1, keepdims=True)
     if not np.all(np.isfinite(middle)):
-        raise InputError("the lines lie too close to tell their noise", remedy="record more turns")
+        raise InputError(
+            "the lines are too close to each other to estimate their noise", remedy="record more turns"
+        )
     return np.where(np.isfinite(both) & (both > 0), both, middle)
 
 

@@ -113,7 +113,7 @@ def _of_impedance(where: str, frequency: Real, given: KnownWall) -> WallTable:
     if np.any(z.real <= 0):
         first = int(np.argmax(z.real <= 0))
         raise RequestError(
-            f"{where} says z_re = {z.real[first]:g} at {frequency[first]:g} Hz: such a wall gives energy",
+            f"{where} says z_re = {z.real[first]:g} at {frequency[first]:g} Hz: such a wall would emit energy",
             expected="a real part above zero, with exp(+j w t) (a mass has a positive z_im)",
         )
     spread = _values(where, "u_z", given.u_z, frequency) / np.abs(z) ** 2  # of 1 / Z
@@ -135,7 +135,7 @@ def _of_absorption(where: str, frequency: Real, given: KnownWall, name: str) -> 
         )
     if given.depth_m is None:
         raise RequestError(
-            f"{where}: an absorption coefficient does not tell how a wall moves the modes",
+            f"{where}: an absorption coefficient does not determine how a wall shifts the modes",
             expected="depth_m, the thickness of the covering with the air behind it; 0 for a hard surface",
         )
     spring = np.minimum(2 * np.pi * frequency / MODERATE_C * given.depth_m, 1.0) / 2

@@ -242,7 +242,7 @@ def _check_whole(mesh: RoomMesh, name: str) -> None:
     pieces, _ = connected_components(touches @ touches.T, directed=False)
     if pieces > 1:
         raise RequestError(
-            f"the mesh {name} falls into {pieces} pieces that do not touch",
+            f"the mesh {name} consists of {pieces} pieces that do not touch",
             expected="one room",
             remedy="let the volumes share their common faces, or mesh one of them",
         )

@@ -251,7 +251,7 @@ def _check_recordings(rig: Rig) -> None:
     for own in rig.recordings:
         where = f"[[recordings]] {own.file}"
         if files.count(own.file) > 1:
-            raise RequestError(f"{where} is there twice", expected="one table a recording")
+            raise RequestError(f"{where} occurs twice", expected="one table a recording")
         if own.position_m is not None and len(own.position_m) != count:
             raise RequestError(
                 f"{where} has {len(own.position_m)} positions, [mics] {count}",

@@ -74,7 +74,7 @@ def _times(path: Path, rows: list[dict[str, str]]) -> NDArray[np.datetime64]:
         found = np.array([np.datetime64(row[TIME].strip().removesuffix("Z"), "us") for row in rows])
     except ValueError:
         raise InputError(
-            f"the temperature log {path.name} has a {TIME} that is none",
+            f"the temperature log {path.name} has a {TIME} that is not a time",
             expected="times such as 2026-05-12T14:03:20",
         ) from None
     if np.any(np.diff(found) <= np.timedelta64(0)):

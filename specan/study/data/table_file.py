@@ -154,7 +154,9 @@ def _frame_cells(path: Path, raw: bytes, sheet: str) -> tuple[dict[int, list[str
             book = pd.ExcelFile(io.BytesIO(raw), engine="openpyxl")
             sheet = sheet or str(book.sheet_names[0])
             frame = (
-                book.parse(sheet, header=None, dtype=object) if sheet in book.sheet_names else pd.DataFrame()
+                pd.read_excel(book, sheet, header=None, dtype=object)
+                if sheet in book.sheet_names
+                else pd.DataFrame()
             )
         else:
             frame = pd.read_parquet(io.BytesIO(raw)).astype(object).T.reset_index().T
@@ -208,7 +210,7 @@ def _header(cells: dict[int, list[str]]) -> list[str]:
 def _check(path: Path, header: list[str], cells: dict[int, list[str]]) -> None:
     doubled = sorted({name for name in header if name and header.count(name) > 1})
     if doubled:
-        raise InputError(f"{path}: the column {doubled[0]!r} is there twice", remedy="rename one")
+        raise InputError(f"{path}: the column {doubled[0]!r} occurs twice", remedy="rename one")
     for line, row in cells.items():
         if any(row[len(header) :]):
             raise InputError(

@@ -247,7 +247,7 @@ class ColumnNames:
                 header = title  # the user says the unit that the table does not
             if header not in headers:
                 raise InputError(
-                    f"{self.path} has no column {header!r}, which is to be {name!r}",
+                    f"{self.path} has no column {header!r}, for the column {name!r}",
                     remedy=nearest(header, headers),
                 )
             found[header] = (column, unit)
