@@ -184,7 +184,7 @@ class Explanations:
         self._weighed: dict[tuple[Tangent, Autoregression | None], tuple[Marginal, float]] = {}
         self._waiting: list[tuple[float, int, Form, EffectSet, Promise]] = []
         self._order = count()
-        self._slack = SLACK
+        self._slack: Counter[int] = Counter()
         self.set_up()
         self._search()
         progress("unknown effects, implausible values, noise, faults of the data", SETS)
@@ -230,7 +230,7 @@ class Explanations:
             new = self._add(form, uses, promise)
             if new is not None and new.ln_joint == self.best:
                 # What is much like the best has as much to gain by a fit.
-                self._slack = max(SLACK, new.ln_joint + promised)
+                self._slack[self._alike(uses)] = max(SLACK, new.ln_joint + promised)
         self._fit_parts()
         self._list({key: found for key, found in left.items() if key not in fitted})
 
@@ -242,8 +242,12 @@ class Explanations:
 
     def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
         """Whether a promise comes near the best; where something is left a straight line tells little."""
-        near = promised + self._slack > self.best - WITHIN
+        near = promised + max(SLACK, self._slack[self._alike(uses)]) > self.best - WITHIN
         return near or (len(uses) == 1 and self._something_is_left)
+
+    def _alike(self, uses: EffectSet) -> int:
+        """Which sets have as much to gain: of integrated models, where one effect leads near the data, of one size."""
+        return len(uses) if self._bends else 0
 
     def _expect(self, one: Explanation) -> None:
         """Put what every further effect promises beside a set with what waits to be fitted."""
