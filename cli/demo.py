@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -74,7 +75,7 @@ def copy_samples(directory: Path) -> int:
     source, written = sample_place(), 0
     for path in sorted({p for pattern in SAMPLES for p in source.glob(pattern) if p.is_file()}):
         target = directory / path.relative_to(source)
-        if not target.exists():
+        if not os.path.exists(target):  # Path.exists raises where a name is too long
             copied(path, target)
             written += 1
     return written

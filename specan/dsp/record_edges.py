@@ -179,7 +179,7 @@ class RecordStart:
             # Singular values of a triangle: those of long rows can take a hundred times as long.
             rows, triangle = np.linalg.qr(self._decays[:, :n].T)
             left, size, right = np.linalg.svd(triangle.T, full_matrices=False)
-            known = size > _ALIKE * size[0]
+            known = size > _ALIKE * np.max(size, initial=0.0)
             self._bases[n] = right[known] @ rows.T, (left[:, known] / size[known]).T @ self._decays
         return self._bases[n]
 

@@ -64,6 +64,7 @@ def test_the_fuzz_sees_a_file_that_is_changed_and_an_internal_error(good, monkey
         "decay noise.tdms --sampling-rate 3",
         "calibrate calibrator.tdms --u-level 1e300",
         "calibrate calibrator.tdms --level 1e5",
+        "rms noise.tdms --sampling-rate 3",
         "orders timed.tdms --speed 1e300",
         "orders timed.tdms --speed 5010",
         f"study new --model spring.py --rig rig.toml --measurement {400 * '9'} s",

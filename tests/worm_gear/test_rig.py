@@ -2,14 +2,17 @@
 
 import copy
 import tomllib
+from contextlib import nullcontext
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from specan.errors import RequestError
-from specan.models import SettingError
+from specan.models import SettingError, TableFault
 from specan.models.catalogue import load_model
 from specan.worm_gear.model import EXAMPLE_RIG, build
+from specan.worm_gear.model.build import complete
 from specan.worm_gear.model.rig import SERIES, SIZES, read_rig
 
 SAMPLE = Path(__file__).parents[2] / "sample_data/worm_gear/rig.toml"
@@ -114,3 +117,24 @@ def test_load_ratings_grow_with_size_within_a_series():
     for series in SERIES:
         ratings = [rating for size, (_, _, rating) in sorted(SIZES.items()) if size[:2] == series]
         assert ratings == sorted(ratings)
+
+
+@pytest.mark.parametrize(
+    ("torques", "refused"),
+    [
+        ((0.53, 0.49, 20.0, 60.0), False),
+        ((-0.6, -0.55, 20.0, 60.0), False),
+        ((4.8, 5.1, 20.0, 60.0), True),  # one load, read on both sides of a twentieth of 100 N m
+        ((0.5, 4.8, 20.0, 60.0), True),
+    ],
+)
+def test_small_loads_are_not_taken_for_idle_runs_in_silence(torques, refused):
+    output = np.array(torques)
+    columns = {
+        "speed_rpm": np.full(4, 1200.0),
+        "output_torque_Nm": output,
+        "input_torque_Nm": 1.0 + output / 5,
+    }
+    said = pytest.raises(TableFault, match="4.8 Nm is below 5 Nm, a twentieth") if refused else nullcontext()
+    with said:
+        complete(columns, {}, ratio=7.5, ambient=22.0, idle_below=5.0)

@@ -67,6 +67,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         quantities += article_quantities(settings)  # of the same names, and later ones win
     conditions = _conditions(settings.operation)
     largest = max(map(abs, settings.limits.output_torque_Nm))
+    idle_below = IDLE * largest if settings.operation.idle_uncoupled else 0.0
     return Model(
         name="worm-gear",
         title="Worm gear: losses in steady operation",
@@ -81,7 +82,12 @@ def build(rig: Mapping[str, Any]) -> Model:
         rig=_rig_statement(settings, conditions),
         words=WORDS,
         table_rules=TableRules(
-            partial(complete, ratio=ratio, ambient=settings.operation.ambient_temperature_C),
+            partial(
+                complete,
+                ratio=ratio,
+                ambient=settings.operation.ambient_temperature_C,
+                idle_below=idle_below,
+            ),
             {OUT: frozenset({IN, ETA})},
         ),
         settings={"rig": settings.model_dump()},
@@ -180,7 +186,9 @@ OIL = "oil_temperature_C"
 AS_WARM_K = 2.0  # a loaded gear's oil is warmer than the room by more
 
 
-def complete(columns: Columns, steps: Mapping[str, float], ratio: float, ambient: float) -> Completed:
+def complete(
+    columns: Columns, steps: Mapping[str, float], ratio: float, ambient: float, idle_below: float = 0.0
+) -> Completed:
     """Input torque, output torque and efficiency of every row, as far as two of them give the third.
 
     Columns that follow from the others are checked against them and used once: where the input torque
@@ -196,6 +204,8 @@ def complete(columns: Columns, steps: Mapping[str, float], ratio: float, ambient
         Speed of the input shaft over that of the output shaft.
     ambient : float
         Temperature of the room, degrees Celsius.
+    idle_below : float
+        Output torque below which the rig file says that the brake is uncoupled.
 
     Raises
     ------
@@ -224,6 +234,7 @@ def complete(columns: Columns, steps: Mapping[str, float], ratio: float, ambient
     unspoken = "without load there is no efficiency to speak of"
     _refuse(idle, lambda k: unspoken, f"{IN} where the output torque is zero")
     _check_torques(torque_in, torque_out, ratio)
+    _check_idle(torque_out, idle_below)
     both = np.isfinite(torque_in) & np.isfinite(eta) & ~derived
     _check_agreement(found, ratio, printed, both)
     if np.any(both):
@@ -278,6 +289,23 @@ def _check_torques(torque_in: Real, torque_out: Real, ratio: float) -> None:
         "are the two torque columns exchanged, or in other units?"
         if np.mean(impossible) > 0.5
         else "correct the row",
+    )
+
+
+def _check_idle(torque_out: Real, below: float) -> None:
+    """Refuse loads that would be taken for the reading of an uncoupled brake, which is the same in all idle rows."""
+    idle, size = torque_out <= below, np.abs(torque_out)
+    if not below or not np.any(idle):
+        return
+    least_load = np.min(torque_out[~idle], initial=np.inf)
+    _refuse(
+        idle & ((torque_out > np.min(torque_out[idle]) + 0.2 * below) | (size > 0.5 * least_load)),
+        lambda k: (
+            f"the output torque of {torque_out[k]:g} Nm is below {below:g} Nm, a twentieth of the [limits], and would "
+            "count as idle (idle_uncoupled)"
+        ),
+        "idle rows whose torque sensor reads alike, and loads well above",
+        "mark idle rows by 0 in a column 'coupled', and remove idle_uncoupled",
     )
 
 
