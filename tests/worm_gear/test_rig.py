@@ -135,6 +135,8 @@ def test_small_loads_are_not_taken_for_idle_runs_in_silence(torques, refused):
         "output_torque_Nm": output,
         "input_torque_Nm": 1.0 + output / 5,
     }
-    said = pytest.raises(TableFault, match="4.8 Nm is below 5 Nm, a twentieth") if refused else nullcontext()
+    said = (
+        pytest.raises(TableFault, match=r"4\.8 Nm is below 5 Nm, a twentieth") if refused else nullcontext()
+    )
     with said:
         complete(columns, {}, ratio=7.5, ambient=22.0, idle_below=5.0)
