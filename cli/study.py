@@ -214,13 +214,9 @@ def report(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> Non
     \b
     specan study report my_study -o report.html
     """
-    from specan.io.output_file import check_directory, text_file
-    from specan.report.study_report import study_report
+    from specan.report.study_report import write_study_report
 
     output = deliver.output
     assert output is not None  # it is required
-    check_directory(output)
-    page = study_report(open_study(directory, effects))
-    with text_file(output) as file:
-        file.write(page)
+    write_study_report(open_study(directory, effects), output)
     deliver.put_out({"report": str(output)}, lambda: None)

@@ -303,15 +303,11 @@ class Study:
         RequestError
             The directory of `path` does not exist, or it is a measured file or one that specan did not write.
         """
-        from specan.io.output_file import check_directory, check_output, text_file
-        from specan.report.study_report import study_report
+        from specan.report.study_report import write_study_report
 
         path = Path(path)
-        check_directory(path)
-        check_output(path, [], force=False)
-        page = study_report(self._opened)
-        with text_file(path) as file:
-            file.write(page)
+        check_output(path)
+        write_study_report(self._opened, path)
         return path
 
     def plot(self, path: str | Path | None = None, *, channel: str | None = None) -> Figure:

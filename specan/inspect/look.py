@@ -47,9 +47,6 @@ font: 13px/1.45 system-ui, "Segoe UI", sans-serif; }
 {% block contents %}<main>{{ super() }}</main>{% endblock %}
 {% block postamble %}<script>
 (() => {
-  const model = (name) => window.Bokeh?.documents[0]?.get_model_by_name(name);
-  const seek = (views, id) => { for (const v of views) { if (v.model.id == id) return v.el;
-    const f = seek(v.child_views ?? [], id); if (f) return f; } };
   const unnamed = (root) => { for (const e of root.querySelectorAll('*')) { if (e.shadowRoot) unnamed(e.shadowRoot);
     const host = e.getRootNode().host;
     if (e.tagName == 'BUTTON' && host?.ariaLabel) { e.ariaLabel = host.ariaLabel; host.ariaLabel = null; }
@@ -60,18 +57,6 @@ font: 13px/1.45 system-ui, "Segoe UI", sans-serif; }
       && ![...(e.labels ?? [])].some((l) => l.textContent.trim()))
       e.ariaLabel = e.placeholder || host?.shadowRoot.querySelector('.bk-label')?.textContent.trim() || 'value'; } };
   setInterval(() => unnamed(document), 1000);
-  const press = (name) => { const m = model(name); if (!m) return;
-    const all = Bokeh.index; const views = Object.values(all).length ? Object.values(all) : [...all];
-    seek(views, m.id)?.shadowRoot.querySelector('button')?.click(); };
-  document.addEventListener('keydown', (e) => {
-    const at = e.composedPath()[0];
-    if (e.ctrlKey || e.metaKey || e.altKey || ['INPUT', 'SELECT', 'TEXTAREA'].includes(at.tagName)) return;
-    const tabs = model('tabs');
-    if (tabs && e.key >= '1' && e.key <= String(tabs.labels.length)) tabs.active = Number(e.key) - 1;
-    else ({n: () => press('save-txt'), p: () => press('save-png'), v: () => press('save-svg'),
-      c: () => press('copy-numbers'), l: () => press('copy-command'), d: () => press('dark'),
-      '?': () => press('keys')})[e.key]?.();
-  });
 })();
 </script>{% endblock %}"""
 )

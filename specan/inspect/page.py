@@ -35,7 +35,6 @@ class Page:
 
     kind: ClassVar[str]  # what is shown
     saves: ClassVar[tuple[str, ...]] = ("png", "svg")
-    keys: ClassVar[str]
 
     def __init__(self, document: Document, title: str, views: type[InAddress], **status: Any) -> None:
         self.document, self._title = document, title
@@ -87,7 +86,6 @@ class Page:
             *((LABELS[kind], f"save-{kind}", lambda kind=kind: self._save(kind)) for kind in self.saves),
             ("Copy numbers", "copy-numbers", self._copy_numbers),
             ("Copy command", "copy-command", self._copy_command),
-            ("?", "keys", lambda: self.status.end(self.keys)),
         ]
         buttons: list[Any] = []
         for label, name, press in presses:

@@ -69,10 +69,6 @@ class RecordingPage(Page):
     """
 
     kind, saves = "recording", ("txt", "png", "svg")
-    keys = (
-        "Keys: 1 to 7 tabs, n save numbers, p save PNG, v save SVG, c copy numbers, l copy the command line, "
-        "d dark or light."
-    )
 
     def __init__(self, document: Document, opened: Opened) -> None:
         super().__init__(

@@ -48,7 +48,6 @@ class StudyPage(Page):
     """
 
     kind = "study"
-    keys = "Keys: p save PNG, v save SVG, c copy numbers, l copy the command line, d dark or light."
 
     def __init__(self, document: Document, kept: KeptStudy) -> None:
         super().__init__(document, kept.directory.resolve().name, StudyView, folds=True)

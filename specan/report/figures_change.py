@@ -37,7 +37,7 @@ def figure_change(change: Change) -> Figure:
     """
     figure = new_figure(4.4, 10.2)
     bars, one, two = figure.subplots(1, 3, width_ratios=[1.5, 2, 2])
-    draw_staircase(bars, (change.before, change.after))
+    draw_steps(bars, (change.before, change.after))
     bars.set_xticks((0, 1), ("before", "after"))
     pairs = list(zip((one, two), ("before", "after"), (change.was, change.study), strict=True))
     reach = max(_residuals(axes, study, legend=text == "after") for axes, text, study in pairs)
@@ -95,18 +95,18 @@ def _residuals(axes: Axes, study: Study, legend: bool) -> float:
 
 @styled
 def figure_history(history: History) -> Figure:
-    """The error of every step on fitted and on held-out data, as a staircase with its numbers."""
+    """The error of every step on fitted and on held-out data, as bars with their numbers."""
     steps = history.steps
     if not steps:
         raise RequestError("the history is empty", remedy="begin with specan study new")
     figure = new_figure(3.7, float(np.clip(2.6 + 0.95 * len(steps), 5.2, 11.0)))
     axes = figure.subplots()
-    draw_staircase(axes, steps)
+    draw_steps(axes, steps)
     heading(figure, "Error after each step", history_sentence(steps))
     return figure
 
 
-def draw_staircase(axes: Axes, steps: Sequence[Step]) -> None:
+def draw_steps(axes: Axes, steps: Sequence[Step]) -> None:
     """One group of bars for each step: the error on fitted data, and on held-out data."""
     kinds = [("fit_error", "fitted", COLOURS[0]), ("held_out_error", "held out", COLOURS[1])]
     shown = [kind for kind in kinds if any(getattr(s, kind[0]) for s in steps)]

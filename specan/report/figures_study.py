@@ -151,7 +151,7 @@ def _draw(
         top.errorbar(x[mine], shown[mine], yerr=sigma, fmt="o", ms=3, color=colour, capsize=2, lw=0.8)
         top.plot(*_curve(study, observation, panel, mine), color=colour, lw=1.2, label=text)
         bottom.plot(x[mine], z[mine], "o", ms=3, color=colour)
-    top.set_ylabel(_quantity(study, panel.observable))
+    top.set_ylabel(axis_label(panel.observable.capitalize(), study.model.observables[panel.observable].unit))
     top.set_title(panel.title)
     bottom.set_xlabel(axis_text(panel.x, observation.variables))
 
@@ -208,7 +208,3 @@ def _curve(study: Study, observation: TableObservation, panel: _Panel, mine: Fla
     one_row = observation.take(np.full(POINTS, first))
     line = replace(one_row, conditions=at, series=None, position=None, lines=None)
     return along, line.predict(study.problem.assembly, study.problem.values_at(study.shown.theta))
-
-
-def _quantity(study: Study, name: str) -> str:
-    return axis_label(name.capitalize(), study.model.observables[name].unit)

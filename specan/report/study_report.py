@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
+from specan.io.output_file import check_directory, text_file
 from specan.report import study_sheets
 from specan.report.figures_change import figure_history
 from specan.report.figures_diagnosis import figure_diagnosis
@@ -32,6 +34,14 @@ if TYPE_CHECKING:
 MOST_RIVALS = 5  # candidates that a step names beside the one that was added
 MOST_REJECTED = 30
 CHANGES = {"add": "was missing. With it", "drop": "was taken out. Without it"}
+
+
+def write_study_report(study: Study, path: Path) -> None:
+    """Write the page to a file; its directory must exist."""
+    check_directory(path)
+    page = study_report(study)
+    with text_file(path) as file:
+        file.write(page)
 
 
 def study_report(study: Study) -> str:
@@ -62,7 +72,7 @@ def study_report(study: Study) -> str:
 
 
 def _story(history: History, diagnosis: Diagnosis | None) -> list[str]:
-    """What was missing, what that did to the errors, and the staircase."""
+    """What was missing, what that did to the errors, and the error after each step."""
     parts = [f'<p class="verdict">{escape(line)}</p>' for line in _story_lines(history.steps, diagnosis)]
     if history.steps:
         parts.append(picture(figure_history(history), "error after each step"))

@@ -93,17 +93,12 @@ def test_a_tab_needs_no_scrolling_on_a_laptop(browser, open_page, recording_page
 
 
 @pytest.mark.long
-def test_keys_change_the_tab_the_colours_and_copy_the_command(open_page, recording_page):
-    from selenium.webdriver.common.action_chains import ActionChains
-
-    page = open_page(recording_page)
-    page.wait(lambda: "97." in page.text("overall"))
-    ActionChains(page.browser).send_keys("2").perform()
-    page.wait(lambda: "tab=fft" in page.browser.current_url)
-    ActionChains(page.browser).send_keys("d").perform()
+def test_dark_mode_and_the_command_of_a_tab(open_page, recording_page):
+    page = open_page(f"{recording_page}?tab=fft")
+    page.wait(lambda: page.script(f"return {MODEL}('status')?.text.includes('phase')"))
+    page.press("dark")
     page.wait(lambda: page.script("return document.documentElement.classList.contains('dark')"))
-    page.wait(lambda: page.script(f"return {MODEL}('status').text.includes('computing') === false"))
-    ActionChains(page.browser).send_keys("l").perform()
+    page.press("copy-command")
     page.wait(lambda: "specan fft" in page.text("status"))
     assert page.complaints == []
 
