@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.options import EXCEEDED, json_option, opt
-from specan_cli.output import TABLES, Delivery, OutputFile, decimal_option, is_quiet, say, table, verb
+from specan_cli.output import TABLES, Delivery, OutputFile, decimal_option, table, verb
 
 if TYPE_CHECKING:
     from specan.analysis.conformance import Check
@@ -32,11 +32,7 @@ def command(rate: float, deliver: Delivery) -> int:
     """
     from specan.analysis.conformance import checks
 
-    found = []
-    for check in checks(rate):
-        found.append(check)
-        if not is_quiet() and not check.passed:
-            say(f"Not met: {check.standard}, {check.clause}: {check.what}.")
+    found = list(checks(rate))
     if deliver.output is not None:
         import pandas as pd
 

@@ -62,10 +62,10 @@ def command(
 
 def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Callable[[Document], object]:
     from specan.api.recordings import read
-    from specan.errors import InputError
+    from specan.errors import InputError, library
     from specan.inspect.opened import Opened, watched
 
-    _require_bokeh()
+    library("bokeh", "inspect")
     from specan.inspect.recording_page import RecordingPage
 
     paths = [place] if overlay is None else [place, overlay]
@@ -82,37 +82,28 @@ def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Ca
 
 
 def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], object]:
+    from specan.errors import library
     from specan_cli.study import open_study
 
     study = open_study(place, effects)
-    _require_bokeh()
+    library("bokeh", "inspect")
     from specan.inspect.study_page import StudyPage
     from specan.inspect.trial import KeptStudy
 
     return partial(StudyPage, kept=KeptStudy(study))
 
 
-def _require_bokeh() -> None:
-    from importlib.util import find_spec
-
-    from specan.errors import RequestError
-
-    if find_spec("bokeh") is None:
-        raise RequestError(
-            "the interactive page needs Bokeh, which is not installed",
-            remedy='install it with: pip install "specan[inspect]"',
-        )
-
-
 def _serve(fill: Callable[[Document], object], address: str, port: int, browser: bool) -> None:
-    from specan.inspect.server import open_browser, start_server
+    import webbrowser
+
+    from specan.inspect.server import start_server
 
     server = start_server(fill, address, port)
     url = server.url
     click.echo(url)
     if address not in ("127.0.0.1", "localhost", "::1"):
         say(f"Note: everybody who reaches {address} can look at this page.")
-    if browser and not open_browser(server.first_url):
+    if browser and not webbrowser.open(server.first_url):
         say("No browser was found: open the address above in one.")
     say("Ctrl-C ends it.")
     try:

@@ -93,5 +93,5 @@ def library(name: str, extra: str) -> Any:
         return importlib.import_module(name)
     except ImportError:
         raise RequestError(
-            f"{name} is not installed", expected="it, for this", remedy=f"pip install 'specan[{extra}]'"
+            f"{name}, which this needs, is not installed", remedy=f'pip install "specan[{extra}]"'
         ) from None

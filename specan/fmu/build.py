@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, library, nearest
 from specan.fmu.process import FmuProcess
 from specan.fmu.settings import EffectEntry, FmuSettings, Variable, read_settings
 from specan.models.effect import Effect, Parameter, effect
@@ -211,12 +211,7 @@ class _Simulations:
 
 def _unpacked(path: Path, directory: str) -> Any:
     """Unpack an FMU for this platform, and read what it says of itself."""
-    try:
-        import fmpy
-    except ImportError:
-        raise RequestError(
-            f"{path} needs FMPy, which is not installed", remedy='pip install "specan[fmu]"'
-        ) from None
+    fmpy = library("fmpy", "fmu")
     try:
         description = fmpy.read_model_description(str(path))
         platforms = fmpy.supported_platforms(str(path))

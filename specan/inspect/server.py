@@ -7,7 +7,6 @@ import ipaddress
 import secrets
 import socket
 import warnings
-import webbrowser
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -54,14 +53,6 @@ def start_server(fill: Callable[[Document], object], address: str = LOOPBACK, po
     server = PageServer(fill, f"[{address}]" if ":" in address else address, address, port)
     server.start()
     return server
-
-
-def open_browser(url: str) -> bool:
-    """Show an address in the user's browser; False where there is none."""
-    try:
-        return webbrowser.open(url)
-    except webbrowser.Error:
-        return False
 
 
 def _bound(address: str, port: int) -> tuple[list[socket.socket], int]:

@@ -150,7 +150,7 @@ def test_a_missing_library_is_named(recording, tmp_path, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "pyuff", None)
     code, message = run(recording, "-o", tmp_path / "a.uff")
     assert code == 2
-    assert "pip install 'specan[uff]'" in message
+    assert 'pip install "specan[uff]"' in message
 
 
 @pytest.mark.parametrize("seconds", ["nan", "inf", "-inf", "1e308", "-1e308"])
