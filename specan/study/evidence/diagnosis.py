@@ -313,7 +313,7 @@ def too_good(base: Refit) -> str:
     if not base.reduced < TOO_GOOD or base.dof < ENOUGH:
         return ""
     return (
-        f"reduced chi-square {base.reduced:.2f}: the measurement is stated {1 / np.sqrt(max(base.reduced, 1e-4)):.1f} "
-        "times as uncertain as it scatters, so that small effects stay hidden. Different conditions may have been "
+        f"reduced chi-square {base.reduced:.2f}: the stated uncertainty is {1 / np.sqrt(max(base.reduced, 1e-4)):.1f} "
+        "times the scatter, so that small effects cannot be detected. Different conditions may have been "
         "taken for repeats, or the declared model discrepancy or uncertainty is too large"
     )

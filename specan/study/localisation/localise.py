@@ -380,4 +380,4 @@ def _sentence(
     worst = max(company, key=lambda b: abs(b.z), default=None)
     if worst is not None and abs(worst.z) >= CLEAR:
         return f"fails at {worst.place}: {worst.text} (z = {worst.z:.1f})"
-    return f"fails with {variable.words}, in no one direction"
+    return f"fails with {variable.words}, in both directions"
