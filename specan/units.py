@@ -32,6 +32,10 @@ _SPELLINGS = {
 }  # fmt: skip
 
 
+_POWERS = str.maketrans("⁻¹²³⁴", "-1234")
+_NO_UNIT = re.compile(r"[^\w\s*/^().+%°·⁻-]")
+
+
 @dataclass(frozen=True)
 class _Scale:
     """A value in a unit, times the factor, plus the offset, is one in SI base units."""
@@ -112,8 +116,11 @@ def _expression(unit: str) -> str:
     plain = _SPELLINGS.get(text.lower())
     if plain is not None:
         return plain
+    if odd := _NO_UNIT.search(text):  # the unit library would read "m/s?" as "m/s"
+        raise RequestError(f"the unit {unit!r} holds {odd[0]!r}", expected="an SI unit or a multiple")
     text = re.sub(r"\b((?:[a-zµ]{0,2}m)|s|in|ft)([2-4])\b", r"\1^\2", text)  # m3/h
-    return text.replace("²", "^2").replace("³", "^3").replace("µ", "u").replace("·", "*").replace("Nm", "N*m")
+    text = re.sub("[⁻¹²³⁴]+", lambda power: "^" + power[0].translate(_POWERS), text)
+    return text.replace("µ", "u").replace("·", "*").replace("Nm", "N*m")
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from specan.io.sampling_rate import Rate, rate_of_axis
 from specan.io.signals import Signal, recording_of
 
 SUFFIXES = (".uff", ".unv")
+UNREADABLE = "\ufffd"  # what Python writes for bytes that are no text
 
 # Function types of data set 58, record 6, field 1.
 TIME_RESPONSE, TRANSFER_FUNCTION, COHERENCE = 1, 4, 6
@@ -108,7 +110,7 @@ def _data_set(path: Path, content: Mapping[str, Any]) -> DataSet:
     response, also = _end(content, "rsp")
     reference, other = _end(content, "ref")
     return DataSet(
-        int(content["func_type"]), response, reference, (also, other), _unit(content), x, values,
+        int(content["func_type"]), response, reference, (also, other), _unit(path, content), x, values,
         title=_word(content.get("id1")),
     )  # fmt: skip
 
@@ -125,16 +127,20 @@ def _end(content: Mapping[str, Any], which: str) -> tuple[str, tuple[str, ...]]:
     return names[0], tuple(names)
 
 
-def _unit(content: Mapping[str, Any]) -> str:
-    above = _label(content, "ordinate")
-    below = _label(content, "orddenom")
+def _unit(path: Path, content: Mapping[str, Any]) -> str:
+    above, below = (_label(path, content, which) for which in ("ordinate", "orddenom"))
     if not above or not below:
         return above
     return f"({above})/({below})"
 
 
-def _label(content: Mapping[str, Any], which: str) -> str:
+def _label(path: Path, content: Mapping[str, Any], which: str) -> str:
+    """Unit of an axis; pyuff replaces what is not UTF-8, such as the ² and µ of Western Windows."""
     said = _word(content.get(f"{which}_axis_units_lab"))
+    if UNREADABLE in said:
+        written = b"[\x80-\xff]".join(re.escape(part.encode()) for part in said.split(UNREADABLE))
+        found = re.search(written, path.read_bytes())
+        said = said if found is None else found[0].decode("cp1252", "replace")
     return said or QUANTITIES.get(int(content.get(f"{which}_spec_data_type", 0)), "")
 
 

@@ -9,6 +9,7 @@ import pint
 import pytest
 
 from specan import units
+from specan.errors import RequestError
 from specan.units import base_unit, convert
 
 LIBRARY = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
@@ -39,3 +40,15 @@ def test_the_library_is_not_loaded_for_them():
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert said == "293.15 3.141592653589793 kilogram * meter ** 2 / second ** 2 False\n"
+
+
+@pytest.mark.parametrize("unit", ["m/s?", "m/s\ufffd", "m/s¿", "V/√Hz", "Pa`"])
+def test_a_unit_with_a_character_that_no_unit_has_is_refused(unit):
+    """An acceleration whose ² was lost must not become a velocity; pint reads "m/s?" as "m/s"."""
+    with pytest.raises(RequestError, match="holds"):
+        base_unit(unit)
+
+
+@pytest.mark.parametrize("unit", ["m/s²", "m·s⁻²", "m/s^2", "m/s2", "m/s**2"])
+def test_accelerations_as_people_write_them(unit):
+    assert convert(3.0, unit, "m/s^2") == 3.0

@@ -263,6 +263,25 @@ def test_a_format_of_an_installed_package(tmp_path, monkeypatch):
         open_recording(tmp_path / "other.dat")
 
 
+def test_a_unit_in_the_letters_of_western_windows(tmp_path):
+    """In Windows-1252 the byte of ² is B2; read without it, the acceleration would be a velocity."""
+    pyuff = pytest.importorskip("pyuff")
+    path = tmp_path / "run.uff"
+    content = pyuff.prepare_58(
+        binary=0, func_type=1, id1="run", rsp_node=1, rsp_dir=3, ref_node=0, ref_dir=0, data=1e3 * MOVED, x=TIME,
+        ord_data_type=4, abscissa_spacing=1, num_pts=N, abscissa_min=0.0, abscissa_inc=1 / RATE,
+        ordinate_axis_units_lab="mm/s^2", ordinate_spec_data_type=12, abscissa_spec_data_type=17,
+        orddenom_spec_data_type=0, z_axis_spec_data_type=0,
+    )  # fmt: skip
+    pyuff.UFF(str(path)).write_sets(content, "add")
+    raw = path.read_bytes()
+    assert b"mm/s^2" in raw
+    path.write_bytes(raw.replace(b"mm/s^2", b"mm/s\xb2 "))
+    channel = open_recording(path).channels[0]
+    assert channel.unit == "m/s^2"
+    assert channel.gain == pytest.approx(1e-3)
+
+
 @pytest.mark.parametrize("ending", ["mat", "h5", "uff"])
 def test_damaged_files_are_said_to_be(tmp_path, ending):
     if ending == "h5":
