@@ -142,7 +142,7 @@ def machine(case: str, rng: np.random.Generator) -> Machine:
         "hardening": lambda t, x, v, z: k * x * (1 + 0.25 * size * (x / USUAL) ** 2),
         "softening": lambda t, x, v, z: k * x
         * (1 - 0.06 * size * (x / USUAL) ** 2 * np.exp(-((x / (3 * USUAL)) ** 4))),
-        "quadratic": lambda t, x, v, z: k * x * (1 + 0.15 * size * x / USUAL),
+        "quadratic": lambda t, x, v, z: k * x * (1 + 0.03 * size * x / USUAL),
         "crack": lambda t, x, v, z: k * x * (1 - 0.2 * size * (x > 0)),
         "drift": lambda t, x, v, z: k * x * (1 - 0.03 * size * t),
         "drag": lambda t, x, v, z: k * x + 30 * size * v * abs(v),

@@ -1,5 +1,7 @@
 """Noise of recordings: its predictor against that of Kalman, and models that lack nothing beside it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -8,7 +10,8 @@ from scipy.signal import lfilter
 
 from specan.models import Model, Signal, State
 from specan.study.diagnose import diagnose
-from specan.study.observation.autoregression import innovations, of_process
+from specan.study.estimation.fit import covariance, fit, intervals_95
+from specan.study.observation.autoregression import excess, innovations, of_process
 from specan.study.observation.time import TimeObservation
 from specan.study.selection.candidates import base_problem
 from tests.rates.test_solver import cubic_spring, damper, dv, dx, spring
@@ -102,3 +105,37 @@ def test_what_no_candidate_describes_is_no_noise(model):
     )  # fmt: skip
     found = diagnose(base_problem(poor, [seen]))
     assert found.verdict == "unknown-effect"
+
+
+def test_scores_under_noise_that_follows_itself_as_by_its_whole_matrix():
+    """J'(R - 1)J with R = 0.9^|i - j|, two chains."""
+    columns = np.random.default_rng(1).standard_normal((300, 2))
+    chains = [np.arange(200), np.arange(200, 300)]
+    lags = np.abs(np.subtract.outer(np.arange(300), np.arange(300)))
+    apart = np.not_equal.outer(np.arange(300) < 200, np.arange(300) < 200)
+    matrix = np.where(apart, 0.0, 0.9**lags) - np.eye(300)
+    assert excess(columns, chains, [0.9]) == pytest.approx(columns.T @ matrix @ columns, rel=1e-4)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("disturbed", "coloured"), [(0.0, 0.0), (0.0, 0.95), (3.0, 0.0)])
+def test_intervals_hold_the_truth_beside_noise_that_follows_itself(disturbed, coloured):
+    """Monte Carlo: of 95 % intervals at least 88 % hold (three standard errors); those of white noise hold fewer."""
+    model = Model.from_rates(
+        dx, dv, spring, damper, states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"},
+        observables={"x": Signal("mm", 0.05)}, units={"spring": "N", "damper": "N"},
+        parameters={"stiffness": (1e4, 1e3, 1e5, "N/m"), "damping": (20, 1, 200, "N*s/m"), "mass": (1, 0.1, 10, "kg")},
+    )  # fmt: skip
+    truth = {"spring.stiffness": 1e4, "damper.damping": 20.0, "dv.mass": 1.0}
+    held, as_white, recordings = [], [], 100
+    for seed in range(recordings):
+        rng = np.random.default_rng([seed, int(disturbed), int(100 * coloured)])
+        problem = base_problem(model, [observed(model, rng, disturbed, coloured)])
+        found = fit(problem, starts=1)
+        widen = np.sqrt(max(found.reduced_chi2, 1.0))
+        white = replace(found, covariance=covariance(found.jacobian, problem.scale))
+        for one, count in ((found, held), (white, as_white)):
+            ends = intervals_95(problem, one, widen)
+            count += [ends[name][0] <= value <= ends[name][1] for name, value in truth.items()]
+    assert np.mean(held) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / recordings)
+    assert coloured + disturbed == 0 or np.mean(as_white) < 0.85

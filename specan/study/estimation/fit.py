@@ -236,7 +236,7 @@ def describe(
         chi2=chi2,
         residual=residual,
         jacobian=jacobian,
-        covariance=covariance(jacobian, problem.scale),
+        covariance=_with_correlation(problem, residual, jacobian),
         at_bound=at_bound,
         converged=True,
         n_effective=problem.n_effective,
@@ -260,6 +260,14 @@ def _snap(problem: Problem, theta: Array) -> tuple[Array, tuple[ParameterName, .
     if not after <= before + 1e-3:
         return theta, ()
     return snapped, tuple(n for n, t in zip(problem.names, touching, strict=True) if t)
+
+
+def _with_correlation(problem: Problem, residual: Array, jacobian: Array) -> Array:
+    """Covariance of theta where residuals may follow each other (the sandwich of Huber 1967 and White 1980)."""
+    found = covariance(jacobian, problem.scale)
+    parts = zip(problem.observations, problem.split(residual), problem.split(jacobian), strict=False)
+    more = sum(o.excess(own, slopes) for o, own, slopes in parts)
+    return found + found @ more @ found if np.any(more) else found
 
 
 def covariance(jacobian: Array, scale: Array) -> Array:

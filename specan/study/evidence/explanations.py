@@ -184,7 +184,7 @@ class Explanations:
         self._weighed: dict[tuple[Tangent, Autoregression | None], tuple[Marginal, float]] = {}
         self._waiting: list[tuple[float, int, Form, EffectSet, Promise]] = []
         self._order = count()
-        self._slack: Counter[int] = Counter()
+        self._slack: dict[int, float] = {}
         self.set_up()
         self._search()
         progress("unknown effects, implausible values, noise, faults of the data", SETS)
@@ -242,7 +242,7 @@ class Explanations:
 
     def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
         """Whether a promise comes near the best; where something is left a straight line tells little."""
-        near = promised + max(SLACK, self._slack[self._alike(uses)]) > self.best - WITHIN
+        near = promised + self._slack.get(self._alike(uses), SLACK) > self.best - WITHIN
         return near or (len(uses) == 1 and self._something_is_left)
 
     def _alike(self, uses: EffectSet) -> int:

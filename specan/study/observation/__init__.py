@@ -264,6 +264,10 @@ class Observation:
         own = self.sizes(self.measured)
         return own, np.full(self.n, np.sqrt(np.mean(own**2)))
 
+    def excess(self, residual: Array, jacobian: Array) -> Array | float:
+        """What correlation of whitened residuals, as they show it, adds to the covariance J'J of their scores."""
+        return 0.0
+
     def turned(self, rows: Array) -> Array:
         """Rows of complex lines turned by a right angle; nothing of real ones."""
         return np.zeros_like(rows)

@@ -66,6 +66,20 @@ def of_covariance(lags: Array) -> tuple[float, ...]:
     return tuple(found)
 
 
+def excess(columns: Array, chains: Chains, reflections: Sequence[float]) -> Array:
+    """Y'(R - 1)Y of columns Y, with the correlation R of the noise between rows."""
+    found = np.zeros((columns.shape[1], columns.shape[1]))
+    for rows in chains:
+        length = 2 * rows.size
+        density = np.abs(np.fft.rfft(_predictor(tuple(reflections)), length)) ** -2.0
+        twice = np.full(density.size, 2 / length)  # both halves of the circle
+        twice[[0, -1]] = 1 / length
+        lines = np.fft.rfft(columns[rows], length, axis=0)
+        weights = twice * (density / (twice @ density) - 1)
+        found += np.real((lines.conj().T * weights) @ lines)
+    return found
+
+
 def ln_volume(chains: Chains, reflections: Sequence[float]) -> float:
     """-1/2 ln det of the correlation."""
     return -0.5 * sum(

@@ -14,6 +14,7 @@ from specan.models import Assembly
 from specan.models.rates import TIME
 from specan.study.observation import Array, Strategy
 from specan.study.observation.autoregression import (
+    excess,
     innovations,
     ln_likelihood,
     of_likely_order,
@@ -95,6 +96,10 @@ class TimeObservation(TableObservation):
         for name, form in self.noise.items():
             rows = innovations(rows, self.chains.get(name, []), form.reflections)
         return rows
+
+    def excess(self, residual: Array, jacobian: Array) -> Array | float:
+        """J'(R - 1)J with the correlation R that the residual shows over time."""
+        return sum(excess(jacobian, own, of_likely_order(own, residual)) for own in self.chains.values())
 
     def with_noise_of(self, residual: Array, responses: Mapping[str, Array]) -> TimeObservation:
         """The same with the likeliest noise that a residual may be of.
