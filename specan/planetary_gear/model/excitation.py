@@ -85,7 +85,7 @@ def transmission_error(mesh_deflection, planet_phase, sun_error, ring_error, mes
     """
     harmonic = np.arange(1, mesh_waves.shape[0] + 1)
     coefficient = np.fft.rfft(mesh_deflection, axis=-1)[..., harmonic] * (2.0 / PHASES)
-    turned = coefficient * np.exp(2j * np.pi * harmonic * planet_phase[None, :, :, None])
+    turned = coefficient * np.exp(2j * np.pi * harmonic * planet_phase[..., None])
     waves = mesh_waves[:, :angles]
     found = turned.real @ waves.real - turned.imag @ waves.imag
     return found - np.stack([sun_error, ring_error])[None, ..., :angles]

@@ -56,7 +56,7 @@ def planet_load(mean_load, planet_stiffness, planet_position, load_stiffness, pr
     almost without load.
     """
     spring = load_stiffness[:, None] * planet_stiffness
-    given = mean_load[:, None] * planet_stiffness - spring * pressure_cosine * planet_position
+    given = mean_load[:, None] * planet_stiffness - spring * pressure_cosine * planet_position.T
     least, whole = LEAST_LOAD * mean_load[:, None], given.shape[1] * mean_load[:, None]
     closer = np.zeros_like(whole)  # by how much the carrier turns back
     for _ in range(given.shape[1]):  # each round takes out planets that lift off, at the latest all but one
@@ -80,10 +80,10 @@ def load_stiffness(mean_load, contact_law, mesh_geometry):
 
 
 @quantity(unit="1", axes=("planet",), reference="Parker and Lin, J. Mech. Des. 126 (2004) 365")
-def planet_phase(nominal_phase, planet_position, centre_distance, ring_teeth, sun_teeth):
-    """Phases of the sun and the ring meshes in pitches, (2, planets)."""
-    turn = planet_position / centre_distance / (2 * np.pi)
-    return nominal_phase + np.stack([-sun_teeth * turn, ring_teeth * turn])
+def planet_phase(nominal_phase, planet_position, mean_load, centre_distance, ring_teeth, sun_teeth):
+    """Phases of the sun and the ring meshes in pitches, (operating points, 2, planets)."""
+    turn = planet_position.T / centre_distance / (2 * np.pi) + np.zeros((mean_load.size, 1))
+    return nominal_phase + np.stack([-sun_teeth * turn, ring_teeth * turn], axis=1)
 
 
 QUANTITIES = (

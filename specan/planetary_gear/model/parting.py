@@ -36,8 +36,8 @@ def parting(load, beyond, moment, dynamics):
     if force.min() >= 0:
         return np.zeros_like(beyond)
     answer = _answer(moment, *dynamics(side)).reshape(orders, meshes, orders, meshes)
-    inside = np.einsum("po,omqn->mpqn", wave, answer)
-    both = np.einsum("mpqn,rq->mpnr", inside, wave.conj()).real / orders
+    inside = np.tensordot(wave, answer, axes=(1, 0))
+    both = np.tensordot(inside, wave.conj(), axes=(2, 1)).real.swapaxes(0, 1) / orders
     size = orders * meshes
     both, force = both.reshape(size, size) + np.eye(size), force.ravel()
     push, pulled = np.zeros(size), force < 0

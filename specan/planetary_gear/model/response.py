@@ -53,7 +53,7 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
             """Springs, dampers, and what forces move, at orders per turn of the carrier; see `parting`."""
             omega = 2 * np.pi * orders * turn_hz
             moves = np.where(orders[..., None] == 0, 0.0, moved(np.where(orders == 0, 1.0, omega)))
-            spring = beside(mesh_spring[c], planet_phase, orders.shape[-1] // 2)
+            spring = beside(mesh_spring[c], planet_phase[c], orders.shape[-1] // 2)
             return spring, 1j * omega[..., None] * mesh_damping[c].ravel(), moves
 
         rest = _excited(spectra[c], ripple, period)

@@ -354,8 +354,9 @@ class OrderLinesObservation(KeptLines):
         away = self.errors.path * np.minimum(np.abs(passes), FAR) / FAR
         alike = (passes[:, None] == passes) & (path[:, None] == path)
         own += away[:, None] * away * alike * (self.harmonic[line][:, None] == self.harmonic[line])
-        recording = np.unique(self.of_row, return_inverse=True)[1][row]
-        answers = np.stack([recording, self.harmonic[line], self.mode[line]])
+        # Sensors that hear through one path do so at one speed, where the machine answers alike.
+        at_speed = np.unique(self.path, return_inverse=True)[1] // len(set(self.channels))
+        answers = np.stack([at_speed[row], self.harmonic[line], self.mode[line]])
         alike = np.all(answers[:, :, None] == answers[:, None], axis=0)
         beyond, apart = self.beyond[self.kept], np.subtract.outer(*2 * [np.log(self.order[line])])
         alike = alike & beyond & beyond[:, None]

@@ -141,7 +141,7 @@ class Form:
     @cached_property
     def refits(self) -> Refits:
         """Fits of it with effects."""
-        problem = replace(self.problem, one_sided=not self.problem.strategy.frugal)
+        problem = replace(self.problem, one_sided=True)
         return Refits(Refit(frozenset(), problem, self.fit), self.known)
 
     @cached_property

@@ -158,12 +158,12 @@ def planet_position_error(
     Its effect on the load falls with 1/torque and is the same at every harmonic; its effect on the phase
     grows with the harmonic and does not depend on the torque.
     """
-    return error
+    return np.array([error])
 
 
 @effect(
     "unequal-load-sharing",
-    adds_to="load_share",
+    adds_to=("load_share", "planet_position"),
     at="planet",
     neutral={"share": 0.0},
     aliases=("planet-position-error",),
@@ -171,11 +171,25 @@ def planet_position_error(
     reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677, section 2; IEC 61400-4 mesh load factor",
 )
 def unequal_load_sharing(
+    mean_load,
+    load_stiffness,
+    pressure_cosine,
     *,
     share=Parameter(0.1, "1", min=-0.3, max=0.3, lower=-0.9, upper=2.0, doc="part by which it carries more"),
+    pin=Parameter(
+        0.5,
+        "1",
+        min=0.0,
+        max=1.0,
+        lower=0.0,
+        upper=1.0,
+        doc="part of it that is the pin's and not the teeth's",
+    ),
 ):
     """One planet carries more, by the same fraction at every torque; the others carry less.
 
-    Lines at 66h +- 1, +- 2 appear, in the same ratio to the mesh at every harmonic.
+    Its teeth are stiffer, or its pin and bearing. These then give way less: the planet stands ahead as one that is out
+    of place, but in proportion to the torque. At one torque both are the same.
     """
-    return share
+    ahead = -share * pin * mean_load / (load_stiffness * pressure_cosine)
+    return {"load_share": share * (1.0 - pin), "planet_position": ahead}

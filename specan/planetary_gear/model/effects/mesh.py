@@ -119,13 +119,13 @@ def tip_relief(*, depth=Parameter(5.0, "um", min=0.0, max=40.0, lower=0.0, upper
 )
 def tooth_friction(
     carrier_turn,
-    planet_phase,
+    nominal_phase,
     ring_teeth,
     *,
     coefficient=Parameter(0.05, "1", min=0.02, max=0.1, lower=-0.5, upper=1.0, doc="coefficient of friction"),
 ):
     """Sliding reverses at the pitch point, and with it the friction: a square wave at the order of the mesh."""
-    at = 2 * np.pi * (ring_teeth * carrier_turn[None, :] + planet_phase[1][:, None])
+    at = 2 * np.pi * (ring_teeth * carrier_turn[None, :] + nominal_phase[1][:, None])
     return coefficient * 4 / np.pi * sum(np.sin((2 * k - 1) * at) / (2 * k - 1) for k in range(1, HARMONICS))
 
 
