@@ -22,7 +22,7 @@ from specan.study.estimation.prediction_error import held_out_error, observable_
 from specan.study.localisation.localise import localise
 from specan.study.observation import Observation
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.either_sign import of_either_sign
+from specan.study.selection.scattered_starts import scattered_starts
 
 ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
 HARMONIC = np.array([1, 1, 1, 1, 2, 2, 2, 2])
@@ -396,8 +396,7 @@ def test_a_size_of_the_other_sign_is_found() -> None:
     base = base_problem(model, [observed(amplitude, 0.003, near=0.01, path=0.01, response=0.01)])
     use = Use("pin")
     problem = base.with_uses([use])
-    (start,) = of_either_sign(problem, {}, [use])
-    found = descend(problem, problem.start(start))
+    found = descend(problem, scattered_starts(problem, {}, [use])[0])
     from_usual = descend(problem, problem.start({"pin.error": 2.0}))
     assert problem.values_at(found.theta)["pin.error"] == pytest.approx(-1.0, abs=0.05)
     assert found.chi2 < 1e-3 < 100 < from_usual.chi2

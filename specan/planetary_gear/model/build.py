@@ -161,7 +161,7 @@ def _faultless(gear: Gear, samples: int) -> list[Quantity]:
     """What effects change of a set whose parts are as drawn."""
     listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
         ("load_share", np.ones(gear.planets), "1", "Share of each planet, before errors of place.", ("planet",)),
-        ("planet_position", np.zeros((gear.planets, 1)), "m", "By how much each pin lies ahead, at each operating point.",
+        ("planet_position", np.zeros((gear.planets, 1)), "m", "By how much each pin lies ahead, at each point.",
          ("planet",)),
         ("sun_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the sun meshes.", ("planet",)),
         ("ring_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the ring meshes.", ("planet",)),

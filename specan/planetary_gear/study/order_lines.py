@@ -101,7 +101,7 @@ class OrderLinesObservation(KeptLines):
     level_of: ClassVar[str] = "levels of lines"
     cells: ClassVar[tuple[str, ...]] = ("orders", "harmonic", "channel")
     # The errors of log(measured / predicted) bend the valley to the minimum, so that it is followed to its end.
-    strategy: ClassVar[Strategy] = Strategy(frugal=True, either_sign=True)
+    strategy: ClassVar[Strategy] = Strategy(frugal=True, many_minima=True)
 
     @property
     def recordings(self) -> tuple[str, ...]:

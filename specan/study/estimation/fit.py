@@ -192,16 +192,19 @@ def _finite(array: Array) -> Array:
 
 
 def _other_starts(problem: Problem, count: int) -> list[Array]:
-    """Places in the plausible ranges by the additive recurrence of the generalised golden ratio."""
+    """Places in the plausible ranges."""
     if count < 1 or not problem.names:
         return []
-    size = len(problem.names)
+    low, high = _plausible(problem)
+    return list(low + quasi_random(count, len(problem.names)) * (high - low))
+
+
+def quasi_random(count: int, size: int) -> Array:
+    """Points of the unit cube, (count, size), by the additive recurrence of the generalised golden ratio."""
     root = 2.0
     for _ in range(30):  # the root of x^(d+1) = x + 1
         root = (1 + root) ** (1 / (size + 1))
-    steps = root ** -np.arange(1, size + 1)
-    low, high = _plausible(problem)
-    return [low + (0.5 + k * steps) % 1 * (high - low) for k in range(1, count + 1)]
+    return (0.5 + np.arange(1, count + 1)[:, None] * root ** -np.arange(1, size + 1)) % 1
 
 
 def _plausible(problem: Problem) -> tuple[Array, Array]:

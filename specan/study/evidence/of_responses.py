@@ -179,11 +179,12 @@ class OfResponses(Explanations):
         return bool(self._waiting)
 
     def _expect_rivals(self, best: Explanation) -> None:
-        """Fit what the catalogue says is easily taken for the best effect."""
+        """Fit what is easily taken for the best effect, by what the catalogue says or at another place."""
         if len(best.uses) > 1:
             return
         (use,) = best.uses
-        for rival in confounded_with(self.problem.assembly.model, use):
+        elsewhere = [other.use for other in best.form.catalogue.candidates if other.use.name == use.name]
+        for rival in (*confounded_with(self.problem.assembly.model, use), *elsewhere):
             promise = self._promised.pop(frozenset({rival}), None)
             if promise is not None and frozenset({rival}) not in best.form.refits.done:
                 self._wait(np.inf, best.form, frozenset({rival}), promise)

@@ -42,16 +42,17 @@ class Strategy:
     linearised_covariance : bool
         The covariance depends on where the model is, and is taken about a fit
         (`specan.study.estimation.continuation`).
-    either_sign : bool
+    many_minima : bool
         Small errors of the prediction are in the covariance, so that chi-square levels off far from the data: a linear
-        promise has the wrong sign or size there, and refits also begin at sizes of either sign.
+        promise has the wrong sign or size there, and refits also begin at places scattered over what is known
+        beforehand, until two lead to the same minimum.
     """
 
     frugal: bool = False
     exact_minimum: bool = True
     continuation: bool = False
     linearised_covariance: bool = False
-    either_sign: bool = False
+    many_minima: bool = False
 
     @property
     def tolerance(self) -> float:
@@ -87,7 +88,7 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
         exact_minimum=not many and all(p.exact_minimum for p in parts),
         continuation=any(p.continuation for p in parts),
         linearised_covariance=any(p.linearised_covariance for p in parts),
-        either_sign=any(p.either_sign for p in parts),
+        many_minima=any(p.many_minima for p in parts),
     )
 
 

@@ -26,7 +26,7 @@ from specan.study.estimation.levenberg_marquardt import (
 )
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
-from specan.study.selection.either_sign import of_either_sign
+from specan.study.selection.scattered_starts import scattered_starts
 from specan.study.selection.score_test import Scored
 from specan.study.selection.signatures import with_rows_of
 
@@ -40,6 +40,8 @@ PRUNING_FACTOR = 3.0  # times the best chi-square so far, beyond what an equatio
 # some tenths of one.
 HOPELESS = (0, 1000.0), (1, 100.0), (2, 0.0)
 SLOPE_STEP = 1e-3  # of a parameter's typical size
+# Of several starts, at least so many are led on, until the lowest chi-square is reached within so much once more.
+FEWEST, THE_SAME = 4, 0.5
 
 # Change of the whitened residual by a parameter's typical size below which it is on a plateau.
 MOVES = 1e-3
@@ -149,8 +151,9 @@ class Refits:
         known = [dict(self.known[uses])] if uses in self.known else []
         starts = known or self._continuation_start(start, problem, uses, starts) or starts
         near = self._nearer(problem, start, starts)
-        if problem.strategy.either_sign and self._whole(start).reduced > POOR_FIT:
-            near = [*near, *of_either_sign(problem, start.fit.values, uses - start.uses)]
+        if problem.strategy.many_minima and self._whole(start).reduced > POOR_FIT:
+            scattered = scattered_starts(problem, start.fit.values, uses - start.uses)
+            near = [*near, *map(problem.values_at, scattered)]
         best = self._pruned_minimum(uses, problem, near)
         if best is None:
             best, nested = self._lowest(problem, near, self._whole(start)), self._best_within(uses)
@@ -239,33 +242,42 @@ class Refits:
 
         `fewer` is a fit with fewer effects, whose slopes serve where new ones are expensive.
         """
-        best: Minimum | None = None
-        thetas = [problem.start(values) for values in starts]
-        if not problem.strategy.either_sign:  # most of several starts lead astray slowly
+        found: list[tuple[float, Minimum]] = []
+        thetas, many = [problem.start(values) for values in starts], problem.strategy.many_minima
+        if not many:  # most of several starts lead astray slowly
             try:
                 thetas = [best_screened(problem, thetas)]
             except ComputationError:
                 return None
         for theta in thetas:
-            # Of starts to either side, those that stay far above another are not followed to their minimum.
-            lowest = best.chi2 if best is not None and problem.strategy.either_sign else np.inf
+            # Where there are many minima, starts that stay far above another are not followed to theirs.
+            least = min((m.chi2 for _, m in found), default=np.inf) if many else np.inf
             try:
-                found = (
+                one = (
                     _some_steps(problem, theta)
                     if self.rough
-                    else descend(problem, theta, _slopes(fewer, problem, theta), lowest)
+                    else descend(problem, theta, _slopes(fewer, problem, theta), least)
                 )
             except NotSettledError as fault:
-                found = fault.reached
+                one = fault.reached
             except ComputationError:
                 continue
-            if best is None or found.chi2 < best.chi2:
-                best = found
-        return best
+            found.append((_level(problem, one), one))
+            found.sort(key=lambda item: item[0])
+            if len(found) >= FEWEST and found[1][0] - found[0][0] < THE_SAME:
+                break
+        return found[0][1] if found else None
 
     def _best_within(self, uses: EffectSet) -> Refit:
         """The best fit so far that a set contains: with the other effects at nothing the set is as good."""
         return min((r for part, r in self.done.items() if part < uses), key=lambda r: r.fit.chi2)
+
+
+def _level(problem: Problem, one: Minimum) -> float:
+    """-2 ln of the probability of the data about a minimum, its parameters known to their typical sizes."""
+    slope = one.jacobian * problem.scale
+    volume = np.linalg.slogdet(np.eye(problem.scale.size) + slope.T @ slope)[1]
+    return float(one.chi2 + volume) - 2 * problem.ln_volume(one.theta)
 
 
 def _some_steps(problem: Problem, theta: Real) -> Minimum:
