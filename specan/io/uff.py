@@ -70,7 +70,7 @@ def recognises(start: bytes) -> bool:
     >>> recognises(b"    -1\\n    58b     1     2\\n"), recognises(b"-1\\n-2\\n")
     (True, False)
     """
-    lines = [line.split() for line in start.splitlines()[:2]]
+    lines = [line.split() for line in start.lstrip().splitlines()[:2]]
     if len(lines) < 2 or lines[0] != [b"-1"] or not lines[1]:
         return False
     return lines[1][0].removesuffix(b"b").isdigit()

@@ -12,7 +12,7 @@ from specan.study.estimation.prediction_error import ObservableError
 from specan.study.history import Step, error_pairs
 from specan.study.localisation.frf_errors import FrfErrors
 from specan.study.localisation.localise import Block
-from specan.study.verdict import Diagnosis, Pull, placed
+from specan.study.verdict import Diagnosis, Pull, percent, placed
 
 SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell them apart
 
@@ -97,7 +97,11 @@ def candidates(found: Mapping[str, Any], most: int, title: str = "", *, valued: 
             " + ".join(placed(row["effects"], row["at"])),
             *(f"{rms:.3g}" for rms in (row["error_after"], *row.get("others_after", {}).values())),
             *([f"{before['level_dB']:.2g} to {row['level_after_dB']:.2g}"] if levels else []),
-            f"{100 * row['probability']:.2g} %" if row["probability"] >= 1e-4 else "< 0.01 %",
+            percent(p)
+            if (p := row["probability"]) >= 0.1
+            else f"{100 * p:.2g} %"
+            if p >= 1e-4
+            else "< 0.01 %",
             f"{row['ln_evidence']:+.1f}",
             ", ".join(
                 [*([] if row["plausible"] else ["outside"]), *(["at its bound"] if row["at_bound"] else [])]

@@ -71,3 +71,18 @@ def test_an_effect_that_is_named_is_not_among_the_smallest_that_could_be_detecte
     assert hidden == ["tilt"]
     named = Diagnosis("group", "", alternatives=(("tilt",), ("drag",)), smallest_visible=sizes)
     assert visible(named)[1] == []
+
+
+def test_a_value_inside_of_what_was_known_is_not_shown_as_outside_and_nothing_is_certain():
+    from specan.report import study_sheets
+    from specan.study.selection.pulls import Pull, shown
+
+    inside, outside = (Pull("gain", v, (-2.0, 2.0), v, "%", False) for v in (1.01, 2.6))
+    assert shown((outside, inside)) == (outside,)
+    row = {
+        "effects": ["a"], "at": {}, "error_after": 1.0, "ln_evidence": 5.0, "plausible": True, "at_bound": False,
+        "parameters": {},
+    }  # fmt: skip
+    found = {"ranking": [{**row, "probability": p} for p in (0.9999, 0.42, 0.031, 1e-6)], "error": None}
+    told = [line[2] for line in study_sheets.candidates(found, 4, "x").rows]
+    assert told == ["above 99 %", "42 %", "3.1 %", "< 0.01 %"]

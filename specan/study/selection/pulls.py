@@ -82,7 +82,8 @@ def pulls(refit: Refit) -> tuple[Pull, ...]:
 
 def shown(found: tuple[Pull, ...]) -> tuple[Pull, ...]:
     """Those that a person is told of."""
-    return tuple(p for p in found if abs(p.pull) >= SHOWN or p.at_bound)
+    outside = [p for p in found if not p.known[0] <= p.value <= p.known[1]]
+    return tuple(p for p in outside if abs(p.pull) >= SHOWN or p.at_bound)
 
 
 def what_would_tell(refit: Refit) -> str:
