@@ -2,8 +2,8 @@
 
 Rates, and the quantities and effects between them and the states, are written out as one function. With numba it is
 compiled once for a model with all of its effects, those that are off being skipped; without, all sets of parameter
-values march together, as columns. Quantities that no state moves are evaluated beforehand and taken as straight lines
-between the samples.
+values march together, as columns. Quantities that no state moves are evaluated beforehand, and taken as cubics between
+the samples, with slopes by differences of fourth order.
 
 Runge-Kutta's method marches with as many steps a sample as its change on doubling them asks for. Where that takes too
 many the system is stiff, and the implicit method marches instead. Machine code is kept for the next program.
@@ -150,7 +150,14 @@ class Program:
                 "def moved(s, h, slope):",
                 _giving("s[{k}] + h * slope[{k}]", states),
                 "def between(drives, i, part):",
-                _giving("drives[{k}, i] + (drives[{k}, i + 1] - drives[{k}, i]) * part", drives),
+                "    n, rest = drives.shape[0] // 2, 1 - part",
+                "    here, there = rest * rest * (1 + 2 * part), part * part * (3 - 2 * part)",
+                "    bent, bent_there = part * rest * rest, -part * part * rest",
+                _giving(
+                    "here * drives[{k}, i] + there * drives[{k}, i + 1]"
+                    " + bent * drives[n + {k}, i] + bent_there * drives[n + {k}, i + 1]",
+                    drives,
+                ),
             ]
         )
 
@@ -192,7 +199,7 @@ class Program:
             space[name] = numba.njit(error_model="numpy", cache=cached, forceinline=inline)(space[name])
         n, d = len(self.states), max(len(self.drives), 1)
         p, on, start = (1.0,) * len(self.parameters), (True,) * len(self.uses), (1.0,) * n
-        space[method](np.arange(2.0), 1, np.ones((d, 2)), p, on, start, np.ones((n, 2)))
+        space[method](np.arange(2.0), 1, np.ones((2 * d, 2)), p, on, start, np.ones((n, 2)))
         return space[method]
 
 

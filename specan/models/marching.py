@@ -2,7 +2,8 @@
 
 Runge-Kutta's classical method, and the L-stable Rosenbrock method of Shampine and Reichelt (1997, SIAM J. Sci. Comput.
 18:1). `times` are those of the samples, `steps` how many are taken from one to the next; `drives` holds what the rates
-read beside the states, `p` parameters, `on` which effects act, `s` the states at the start, and `states` is filled.
+read beside the states, and then its slopes; `p` parameters, `on` which effects act, `s` the states at the start.
+`states` is filled.
 
 What goes from step to step are tuples, which a compiler keeps in registers: arrays take five times as long.
 """
@@ -19,7 +20,7 @@ def moved(s, h, slope):
 
 
 def between(drives, i, part):
-    """Drives on the straight line between two samples; written out too."""
+    """Drives on the cubic between two samples; written out too."""
 
 
 def explicit(times, steps, drives, p, on, s, states):

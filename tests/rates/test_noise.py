@@ -39,14 +39,18 @@ def test_the_predictor_errs_as_that_of_kalman():
 
 
 def observed(model, rng, disturbed, coloured, size=0.0):
-    """A recording by scipy, straight lines between samples."""
+    """A recording by scipy, of a force in closed form."""
     time = np.arange(COUNT) / RATE
-    force = sum(np.cos(2 * np.pi * f * time + rng.uniform(0, 6)) for f in np.arange(2, 40, 0.33))
-    force *= 30 / np.std(force)
-    force_then = force + disturbed * rng.standard_normal(COUNT)
+    lines = 2 * np.pi * np.arange(2, 40, 0.33)
+    phase = rng.uniform(0, 6, lines.size)
+    force = np.cos(np.outer(time, lines) + phase).sum(axis=1)
+    unit = 30 / np.std(force)
+    force *= unit
+    kicks = disturbed * rng.standard_normal(COUNT)
 
     def rates(t, s):
-        return [s[1], np.interp(t, time, force_then) - 1e4 * s[0] - 20 * s[1] - size * s[0] ** 3]
+        given = unit * np.cos(lines * t + phase).sum() + np.interp(t, time, kicks)
+        return [s[1], given - 1e4 * s[0] - 20 * s[1] - size * s[0] ** 3]
 
     y = (
         1e3

@@ -70,6 +70,25 @@ def way(request, monkeypatch):
 TIME = np.arange(800) / 2000
 
 
+def push(t):
+    """A force in N."""
+    return 60 * np.sin(2 * np.pi * 12 * t + 40 * t**2)
+
+
+def test_an_input_of_few_samples_a_period():
+    """A tone of which a period has ten samples, in closed form from rest; straight lines would lose 3 % of it."""
+    clock, omega, natural, decay = np.arange(400) / 500, 2 * np.pi * 50, np.sqrt(1e4), 10.0
+    steady = 40 / (natural**2 - omega**2 + 2j * decay * omega)  # of exp(i omega t), kg
+    damped = np.sqrt(natural**2 - decay**2)
+    start, pace = -steady.imag, -(1j * omega * steady).imag
+    free = np.exp(-decay * clock) * (
+        start * np.cos(damped * clock) + (pace + decay * start) / damped * np.sin(damped * clock)
+    )
+    expected = 1e3 * ((steady * np.exp(1j * omega * clock)).imag + free)
+    found = response(oscillator(), clock, 40 * np.sin(omega * clock))
+    assert np.sqrt(np.mean((found - expected) ** 2)) < 2e-3 * np.std(expected)
+
+
 def test_free_decay_in_closed_form(way):
     """1/omega_d exp(-d t) sin: of a start away from rest, without a force."""
     decay, omega = 10.0, np.sqrt(1e4 - 100.0)
@@ -79,13 +98,13 @@ def test_free_decay_in_closed_form(way):
 
 
 def test_nonlinear_with_a_state_of_an_effect(way):
-    """Against scipy's DOP853 at 1e-10, the input a straight line between samples."""
-    force = 60 * np.sin(2 * np.pi * 12 * TIME + 40 * TIME**2)
+    """Against scipy's DOP853 at 1e-10, the input in closed form."""
+    force = push(TIME)
 
     def rates(t, s):
         x, v, c = s
         pull = 1e4 * x + 4e6 * x**3 + 5e3 * c
-        return [v, np.interp(t, TIME, force) - pull - 20 * v, 7.0 * (x - c)]
+        return [v, push(t) - pull - 20 * v, 7.0 * (x - c)]
 
     truth = solve_ivp(
         rates, (0, TIME[-1]), [0, 0, 0], "DOP853", TIME, rtol=1e-10, atol=1e-13, max_step=1 / 2000
@@ -154,7 +173,7 @@ def play(x, *, size=SIZE, place=PLACE):
     return -size * np.minimum(np.maximum(x, -place), place)
 
 
-def with_events(pull, edges, force):
+def with_events(pull, edges):
     """Displacement in mm by scipy, begun anew at every edge at which the pull bends, and at every sample."""
     events = [lambda t, s, edge=edge: s[0] - edge for edge in edges]
     for event in events:
@@ -164,9 +183,8 @@ def with_events(pull, edges, force):
         now, end = TIME[k], TIME[k + 1]
         while now < end:
 
-            def rates(t, s, k=k):
-                given = force[k] + (force[k + 1] - force[k]) * (t - TIME[k]) / (TIME[k + 1] - TIME[k])
-                return [s[1], given - 1e4 * s[0] - pull(s[0]) - 20 * s[1]]
+            def rates(t, s):
+                return [s[1], push(t) - 1e4 * s[0] - pull(s[0]) - 20 * s[1]]
 
             done = solve_ivp(rates, (now, end), state, "DOP853", rtol=1e-11, atol=1e-14, events=events)
             now, state = done.t[-1], done.y[:, -1]
@@ -184,9 +202,9 @@ def with_events(pull, edges, force):
 )  # fmt: skip
 def test_steps_across_a_corner_err_less_than_a_tenth_of_the_noise(way, one, edges, pull):
     """A stop that is met, and play of a joint, against scipy that stops at each event."""
-    force = 60 * np.sin(2 * np.pi * 12 * TIME + 40 * TIME**2)
+    force = push(TIME)
     size = {"stop": 1e5, "play": 8e3}[one.name]
     found = response(oscillator([one]), TIME, force, {f"{one.name}.size": size}, [one.name])
-    truth = with_events(pull, edges, force)
+    truth = with_events(pull, edges)
     assert np.sqrt(np.mean((found - truth) ** 2)) < 1e-3
     assert np.max(np.abs(truth)) > 2

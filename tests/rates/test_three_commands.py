@@ -52,11 +52,14 @@ def recording(path, seed, term):
     """Force in N and displacement in mm of an oscillator with a term of its own, by scipy; noise of 0.05 mm."""
     rng, rate, n = np.random.default_rng(seed), 500.0, 1500
     time, lines = np.arange(n) / rate, np.arange(2, 40, 0.33)
-    force = sum(np.cos(2 * np.pi * f * time + rng.uniform(0, 2 * np.pi)) for f in lines)
-    force *= 30 / np.std(force)
+    phase = rng.uniform(0, 2 * np.pi, lines.size)
+    force = np.cos(np.outer(time, 2 * np.pi * lines) + phase).sum(axis=1)
+    unit = 30 / np.std(force)
+    force *= unit
 
     def rates(t, s):
-        return [s[1], (np.interp(t, time, force) - 1.1e4 * s[0] - 15 * s[1] - term(*s)) / 1.2]
+        given = unit * np.cos(2 * np.pi * lines * t + phase).sum()
+        return [s[1], (given - 1.1e4 * s[0] - 15 * s[1] - term(*s)) / 1.2]
 
     found = solve_ivp(rates, (0, time[-1]), [0, 0], "RK45", time, rtol=1e-8, atol=1e-10, max_step=1e-3)
     x = 1e3 * found.y[0] + 0.05 * rng.standard_normal(n)
