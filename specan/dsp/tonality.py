@@ -79,7 +79,8 @@ def appearance(samples: Real, rate: float) -> Appearance:
     # What is left of a constant by rounding is silence.
     if np.sqrt(np.mean(x**2)) <= 1e-12 * max(float(np.max(np.abs(samples))), 1e-300):
         return Appearance("silence", 0.0, 0.0)
-    transient = _is_transient(x)
+    parts = np.array([np.mean(part**2) for part in np.array_split(x, 20)])
+    transient = bool(parts.max() > 0.6 * parts.sum())
     if not transient:
         x = _while_on(x)
     power = _lines(x)
@@ -216,11 +217,6 @@ def _while_on(x: Real) -> Real:
     first, last = (first + 1 if first else 0), (last - 1 if last < len(parts) else last)
     kept = np.concatenate(parts[first:last]) if last - first >= 5 else x
     return np.asarray(kept - kept.mean())
-
-
-def _is_transient(x: Real) -> bool:
-    parts = np.array([np.mean(part**2) for part in np.array_split(x, 20)])
-    return bool(parts.max() > 0.6 * parts.sum())
 
 
 # Lengths of the frames in which the scatter is looked at, from what a fast sweep needs to what a slow one does.
@@ -460,7 +456,9 @@ def path(tracks: Sequence[Track], steady: Sequence[bool], section_s: float, apar
     if way < _DRIFT * np.median(every):
         return "moves" if np.ptp(middles) > 0.1 / section_s else "none"
     moving = [t for t, still in zip(tracks, steady) if not still]
-    if 2 * len(moving) > len(tracks) and _monotone(every):  # a slow beginning may look steady
+    rank = np.argsort(np.argsort(every, kind="stable"), kind="stable")
+    in_time = np.corrcoef(rank, np.arange(rank.size))[0, 1]  # Spearman's rank correlation
+    if 2 * len(moving) > len(tracks) and abs(in_time) > _MONOTONE:  # a slow beginning may look steady
         sign = 1 if middles[-1] + every[-1] > middles[0] + every[0] else -1
         smooth = np.median([t.evenness for t in moving]) > _SMOOTH
         if smooth and np.mean([t.direction == sign for t in moving]) > _ALIKE:
@@ -471,9 +469,3 @@ def path(tracks: Sequence[Track], steady: Sequence[bool], section_s: float, apar
     if not moving and way * section_s / max(apart_s, section_s) * section_s < 0.5:
         return "moves"
     return "steps"
-
-
-def _monotone(values: Real) -> bool:
-    """Rank correlation with time (Spearman)."""
-    rank = np.argsort(np.argsort(values, kind="stable"), kind="stable")
-    return bool(abs(np.corrcoef(rank, np.arange(len(rank)))[0, 1]) > _MONOTONE)

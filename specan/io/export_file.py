@@ -208,18 +208,6 @@ def write_uff(excerpt: Excerpt, path: Path) -> None:
     _write_58(path, _responses(excerpt))
 
 
-def write_uff_functions(found: FrequencyResponse | Spectrum, path: Path) -> None:
-    """Write a data set 58 for each channel, binary: a transfer function (type 4) and its coherence (6), a density (9),
-    or a spectrum of lines (12).
-
-    Raises
-    ------
-    RequestError
-        pyuff is not installed, or the file cannot be written.
-    """
-    _write_58(path, _transfer_functions(found) if isinstance(found, FrequencyResponse) else _spectra(found))
-
-
 def _write_58(path: Path, sets: Iterable[Mapping[str, Any]]) -> None:
     pyuff = library("pyuff", "uff")
     always = {
@@ -371,7 +359,7 @@ def write_result(
         _write_json(found.to_dict(), path)
         return
     if ending in (".uff", ".unv") and isinstance(found, (FrequencyResponse, Spectrum)):
-        write_uff_functions(found, path)
+        _write_58(path, _spectra(found) if isinstance(found, Spectrum) else _transfer_functions(found))
         return
     settings = dict(found.settings)
     said = settings.pop("calibration", None)

@@ -184,7 +184,8 @@ def box(
         Relative changes of their natural frequencies and decay rates.
     """
     k2_max = max(k_max, float(np.sqrt(k2).real.max())) ** 2
-    near = near_counts(drawn, k_max)
+    # Beyond these counts no mode resonates below NEAR times k_max; a soft wall may lower one by half an order.
+    near = tuple(int(NEAR * k_max * length / np.pi + 0.5) + 1 for length in drawn)
     for few in interpolations(frequency):
         if few.meets(soft.T):
             axes = _axes(lengths, soft[:, few.chosen], counts)
@@ -213,15 +214,6 @@ def _moved(sum_: Modes, lengths: tuple[float, ...], modes: Any, shift: Any) -> M
     if modes is None or not np.any(shift):
         return sum_
     return replace(sum_, moved=(modes.T, np.sum(_mode_sizes(lengths, sum_, modes.T) * shift, axis=0)))
-
-
-def near_counts(lengths: tuple[float, ...], k_max: float) -> tuple[int, int, int]:
-    """Modes along each axis beyond which none resonates below `NEAR` times the largest wave number.
-
-    A soft wall may lower a mode by half an order.
-    """
-    x, y, z = (int(NEAR * k_max * length / np.pi + 0.5) + 1 for length in lengths)
-    return x, y, z
 
 
 def _dimensionless(lengths: tuple[float, ...], soft: Complex) -> list[tuple[Complex, Complex]]:

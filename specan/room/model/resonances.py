@@ -217,7 +217,8 @@ def _poles(few: FrequencyInterpolation, distance: Complex, k2: Complex) -> tuple
     start = np.sqrt(distance[line, np.arange(len(line))] + k2[line]) / speed[line]
     here = (start - few.middle) / few.half + 0j
     for _ in range(MOST_STEPS):
-        value, slope = _series_at(series, here)
+        polynomials = chebyshev(here, len(series))  # each series (terms, modes) at a place of its own
+        value, slope = (np.einsum("nk,kn->n", one, series) for one in polynomials)
         step = value / slope
         here = here - step
         if np.max(np.abs(step), initial=0.0) < SETTLED:
@@ -229,12 +230,6 @@ def _poles(few: FrequencyInterpolation, distance: Complex, k2: Complex) -> tuple
 def reach(place: Complex) -> Real:
     """Half the sum of the axes of the ellipse with the foci -1 and 1 through a place (Bernstein)."""
     return np.abs(place + np.sqrt(place - 1) * np.sqrt(place + 1))
-
-
-def _series_at(series: Complex, place: Complex) -> tuple[Complex, Complex]:
-    """Chebyshev series (terms, modes) and their derivatives, each at a place of its own."""
-    values, derivatives = chebyshev(place, len(series))
-    return np.einsum("nk,kn->n", values, series), np.einsum("nk,kn->n", derivatives, series)
 
 
 def chebyshev(place: Complex, count: int) -> tuple[Complex, Complex]:
