@@ -253,3 +253,32 @@ def test_pictures_are_saved(browser, open_page, serve):
         place = browser.downloads / f"noise_24_microphones_levels.{kind}"
         page.wait(lambda place=place: place.exists() and place.stat().st_size)
         assert place.read_bytes().startswith(begin)
+
+
+PLACE = """
+const lined = (v) => v.model.type == 'Figure' && v.model.center.some((r) => r.name == 'cursor-line' && r.visible);
+const seek = (v) => { if (lined(v)) return v;
+  for (const c of v.child_views ?? []) { const f = seek(c); if (f) return f; } };
+const views = Object.values(Bokeh.index).length ? Object.values(Bokeh.index) : [...Bokeh.index];
+const view = views.map(seek).find((v) => v), box = view.el.getBoundingClientRect();
+return [box.left + view.frame.x_scale.compute(arguments[0]), box.top + box.height / 2];
+"""
+
+
+@pytest.mark.long
+def test_the_cursor_line_is_dragged_with_the_mouse(browser, open_page, serve):
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    page = open_page(serve(str(NOISE)) + "?cursor=500")
+    page.wait(lambda: "Mic 1 500" in page.text("readout"))
+    (x, y), (to, _) = (browser.execute_script(PLACE, hertz) for hertz in (500.0, 1000.0))
+    chain = ActionChains(browser)
+    chain.w3c_actions.pointer_action.move_to_location(int(x), int(y)).pointer_down().move_to_location(
+        int(to), int(y)
+    ).pointer_up()
+    chain.perform()
+    page.wait(lambda: "cursor=500" not in browser.current_url)
+    cursor = float(re.search(r"cursor=([\d.]+)", browser.current_url)[1])
+    assert cursor == pytest.approx(1000.0, rel=0.02)
+    page.wait(lambda: "Mic 1 1000" in page.text("readout"))
+    assert page.complaints == []
