@@ -120,8 +120,10 @@ def main(ctx: click.Context, debug: bool) -> None:
 
 
 def _show_version(ctx: click.Context, wanted: bool) -> None:
+    """Version and commit, such as ``specan 0.2.0 (commit 1a2b3c4d5e)``; without a commit the version alone."""
     if wanted:
-        click.echo(version_text())
+        commit = _commit(Path(_PACKAGE).parent)
+        click.echo(f"specan {__version__}" + (f" (commit {commit[:10]})" if commit else ""))
         ctx.exit()
 
 
@@ -159,12 +161,6 @@ def run() -> None:
 
 
 COMMIT_FILE = "commit.txt"  # setup.py writes it into what it builds
-
-
-def version_text() -> str:
-    """Version and commit, such as ``specan 0.2.0 (commit 1a2b3c4d5e)``; without a commit the version alone."""
-    commit = _commit(Path(_PACKAGE).parent)
-    return f"specan {__version__}" + (f" (commit {commit[:10]})" if commit else "")
 
 
 def _commit(package: Path) -> str | None:

@@ -53,7 +53,7 @@ class StudyPage(Page):
         super().__init__(document, kept.directory.resolve().name, StudyView, folds=True)
         self.kept = kept
         self.study = kept.current()
-        self.diagnosing = self.worker(self._not_diagnosed)
+        self.diagnosing = self.worker(lambda message: self.progress.end(message, "error"))
         self.progress = Busy(document, "diagnosis", folds=True, sizing_mode="stretch_width")
         self.trial = Div(text="", name="trial", sizing_mode="stretch_width")
         self.history = Div(text="", name="history", sizing_mode="stretch_width")
@@ -305,9 +305,6 @@ class StudyPage(Page):
         self._diagnose_if_due()
         self.accept.disabled = self.tried is None
         super()._failed(message)
-
-    def _not_diagnosed(self, message: str) -> None:
-        self.progress.end(message, "error")
 
 
 def _share(weight: int) -> dict[str, str]:

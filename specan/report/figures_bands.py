@@ -26,6 +26,7 @@ from specan.report.figure_style import (
     styled,
 )
 from specan.report.panels import (
+    BARS,
     Curve,
     Drawing,
     Panel,
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_BARS = 2  # channels up to which bands are filled; more are outlines
 _DYNAMICS_DB = 90.0  # that a figure shows at most
 
 
@@ -72,7 +72,7 @@ def figure_band_levels(found: BandLevels) -> Figure:
     draw_panels(list(sheet[:, 0]), drawing.panels)
     numbers = numbered(drawing.panels)
     for (axes, totals), rows in zip(sheet, grouped(r.text for r in found.references).values(), strict=True):
-        if len(rows) <= _BARS:
+        if len(rows) <= BARS:
             for row in rows:
                 level = np.where(np.isneginf(found.level_dB[row]), np.nan, found.level_dB[row])
                 axes.errorbar(found.exact_hz, level, found.u_dB, fmt="none", ecolor="0.35", elinewidth=0.8)

@@ -89,14 +89,13 @@ def response_drawing(
     The names of the curves begin with `of`. Bands are two standard uncertainties, about what was measured and about no
     error.
     """
-    f, (low, high), level = found.frequency_hz, found.band_dB(), level_dB(found.measured[row])
+    f, level = found.frequency_hz, level_dB(found.measured[row])
+    low, high = band_about(level, 2 * found.u_relative[row])
     phase, reach = with_gaps(phase_deg(found.measured[row])), 2 * found.u_phase_deg[row]
     measured, model, was = (f"{of} {what}".lstrip() for what in RESPONSES)
-    levels = [Curve(measured, f, level, low[row], high[row])]
+    levels = [Curve(measured, f, level, low, high)]
     phases = [Curve(measured, f, phase, phase - reach, phase + reach)]
-    errors = [
-        Curve(measured, f, np.where(np.isfinite(level), 0.0, np.nan), low[row] - level, high[row] - level)
-    ]
+    errors = [Curve(measured, f, np.where(np.isfinite(level), 0.0, np.nan), low - level, high - level)]
     for name, one in ((model, found), (was, before)):
         if one is not None:
             levels.append(Curve(name, f, level_dB(one.model[row])))
@@ -142,10 +141,6 @@ class MeasuredTransfer:
     model: Complex
     u_relative: Real
     u_phase_deg: Real
-
-    def band_dB(self) -> tuple[Real, Real]:
-        """Levels two standard uncertainties below and above the measured one."""
-        return band_about(level_dB(self.measured), 2 * self.u_relative)
 
     @property
     def error_dB(self) -> Real:
