@@ -116,7 +116,7 @@ class Study:
             Data to fit. A data frame has a column for each condition and observable, in the model's units or with a
             unit in its name (``flow [l/s]``); it is written to the directory.
         rig : path, optional
-            Rig file; a model of its own file may need none.
+            Rig file. Of a model that `load_model` built, give it there instead.
         validation : as `measurement`
             Data that are only ever predicted.
         hold_out : str or sequence of str

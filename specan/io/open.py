@@ -250,7 +250,7 @@ def _describe(start: bytes) -> tuple[str, str]:
     if not start.strip(b"\0"):
         return "filled with zeros", "copy it again: the copy was not completed"
     if lines_of(start):
-        return "a text file without a first column of times", "name a recording, or add a column time [s]"
+        return "a text file", "name the recording itself"
     return f"of an unknown format (it begins with {start[:4]!r})", "name a recording"
 
 
