@@ -126,6 +126,25 @@ def test_a_stiffer_planet_carries_its_share_of_every_line():
     assert np.abs(turns[0, 66] / turns[1, 66]) == pytest.approx(1.1, rel=0.03)
 
 
+def test_a_soft_pin_is_one_out_of_place_by_what_it_gives_way():
+    """Its planet stands behind in proportion to the torque: at each torque as one whose pin is misplaced by so much."""
+    model = linear_model()
+    soft, misplaced = (model.assemble([f"{n}@P1"]) for n in ("unequal-load-sharing", "planet-position-error"))
+    values = {"unequal-load-sharing@P1.share": -0.1, "unequal-load-sharing@P1.pin": 1.0}
+    for torque in (60.0, 120.0):
+        given = {
+            "order": ORDERS["order"],
+            "sun_speed": ORDERS["sun_speed"],
+            "carrier_torque": np.full(ORDERS["order"].size, torque),
+        }
+        known = soft.evaluate(given, values, ["order_lines", "planet_load", "mean_load", "load_stiffness"])
+        # three planets together hold the torque: each of the others takes a third of what it leaves
+        assert known["planet_load"][0, 0] == pytest.approx((1 - 0.1 * 2 / 3) * known["mean_load"][0])
+        behind = 0.1 * known["mean_load"] / (known["load_stiffness"] * np.cos(np.radians(20.0)))
+        out = misplaced.evaluate(given, {"planet-position-error@P1.error": float(behind[0])}, ["order_lines"])
+        assert known["order_lines"] == pytest.approx(out["order_lines"], rel=1e-9)
+
+
 @pytest.mark.parametrize("use", ["", "planet-position-error@P2", "unequal-load-sharing@P2"])
 def test_forces_of_periodic_springs_against_an_integration(use):
     """The same springs, deflections and dampers by the trapezoidal rule over a period that closes on itself."""

@@ -1,5 +1,6 @@
 """Order lines as observations: chi-square in closed form, gains that do not matter, turns that nobody counts."""
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -453,3 +454,13 @@ def test_a_line_that_is_predicted_smaller_is_not_known_better() -> None:
     # lines that are not predicted have their noise
     without = found.ln_volume(comb(np.where(BEYOND, 0.0, TRUTH)).assemble(), {})
     assert without > volumes[0] + 2 * BEYOND.sum()
+
+
+def test_lines_below_their_noise_have_an_error_and_no_level() -> None:
+    """A level of noise says nothing; the error is there, and no warning of an empty mean."""
+    one = observed(np.full(BEYOND.shape, 0.001 + 0j), 1.0, near=0.1, path=0.1, response=0.1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        (found,) = observable_errors(base_problem(comb(TRUTH), [one]), [one], [np.zeros(one.n)])
+    assert found.level_dB is None
+    assert found.rms == pytest.approx(0.001 / np.sqrt(2))

@@ -83,6 +83,7 @@ def observable_errors(
     levels = [
         _levels_dB(o, p) for o, p in zip(observations, predictions, strict=True) if isinstance(o, KeptLines)
     ]
+    levels = [own for own in levels if own.size]  # none of lines that all drown in their noise
     if not levels or len(found) > 1:
         return found
     what = next(o.level_of for o in observations if isinstance(o, KeptLines))

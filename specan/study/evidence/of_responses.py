@@ -197,9 +197,12 @@ class OfResponses(Explanations):
         )
 
     def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
-        """Whether a single effect comes near the best set, or a set with more promises to be better."""
-        best = max(e.ln_joint for e in self.found if e.kind != "unknown")
-        return promised > best - (WITHIN if len(uses) == 1 else 0.0)
+        """Whether a set may come to be named: it comes near the best, and is better than likely parts of it alone."""
+        known = [e for e in self.found if e.kind != "unknown"]
+        best = max(e.ln_joint for e in known)
+        parts = (e.ln_joint for e in known if e.kind == "effects" and e.uses < uses)
+        least = max(parts, default=-np.inf) if self.problem.strategy.many_minima else best
+        return promised > max(best - WITHIN, least if len(uses) > 1 else -np.inf)
 
     def _weigh(self, form: Form, tangent: Tangent, noise: Autoregression | None) -> tuple[Marginal, float]:
         """See `Explanations.weighed`; of many rows the columns of errors of form are not kept."""

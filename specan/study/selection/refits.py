@@ -151,7 +151,8 @@ class Refits:
         known = [dict(self.known[uses])] if uses in self.known else []
         starts = known or self._continuation_start(start, problem, uses, starts) or starts
         near = self._nearer(problem, start, starts)
-        if problem.strategy.many_minima and self._whole(start).reduced > POOR_FIT:
+        far = not start.uses or self._whole(start).reduced > POOR_FIT
+        if problem.strategy.many_minima and far:
             scattered = scattered_starts(problem, start.fit.values, uses - start.uses)
             near = [*near, *map(problem.values_at, scattered)]
         best = self._pruned_minimum(uses, problem, near)
