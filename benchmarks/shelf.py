@@ -20,6 +20,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import numpy as np  # noqa: E402
 from recorded_machines import oscillator  # noqa: E402
 from scipy.integrate import solve_ivp  # noqa: E402
+from scipy.interpolate import CubicSpline  # noqa: E402
 
 from specan import shelf  # noqa: E402
 from specan.models import Model  # noqa: E402
@@ -53,8 +54,10 @@ def by_scipy(known: Model, effects: tuple[str, ...], given: dict, values: dict) 
     drives = assembly.evaluate(given, values, wanted=program.drives)
     clock, p = given["time"], [{**assembly.defaults, **values}[name] for name in program.parameters]
 
+    smooth = CubicSpline(clock, np.stack([drives[name] for name in program.drives], axis=1))
+
     def rates(t: float, s: np.ndarray) -> tuple[float, ...]:
-        return space["rates"](s, [np.interp(t, clock, drives[name]) for name in program.drives], p, ())
+        return space["rates"](s, smooth(t), p, ())
 
     start = np.zeros(len(program.states))
     done = solve_ivp(rates, (0, clock[-1]), start, "LSODA", clock, rtol=1e-9, atol=1e-12, max_step=clock[1])
