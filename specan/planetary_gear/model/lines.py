@@ -27,7 +27,7 @@ class DeclaredErrors:
         by; how a planet that passes is heard differs from harmonic to harmonic and from sensor to sensor, and is the
         same in recordings at one speed.
     response : float
-        Of lines that the ideal machine does not have, times `UNLIKE`, one a recording: how strongly the machine answers
+        Of lines that the ideal machine does not have, times `UNLIKE`, one a speed: how strongly the machine answers
         to what its equal parts do not do alike is known less well than how it answers to the rest. Common to lines of a
         harmonic and a kind of mode that lie within a resonance.
     """

@@ -83,7 +83,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         f"every line: model discrepancy {near}, common to lines within a few orders; lines three passages beside: "
         f"{path} for the path of each harmonic to each sensor, nearer ones in proportion, common to recordings at one "
         f"speed; lines that the ideal set does not have: {response} about the first harmonic, twice that about others, "
-        "common to neighbours of one kind of mode (from the rig file or its "
+        "common to neighbours of one kind of mode at one speed (from the rig file or its "
         "defaults); a free gain for every harmonic of each sensor"
     )
     return OpenedData((together,), unseen, (*statements, common), True, 100 * known.errors.near)
