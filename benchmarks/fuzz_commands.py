@@ -108,8 +108,9 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     },
     "study report": ("s", "-o", "r.html"),
     "conformance": (),
+    "demo": ("samples",),
 }
-SERVES = {"inspect", "demo"}  # a page until somebody stops it; files and nothing else
+SERVES = {"inspect"}  # a page until somebody stops it
 
 
 def commands(group: click.Group, path: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
@@ -124,18 +125,21 @@ def commands(group: click.Group, path: tuple[str, ...] = ()) -> Iterator[tuple[s
 
 
 def tried(values: int, rng: np.random.Generator) -> Iterator[tuple[str, ...]]:
-    """Words of a command line each: every option that takes a value, with some odd ones; every argument too."""
+    """Words of a command line each: every flag; every option that takes a value, with some odd ones; every argument."""
     from specan_cli.main import main
 
     for path, command in commands(main):
         words = (*path.split(), *ARGUMENTS[path])
         for parameter in command.params:
+            if isinstance(parameter, click.Option) and (parameter.is_flag or parameter.count):
+                yield (*words, parameter.opts[-1])
+                continue
             for k in rng.permutation(len(ODD))[:values]:
                 if isinstance(parameter, click.Argument):
                     if ODD[k] == "/":  # all that is on the machine takes its time
                         continue
                     yield (*path.split(), ODD[k], *ARGUMENTS[path][1:])
-                elif not parameter.is_flag and not parameter.count:
+                else:
                     yield (*words, parameter.opts[-1], ODD[k])
 
 

@@ -107,15 +107,17 @@ def tracked_shaft(
         raise InputError(
             f"{recording.label}, {channel.label}: {fault.found}", expected=fault.expected, remedy=fault.remedy
         ) from None
-    spacing = np.diff(found.time)
-    ends = ((0.0, times[0], spacing[0]), (times[-1], samples.size / channel.sampling_rate, spacing[-1]))
+    spacing, end = np.diff(found.time), samples.size / channel.sampling_rate
+    ends = ((0.0, times[0], spacing[0]), (times[-1], end, spacing[-1]))
     silent = [*pulses.silent, *((a, b) for a, b, usual in ends if b - a > COUNTABLE * usual)]
     silent = sorted((max(a, first), min(b, last)) for a, b in silent if a < last and b > first)
     return Shaft(
         lambda t: found.at(np.asarray(t) - delay),
         lambda t: found.speed(np.asarray(t) - delay),
         float(max([found.time[0] - spacing[0], *(b for _, b in silent if b <= found.time[0])]) + delay),
-        float(min([found.time[-1] + spacing[-1], *(a for a, _ in silent if a >= found.time[-1])]) + delay),
+        float(
+            min([end, found.time[-1] + spacing[-1], *(a for a, _ in silent if a >= found.time[-1])]) + delay
+        ),
         TachoReport(channel.label, pulses.time.size, pulses.missing, pulses.double, found.jitter_s),
         tuple((float(a + delay), float(b + delay)) for a, b in silent),
     )
