@@ -207,13 +207,13 @@ def test_a_tacho_that_stops_is_told_and_what_it_covers_is_analysed():
 
 
 def test_what_is_analysed_ends_with_the_record():
-    made = recording(duration=8.05, per_turn=1)
+    made = recording(duration=8.1, per_turn=1)
     x, pulses = made.source.samples
     late = np.where(np.arange(x.size) > x.size // 2, pulses, 0.0)
     (note,) = Orders(orders=tuple(LINES))(Recording("run.tdms", made.channels, ArraySource([x, late]))).notes
     begin, end = map(float, re.search(r"analysed is (\S+) to (\S+) s", note).groups())
     assert begin == pytest.approx(4.0, abs=0.15)
-    assert end == pytest.approx(8.05, abs=1e-3)
+    assert end == pytest.approx(8.1, abs=1e-3)
 
 
 @pytest.mark.parametrize("per_turn", [1, 32])
