@@ -207,13 +207,15 @@ def test_a_tacho_that_stops_is_told_and_what_it_covers_is_analysed():
 
 
 def test_what_is_analysed_ends_with_the_record():
-    made = recording(duration=8.1, per_turn=1)
-    x, pulses = made.source.samples
-    late = np.where(np.arange(x.size) > x.size // 2, pulses, 0.0)
-    (note,) = Orders(orders=tuple(LINES))(Recording("run.tdms", made.channels, ArraySource([x, late]))).notes
-    begin, end = map(float, re.search(r"analysed is (\S+) to (\S+) s", note).groups())
-    assert begin == pytest.approx(4.0, abs=0.15)
-    assert end == pytest.approx(8.1, abs=1e-3)
+    """One pulse a turn of 0.1 s, the last one 5 ms before the end of 8 s."""
+    t = np.arange(8 * 12800) / 12800
+    turns = 10 * t + 0.05
+    made = Recording.from_arrays(
+        {"Acc": np.cos(2 * np.pi * 24 * turns), "Tacho": np.where(t > 4, (turns % 1 < 0.3) * 5.0, 0.0)}, 12800,
+        units={"Acc": "m/s^2"}, roles={"Tacho": "tacho"},
+    )  # fmt: skip
+    notes = " ".join(Orders(orders=(24.0,), pulses_per_turn=1)(made).notes)
+    assert float(re.search(r"analysed is \S+ to (\S+) s", notes)[1]) == pytest.approx(8.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("per_turn", [1, 32])
