@@ -39,6 +39,23 @@ def test_a_refit_never_ends_above_a_set_that_it_contains(toy):
     assert after.fit.chi2 <= cross.fit.chi2 < refits.base.fit.chi2 - 100
 
 
+def test_a_part_that_stopped_before_a_hump_is_led_over_it_by_a_larger_set(toy):
+    """Its equation reaches 16.7 x^2 at the hump, a = 1, and the 17.5 of the data at a = 2.55 only."""
+    problem = toy.problem(lambda x, z: 17.5 * x**2 + 4 * x * z, ["hollow", "cross"], also=[hollow])
+    refits = refits_of(problem)
+    alone, both = frozenset({Use("hollow")}), frozenset({Use("hollow"), Use("cross")})
+    near = refits.base.fit.values
+    before = refits.fit(refits.base, alone, [{**near, "hollow.a": 0.5}])
+    refits.fit(before, both, [{**near, "hollow.a": 2.6}])
+    assert before.fit.values["hollow.a"] < 1.5
+    assert refits.lowered(both) == [alone]
+    after = refits.done[alone]
+    at_its_minimum = fit(problem.with_uses(["hollow"]), start={**near, "hollow.a": 2.55})
+    assert after.fit.chi2 == pytest.approx(at_its_minimum.chi2, rel=1e-3)
+    assert after.fit.chi2 < before.fit.chi2 - 10
+    assert refits.lowered(both) == []
+
+
 def test_an_effect_that_is_not_worth_it_leaves_what_a_certificate_holds(toy):
     problem = toy.problem(lambda x, z: 0.4 * (z > 0), ["hollow", "zero-error"], also=[hollow])
     refits = refits_of(problem)

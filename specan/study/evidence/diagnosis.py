@@ -11,10 +11,9 @@ import numpy as np
 from specan.errors import SpecanError, unforeseen
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import describe
-from specan.study.evidence.explanations import SURE, Explanation, Explanations
+from specan.study.evidence.explanations import OF_THE_BEST, SURE, Explanation, Explanations
 from specan.study.evidence.form_errors import FORMS
 from specan.study.evidence.judgement import (
-    OF_THE_BEST,
     Judgement,
     Stated,
     judge,

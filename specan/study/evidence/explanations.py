@@ -17,7 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count, product
-from math import comb, prod
+from math import comb, log, prod
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,8 @@ FOLLOWS_ITSELF = 0.05  # of each autoregressive form of the noise
 BEYOND = 0.01  # that a value lies beyond what is known of it: what a range is declared for
 PULLED = 1.0  # standard deviations outside of what is known, from which a value is also fitted without that
 SETS = 0.7  # share of a diagnosis that is over when sets are fitted
-WITHIN = 3.0  # ln of the best probability over a promised one that is still fitted
+OF_THE_BEST = 1 / 30  # probability over that of the best set, from which a set is fitted, and named beside it
+WITHIN = -log(OF_THE_BEST)
 SLACK = 1.5  # ln by which a linear promise may fall short of a fit, or more where that of the best did
 AS_GOOD = 1.0  # ln of the best probability over that of something else, from where every effect is fitted
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to a promise
@@ -322,6 +323,17 @@ class Explanations:
         refit = form.refits.fit(start, uses, [*self._along(promise), *default])
         if refit is None:
             return None
+        one = self._keep(form, uses)
+        for part in form.refits.lowered(uses):
+            self.found = [e for e in self.found if (e.form, e.kind, e.uses) != (form, "effects", part)]
+            self._waiting = [w for w in self._waiting if not (w[2] is form and part < w[3])]
+            heapq.heapify(self._waiting)
+            self._keep(form, part)
+        return one
+
+    def _keep(self, form: Form, uses: EffectSet) -> Explanation:
+        """Keep a set that was fitted, and what is to be expected beside it."""
+        refit = form.refits.done[uses]
         tangent = Tangent.at(refit.problem, refit.fit.theta, refit.fit.residual, refit.fit.jacobian)
         _, ln_evidence = self.weighed(form, tangent)
         one = Explanation("effects", form, uses, tangent, self._ln_prior(form, uses), ln_evidence)

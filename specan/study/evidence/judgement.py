@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from specan.study.evidence.explanations import SURE, EffectSet, Explanation, Explanations
-
-OF_THE_BEST = 1 / 30  # probability over that of the best set, from which a set is named beside it
+from specan.study.evidence.explanations import OF_THE_BEST, SURE, EffectSet, Explanation, Explanations
 
 
 @dataclass(frozen=True, eq=False)

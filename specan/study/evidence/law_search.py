@@ -19,8 +19,7 @@ from specan.arrays import Real
 from specan.errors import ComputationError
 from specan.models import Effect, Parameter, effect
 from specan.study.estimation.linear import Projection
-from specan.study.evidence.explanations import NOTHING, SURE
-from specan.study.evidence.judgement import OF_THE_BEST
+from specan.study.evidence.explanations import NOTHING, OF_THE_BEST, SURE
 from specan.study.evidence.law_grammar import Formula, Spread, formulas
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit

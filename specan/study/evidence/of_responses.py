@@ -7,6 +7,7 @@ rows; and what is declared of receivers and modes acts in the field of the best 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -68,6 +69,8 @@ class OfResponses(Explanations):
         self.found = []
         self._grown: set[EffectSet] = set()
         self._promised: dict[EffectSet, Promise] = {}
+        self._from_afar: dict[EffectSet, tuple[EffectSet, float, float]] = {}
+        self._taken: dict[EffectSet, list[float]] = defaultdict(list)
 
     def _search(self) -> None:
         """Single effects first; where the base is far off, all once more about the field of the best of them."""
@@ -155,7 +158,9 @@ class OfResponses(Explanations):
                 price = len(own.values) * np.log(self.problem.n_data)
                 gain = max(gain, (own.gain - price) / 2)
             if refit.poor_fit:
-                gain += SHORT * max(whole.chi2 / 2 - gain, 0.0)
+                rest = max(whole.chi2 / 2 - gain, 0.0)
+                self._from_afar[one.uses | {promise.use}] = one.uses, gain, rest
+                gain += SHORT * rest
             if not one.uses and promise.use in self.near.likely:
                 gain = np.inf
             self._promised[one.uses | {promise.use}] = promise
@@ -198,11 +203,24 @@ class OfResponses(Explanations):
 
     def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
         """Whether a set may come to be named: it comes near the best, and is better than likely parts of it alone."""
+        if uses in self._from_afar:
+            beside, _, rest = self._from_afar[uses]
+            taken = self._taken[beside]
+            if len(taken) >= self.fitted_anyway:  # what is alike takes no larger share than those did
+                promised -= max(SHORT - max(taken), 0.0) * rest
         known = [e for e in self.found if e.kind != "unknown"]
-        best = max(e.ln_joint for e in known)
-        parts = (e.ln_joint for e in known if e.kind == "effects" and e.uses < uses)
-        least = max(parts, default=-np.inf) if self.problem.strategy.many_minima else best
-        return promised > max(best - WITHIN, least if len(uses) > 1 else -np.inf)
+        parts = [e.ln_joint for e in known if e.kind == "effects" and e.uses < uses]
+        return promised > max([max(e.ln_joint for e in known) - WITHIN, *parts])
+
+    def _keep(self, form: Form, uses: EffectSet) -> Explanation:
+        """Keep a set, and what share its fit took away of what its promise left."""
+        one = super()._keep(form, uses)
+        self._grown.discard(uses)
+        if uses in self._from_afar:
+            beside, gain, rest = self._from_afar[uses]
+            fewer, more = form.refits.done[beside].fit.chi2, form.refits.done[uses].fit.chi2
+            self._taken[beside].append(((fewer - more) / 2 - gain) / max(rest, 1.0))
+        return one
 
     def _weigh(self, form: Form, tangent: Tangent, noise: Autoregression | None) -> tuple[Marginal, float]:
         """See `Explanations.weighed`; of many rows the columns of errors of form are not kept."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -168,6 +168,31 @@ class Refits:
         count = sum(name.owner in names for name in problem.names)
         self.done[uses] = Refit(uses, problem, fitted, count)
         return self.done[uses]
+
+    def lowered(self, uses: EffectSet) -> list[EffectSet]:
+        """Parts of a fitted set that had missed their minimum: from where the set was led they fall lower."""
+        return [part for part in [*self.done] if part and part < uses and self._lower(part, self.done[uses])]
+
+    def _lower(self, part: EffectSet, more: Refit) -> bool:
+        """Fit a part of a larger set anew from the values of that, where a linear step from there promises less."""
+        fewer = self.done[part]
+        problem, chi2 = fewer.problem, fewer.fit.chi2
+        values = {**fewer.fit.values, **more.fit.values}
+        column = {name: k for k, name in enumerate(more.fit.names)}
+        known = [column[name] for name in problem.names if name in column]
+        slopes = more.fit.jacobian[: problem.n_data, known]
+        least = chi2 - STALL_TOLERANCE * unit(problem, chi2)
+        try:
+            there = problem.residual(problem.start(values))[: problem.n_data]
+            left = there - slopes @ np.linalg.lstsq(slopes, there, rcond=1e-9)[0]
+            best = self._lowest(problem, [values], None) if left @ left < least else None
+        except ComputationError:  # the part stays where it is
+            return False
+        if best is None or best.chi2 >= least:
+            return False
+        fitted = describe(problem, best.theta, best.residual, best.jacobian)
+        self.done[part] = replace(fewer, fit=fitted)
+        return True
 
     def _whole(self, start: Refit) -> Refit:
         """A set on all lines, of which a part was looked at."""
