@@ -206,7 +206,7 @@ class OfResponses(Explanations):
         if uses in self._from_afar:
             beside, _, rest = self._from_afar[uses]
             taken = self._taken[beside]
-            if len(taken) >= self.fitted_anyway:  # what is alike takes no larger share than those did
+            if beside and len(taken) >= self.fitted_anyway:  # others beside the same set took no larger share
                 promised -= max(SHORT - max(taken), 0.0) * rest
         known = [e for e in self.found if e.kind != "unknown"]
         parts = [e.ln_joint for e in known if e.kind == "effects" and e.uses < uses]
