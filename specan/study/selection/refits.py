@@ -188,7 +188,7 @@ class Refits:
             best = self._lowest(problem, [values], None) if left @ left < least else None
         except ComputationError:  # the part stays where it is
             return False
-        if best is None or best.chi2 >= least:
+        if best is None or best.chi2 >= least or _level(problem, best) > _level(problem, fewer.fit):
             return False
         fitted = describe(problem, best.theta, best.residual, best.jacobian)
         self.done[part] = replace(fewer, fit=fitted)
@@ -299,7 +299,7 @@ class Refits:
         return min((r for part, r in self.done.items() if part < uses), key=lambda r: r.fit.chi2)
 
 
-def _level(problem: Problem, one: Minimum) -> float:
+def _level(problem: Problem, one: Minimum | Fit) -> float:
     """-2 ln of the probability of the data about a minimum, its parameters known to their typical sizes."""
     slope = one.jacobian * problem.scale
     volume = np.linalg.slogdet(np.eye(problem.scale.size) + slope.T @ slope)[1]
