@@ -95,12 +95,6 @@ def test_a_universal_file_may_begin_with_an_empty_line(tmp_path, monkeypatch):
     np.testing.assert_allclose(found.read(found.channels)[0], [(k * k) % 7 for k in range(64)], atol=1e-12)
 
 
-def test_a_table_without_times_is_told_that_it_lacks_them(tmp_path):
-    (tmp_path / "run.csv").write_text('"V1","V2",\n' + "0.1,0.2,\n" * 20, encoding="utf-8")
-    with pytest.raises(InputError, match=r"without a first column of times.*time \[s\]"):
-        open_recording(tmp_path / "run.csv")
-
-
 def test_times_that_are_not_equally_spaced(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("t,a\n" + "".join(f"{t},1\n" for t in (0, 1, 2, 3, 5, 8, 13)), encoding="utf-8")
