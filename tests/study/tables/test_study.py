@@ -319,7 +319,7 @@ def test_a_changed_effect_file_is_noticed_and_the_old_one_kept(study, tmp_path):
     [
         ("def broken(:\n", "not valid Python"),
         (OWN.replace("worm_speed", "worm_sped"), "did you mean 'worm_speed'"),
-        (OWN.replace("my-drag", "seal-drag"), "has already"),
+        (OWN.replace("my-drag", "seal-drag"), "a name that specan uses already"),
         ("x = 1\n", "holds no effect"),
     ],
 )
