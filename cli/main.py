@@ -66,8 +66,6 @@ class LazyGroup(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the verbs without importing them."""
-        if not self.verbs:
-            return
         with formatter.section("Commands"):
             formatter.write_dl([(verb, text) for verb, (_, text) in self.verbs.items()])
 

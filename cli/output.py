@@ -14,7 +14,7 @@ import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import wraps
 from itertools import zip_longest
 from pathlib import Path
@@ -359,14 +359,9 @@ def delivered(function: Callable[..., Any]) -> Callable[..., Any]:
     """Where the result of a verb goes reaches it as `deliver`."""
 
     @wraps(function)
-    def gathered(
-        plot: Path | None = None,
-        output: Path | None = None,
-        as_json: bool = False,
-        decimal: str = ".",
-        **options: Any,
-    ) -> Any:
-        return function(deliver=Delivery(plot, output, as_json, decimal), **options)
+    def gathered(**options: Any) -> Any:
+        where = {one.name: options.pop(one.name) for one in fields(Delivery) if one.name in options}
+        return function(deliver=Delivery(**where), **options)
 
     return gathered
 

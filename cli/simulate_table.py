@@ -10,7 +10,7 @@ import click
 import numpy as np
 
 from specan.errors import RequestError
-from specan_cli.options import column_option, opt
+from specan_cli.options import column_option, opt, together
 from specan_cli.output import TABLES, OutputFile, decimal_option, emit_json, say
 from specan_cli.output import table as print_table
 
@@ -22,20 +22,17 @@ POINTS = 7  # of each condition over the limits
 MOST_PRINTED = 60  # rows that a person reads on a terminal
 
 
-def table_options(function: Callable[..., None]) -> Callable[..., None]:
-    """Options of a simulator that writes a table: its conditions, and how often each is read."""
-    for option in (
-        opt("--repeats", click.IntRange(1, 10_000), "Readings of each condition.", default=1),
-        opt("--conditions", Path, "Use the conditions of the rows of a table, or the inputs of a recording."),
-        decimal_option(),
-        opt(
-            "--grid", None,
-            "Values of a condition: speed_rpm=1200,1500 or speed_rpm=300:3000:10 (ten values); repeatable.",
-            "COLUMN=VALUES", multiple=True,
-        ),
-    ):  # fmt: skip
-        function = option(function)
-    return function
+# Options of a simulator that writes a table: its conditions, and how often each is read.
+table_options = together(
+    opt(
+        "--grid", None,
+        "Values of a condition: speed_rpm=1200,1500 or speed_rpm=300:3000:10 (ten values); repeatable.",
+        "COLUMN=VALUES", multiple=True,
+    ),
+    decimal_option(),
+    opt("--conditions", Path, "Use the conditions of the rows of a table, or the inputs of a recording."),
+    opt("--repeats", click.IntRange(1, 10_000), "Readings of each condition.", default=1),
+)  # fmt: skip
 
 
 @column_option("Name of a channel of --conditions, for a model of rates; repeatable.")

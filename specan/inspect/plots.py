@@ -32,7 +32,7 @@ from bokeh.plotting import figure
 
 from specan.arrays import Real
 from specan.inspect.look import COLOURS
-from specan.report.figure_style import octave_ticks
+from specan.report.figure_style import OCTAVE_NAMES, OCTAVES
 from specan.report.panels import FEW, Curve, Drawing, Panel, Picture, numbered
 
 _DASHES = ("solid", "dashed", "dotted", "dotdash")
@@ -59,9 +59,8 @@ def plain(text: str) -> str:
 
 def hertz_axis(axis: Any) -> None:
     """A tick at each octave."""
-    frequencies, names = octave_ticks()
-    axis.ticker = FixedTicker(ticks=frequencies, minor_ticks=[])
-    axis.major_label_overrides = dict(zip(frequencies, names))
+    axis.ticker = FixedTicker(ticks=OCTAVES, minor_ticks=[])
+    axis.major_label_overrides = dict(zip(OCTAVES, OCTAVE_NAMES))
 
 
 def styles_of(panels: tuple[Panel, ...]) -> Styles:

@@ -216,7 +216,7 @@ class RecordingPage(Page):
         whole = start_s <= 0.0 and stop_s >= self.opened.duration_s
         self.change(start=0.0 if whole else round(start_s, 6), stop=None if whole else round(stop_s, 6))
 
-    def _moved(self, low: float, high: float) -> None:
+    def _moved(self) -> None:
         if self._moving:
             return
         self._moving = True
@@ -234,9 +234,6 @@ class RecordingPage(Page):
     def _refresh_waveform(self) -> None:
         view, visible = self.view, self.waveform.visible
 
-        def show(curves: Panel) -> None:
-            self.waveform.draw(curves)
-
         def compute(tell: Tell) -> Panel:
             waiting = [w for _, w in self.waveform.waveforms(view) if w.needs_overview(*visible)]
             pieces = count()
@@ -244,14 +241,14 @@ class RecordingPage(Page):
             def told(part: float) -> bool:
                 if next(pieces) % _PICTURE_EVERY == 0:  # as far as it is known
                     partly = self.waveform.curves(view, *visible)
-                    self.drawing.later(lambda: show(partly))
+                    self.drawing.later(lambda: self.waveform.draw(partly))
                 return tell(part)
 
             read_overviews(waiting, told)
             return self.waveform.curves(view, *visible)
 
         self.waveform.show_section(view)
-        self.drawing.ask(compute, show)
+        self.drawing.ask(compute, self.waveform.draw)
 
     def _refresh(self) -> None:
         view, tab = self.view, self.tabs[self.view.tab]

@@ -24,7 +24,7 @@ from specan.inspect.look import (
 from specan.inspect.page import Page
 from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
 from specan.inspect.study_views.ranking import Ranking, Uses
-from specan.inspect.trial import KeptStudy, Trial, candidates_of, try_effects
+from specan.inspect.trial import KeptStudy, Trial, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Tell
 from specan.report import study_sheets
@@ -32,6 +32,7 @@ from specan.report.figures import figure_of
 from specan.report.html_page import shown
 from specan.report.study_html import failing_map, history_bars
 from specan.study.edit import Change, add_effect
+from specan.study.selection.candidates import candidates
 from specan.study.verdict import Diagnosis, headline, reason
 
 if TYPE_CHECKING:
@@ -189,7 +190,7 @@ class StudyPage(Page):
         self.history.text = folded("History", shown(found))
 
     def _show_candidates(self, found: Diagnosis | None) -> None:
-        known, not_testable = candidates_of(self.study)
+        known, not_testable = candidates(self.study.problem)
         self.ranking.show(self.study, [str(c.use) for c in known], not_testable, found)
         self.verdict.text = ""
         if found is not None:
@@ -285,7 +286,7 @@ class StudyPage(Page):
             for use in uses:
                 changes.append(add_effect(study, use, because))
                 study = changes[-1].study
-                self.kept.changed_to(study)
+                self.kept.take(study)
             return changes
 
         def show(changes: Sequence[Change]) -> None:

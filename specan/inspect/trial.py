@@ -21,7 +21,7 @@ from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.history import NAME as HISTORY
-from specan.study.selection.candidates import Candidate, candidates
+from specan.study.selection.candidates import candidates
 from specan.study.selection.starting_values import kept_values, starting_values
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME
@@ -72,11 +72,6 @@ def as_it_is(study: Study) -> Trial:
     return _trial((), study.problem, study.shown)
 
 
-def candidates_of(study: Study) -> tuple[list[Candidate], dict[str, str]]:
-    """Effects that could be tried, and those that these data cannot test, with the reason."""
-    return candidates(study.problem)
-
-
 def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
     """Refit with further effects.
 
@@ -94,7 +89,7 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
     ComputationError
         No start converged.
     """
-    found, not_testable = candidates_of(study)
+    found, not_testable = candidates(study.problem)
     known = {str(c.use): c for c in found}
     for name in uses:
         if name not in known:
@@ -130,13 +125,15 @@ class KeptStudy:
         self.directory = study.directory
         self._lock = RLock()
         self._diagnosing = Lock()
-        self._take(study)
+        self.take(study)
 
-    def _take(self, study: Study) -> None:
-        self._study = study
-        self._stamps = self._stamp()
-        self._now: Trial | None = None
-        self._found: Diagnosis | None = None
+    def take(self, study: Study) -> None:
+        """Another state of the study: a window has added an effect, or its files have changed."""
+        with self._lock:
+            self._study = study
+            self._stamps = self._stamp()
+            self._now: Trial | None = None
+            self._found: Diagnosis | None = None
 
     def _stamp(self) -> list[tuple[int, int]]:
         files = [NAME, HISTORY, self._study.content.rig, *(e.file for e in self._study.content.measurement)]
@@ -154,13 +151,8 @@ class KeptStudy:
         """
         with self._lock:
             if self._stamp() != self._stamps:
-                self._take(Study(self.directory))
+                self.take(Study(self.directory))
             return self._study
-
-    def changed_to(self, study: Study) -> None:
-        """A window has added an effect."""
-        with self._lock:
-            self._take(study)
 
     def now(self) -> Trial:
         """The model as it is, fitted."""

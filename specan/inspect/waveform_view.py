@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from bokeh.events import Reset, SelectionGeometry
 from bokeh.models import BoxAnnotation, BoxSelectTool
 
-from specan.data.channel import Channel
 from specan.inspect.look import COLOURS
 from specan.inspect.opened import Opened
 from specan.inspect.plots import PanelPlot
@@ -24,7 +22,7 @@ class WaveformView:
     Parameters
     ----------
     moved : callable
-        Called with the new visible times.
+        Called when other times are visible.
     chosen : callable
         Called with the ends of a new section.
     """
@@ -33,7 +31,7 @@ class WaveformView:
         self,
         opened: Opened,
         view: View,
-        moved: Callable[[float, float], None],
+        moved: Callable[[], None],
         chosen: Callable[[float, float], None],
     ) -> None:
         self._opened = opened
@@ -49,12 +47,8 @@ class WaveformView:
         low = 0.0 if view.low is None else view.low
         high = self._end if view.high is None else view.high
         self.sheet.x_range.update(start=low, end=high, reset_start=0.0, reset_end=self._end)
-
-        def ranged(attribute: str, old: Any, new: Any) -> None:
-            moved(float(self.sheet.x_range.start), float(self.sheet.x_range.end))
-
-        self.sheet.x_range.on_change("start", ranged)
-        self.sheet.x_range.on_change("end", ranged)
+        for end in ("start", "end"):
+            self.sheet.x_range.on_change(end, lambda attribute, old, new: moved())
 
         def taken(event: SelectionGeometry) -> None:
             if event.final and event.geometry.get("type") == "rect":
@@ -78,7 +72,7 @@ class WaveformView:
                 number, channel = known[key]
                 if key not in self._waveforms:
                     self._waveforms[key] = Waveform(self._opened.recordings[number], channel)
-                found.append((self._text(number, channel), self._waveforms[key]))
+                found.append((self._opened.text(number, channel.label), self._waveforms[key]))
         return found
 
     def curves(self, view: View, start_s: float, stop_s: float) -> Panel:
@@ -108,6 +102,3 @@ class WaveformView:
     def show_section(self, view: View) -> None:
         """Mark the time section."""
         self._section.update(left=view.start, right=self._end if view.stop is None else view.stop)
-
-    def _text(self, number: int, channel: Channel) -> str:
-        return self._opened.text(number, channel.label)

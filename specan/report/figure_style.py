@@ -167,8 +167,9 @@ def micro(reference: str) -> str:
     return reference.replace("^2", "²")
 
 
-_OCTAVES = 1000.0 * 2.0 ** np.arange(-10, 8)
-_NOMINAL = (
+# Ticks of a logarithmic axis of frequency, in Hz, and what is at them.
+OCTAVES = (1000.0 * 2.0 ** np.arange(-10, 8)).tolist()
+OCTAVE_NAMES = (
     "1", "2", "4", "8", "16", "31.5", "63", "125", "250", "500", "1k", "2k", "4k", "8k", "16k", "31.5k", "63k",
     "125k",
 )  # fmt: skip
@@ -180,17 +181,12 @@ def style_of(number: int, full: bool = False) -> dict[str, Any]:
     return {"color": COLOURS[number % len(COLOURS)], "linestyle": dash}
 
 
-def octave_ticks() -> tuple[list[float], tuple[str, ...]]:
-    """Frequencies of the ticks of a logarithmic axis, in Hz, and what is at them."""
-    return _OCTAVES.tolist(), _NOMINAL
-
-
 def octave_axis(axes: Axes, low_hz: float, high_hz: float, which: Literal["x", "y"] = "x") -> None:
     """Logarithmic frequency axis with a tick at each octave."""
     from matplotlib.ticker import NullLocator
 
     axes.set(**{f"{which}scale": "log", f"{which}lim": (low_hz, high_hz)})
-    shown = [(f, text) for f, text in zip(*octave_ticks(), strict=True) if low_hz <= f <= high_hz]
+    shown = [(f, text) for f, text in zip(OCTAVES, OCTAVE_NAMES, strict=True) if low_hz <= f <= high_hz]
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_ticks([f for f, _ in shown], labels=[text for _, text in shown])
     axis.set_minor_locator(NullLocator())

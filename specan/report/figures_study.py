@@ -92,16 +92,11 @@ def figure_comparison(found: Comparison, channel: str | None = None) -> Figure:
             legend_below(figure, same[0][0], MOST_LINES, title=axis_text(line, observation.variables))
     figure.align_ylabels(grid[:, 0])
     grid[1, 0].set_ylabel("(Model - measured)\n/ sigma" if study.data.known else "Relative to 1 %")
-    heading(
-        figure, f"{study.directory.resolve().name}: measured and model", *state_of(study), _explained(study)
-    )
-    return figure
-
-
-def _explained(study: Study) -> str:
     bars = " with two standard uncertainties" if study.data.known else ""
     band = " Grey band: two standard uncertainties." if study.data.known else ""
-    return f"Points: measured{bars}. Lines: model.{band}"
+    explained = f"Points: measured{bars}. Lines: model.{band}"
+    heading(figure, f"{study.directory.resolve().name}: measured and model", *state_of(study), explained)
+    return figure
 
 
 def _order(labels: Mapping[str, NDArray[Any]], rows: Flags) -> list[str]:

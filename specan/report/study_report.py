@@ -92,9 +92,7 @@ def _story_lines(steps: Sequence[Step], diagnosis: Diagnosis | None) -> list[str
 
 def _falls(before: Step, after: Step) -> str:
     return ", and ".join(
-        f"on {kind} data went from {fall_text(a, b)}"
-        if a != b
-        else f"on {kind} data stayed at {fall_text(a, b)}"
+        f"on {kind} data {'went from' if a != b else 'stayed at'} {fall_text(a, b)}"
         for kind, a, b in error_pairs(before, after)
     )
 

@@ -14,11 +14,12 @@ pytest.importorskip("bokeh")
 from specan.errors import InputError, RequestError
 from specan.inspect.plots import outline
 from specan.inspect.study_views.ranking import Ranking, uses_of
-from specan.inspect.trial import KeptStudy, as_it_is, candidates_of, try_effects
+from specan.inspect.trial import KeptStudy, as_it_is, try_effects
 from specan.inspect.work import Heard, Superseded
 from specan.report.study_html import failing_map, history_bars
 from specan.study.edit import add_effect
 from specan.study.history import Step
+from specan.study.selection.candidates import candidates
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked
 from specan_cli.study_new import command as study_new
@@ -71,7 +72,7 @@ def test_several_effects_are_tried_together_and_unknown_ones_refused(directory):
     assert try_effects(study, now.fit, ["seal-drag", "windage"]).name == "seal-drag with windage"
     with pytest.raises(RequestError, match="nonsense"):
         try_effects(study, now.fit, ["nonsense"])
-    _, not_testable = candidates_of(study)
+    _, not_testable = candidates(study.problem)
     name, why = next(iter(not_testable.items()))
     with pytest.raises(RequestError, match=why):
         try_effects(study, now.fit, [name])
