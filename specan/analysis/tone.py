@@ -231,15 +231,14 @@ def _tone_near(x: Real, rate: float, stated: float | None) -> tuple[float, float
     """Share of the power that the strongest tone holds (near a stated frequency), and its frequency."""
     x = x - x.mean()
     power = float(np.mean(x**2))
+    low, high = 0.0, rate / 2
     if stated is not None:
         width = min(max(_NEAR * stated, 1.5 * rate / len(x)), _FAR * stated)
-        low, high = stated - width, stated + width
+        low, high = stated - width, min(stated + width, high)
     if not np.isfinite(power) or power == 0 or len(x) < 8:
         return -1.0, stated or rate / 8
     try:
-        guess = (
-            peak_frequency(x, rate) if stated is None else peak_frequency(x, rate, low, min(high, rate / 2))
-        )
+        guess = peak_frequency(x, rate, low, high)
     except ValueError:  # too short to have a line there
         return 0.0, stated or rate / 8
     fit = fit_frequency(x, rate, guess)

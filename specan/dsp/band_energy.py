@@ -23,7 +23,6 @@ from specan.dsp.multirate import (
     Memory,
     Stage,
     fast_length,
-    few_rows,
     keep_freed_memory,
     low_pass,
     stages_of,
@@ -675,18 +674,18 @@ class BandEnergyAccumulator:
         self._rate, self._fade = sampling_rate, Fade.of(n_samples, sampling_rate)
         self._slow, self._taken = slow, 0
         self._weighted = np.array(weighted, dtype=np.bool_)
-        self._cut = CutEnergy(sampling_rate) if self._weighted.any() else None
+        self._cut = CutEnergy(int(self._weighted.sum()), sampling_rate) if self._weighted.any() else None
         self._first, count = node_range(sampling_rate)
         self._nodes, self._inner = np.zeros((2, rows, count))
         self._short: list[Real] | None = [] if n_samples <= LONGEST else None
         # A few channels at a time: enough to share the twiddle factors, few enough to stay in the cache.
-        groups = [] if n_samples <= LONGEST else few_rows(rows)
+        tops = [] if n_samples <= LONGEST else range(0, rows, ROWS)
         self._groups = [
             (
                 group,
                 BandEnergy(sampling_rate, self._fade, self._first, self._nodes[group], self._inner[group]),
             )
-            for group in groups
+            for group in (slice(top, top + ROWS) for top in tops)
         ]
         keep_freed_memory()
 

@@ -16,6 +16,7 @@ from specan.dsp.multirate import (
     GRAIN,
     LATE,
     LENGTH,
+    PASS,
     Memory,
     Sections,
     Shape,
@@ -327,7 +328,7 @@ def stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> Sta
     The ripple of a squared low tone is followed with `_PER_TIME_CONSTANT` samples, unless the filter
     rings for longer than a block at such a rate.
     """
-    possible = [stage for stage in stages if stage.number == 0 or stage.flat_to >= one.upper]
+    possible = [stage for stage in stages if stage.number == 0 or stage.rate * PASS >= one.upper]
     lasting = [stage for stage in possible if LENGTH / stage.rate >= SETTLINGS_IN_A_BLOCK * one.settling]
     fine = [stage for stage in lasting if stage.rate * time_constant >= _PER_TIME_CONSTANT]
     return fine[-1] if fine else (lasting or possible[-1:])[0]

@@ -127,11 +127,6 @@ class Stage:
     lead: float
     last: bool
 
-    @property
-    def flat_to(self) -> float:
-        """Frequency in Hz up to which the stage's samples are those of the record."""
-        return self.rate * (0.5 if self.number == 0 else PASS)
-
 
 def stages_of(sampling_rate: float) -> list[Stage]:
     """The stages that a record of this sampling rate goes through.
@@ -149,11 +144,6 @@ def stages_of(sampling_rate: float) -> list[Stage]:
     return stages
 
 
-def few_rows(rows: int) -> list[slice]:
-    """The rows in groups that are transformed together."""
-    return [slice(top, min(top + ROWS, rows)) for top in range(0, rows, ROWS)]
-
-
 GRAIN = 1024
 """Everything is a multiple of so many samples: a whole number of intervals fills them."""
 
@@ -165,8 +155,6 @@ _AFTER = 1024
 LATE, _RINGS = 2048, 2048
 # With ten times the ringing nine tenths of a transform are results. On lower rates, with fewer samples, memory counts.
 _TIMES, _LONGEST, _LONGEST_BELOW = 10, 160 * GRAIN, 80 * GRAIN
-# Rows transformed together: enough to share the twiddle factors, few enough to stay in the cache.
-_ROWS = 4
 
 
 class Shape(NamedTuple):
@@ -275,7 +263,7 @@ class Sections:
         self.scale = np.ones(rows)
         self.low = np.empty((rows if thinned else 0, shape.hop // FACTOR))
         self._exact: Complex | None = None
-        self._lines = np.empty((min(rows, _ROWS), lines), dtype=np.complex128)
+        self._lines = np.empty((min(rows, ROWS), lines), dtype=np.complex128)
 
     @property
     def spectrum(self) -> NDArray[np.complex64]:
@@ -335,8 +323,8 @@ class Sections:
     def _transform(self) -> None:
         if not (self._filtered or self._thinned):
             return
-        for top in range(0, self._known.shape[0], _ROWS):
-            rows = slice(top, top + _ROWS)
+        for top in range(0, self._known.shape[0], ROWS):
+            rows = slice(top, top + ROWS)
             known = self._known[rows]
             lines = np.fft.rfft(known, out=self._lines[: known.shape[0]])
             if self._thinned:

@@ -209,20 +209,19 @@ class CutEnergy:
 
     Parameters
     ----------
+    rows : int
+        Number of channels.
     rate : float
         Sampling rate in Hz.
     """
 
-    def __init__(self, rate: float) -> None:
+    def __init__(self, rows: int, rate: float) -> None:
         self._rate, self._ring = rate, round(WEIGHTINGS_RING * rate) if rate <= _HIGHEST_RATE else 0
         self._seen = start_of("A", rate, self._ring)[1].seen if self._ring else 0
-        self._beginning: Real | None = None
-        self._last: Real | None = None
+        self._beginning = self._last = np.empty((rows, 0))
 
     def add(self, samples: Real) -> None:
         """Take the next samples, shape (channels, n)."""
-        if self._beginning is None or self._last is None:
-            self._beginning = self._last = samples[:, :0]
         lacking = self._seen - self._beginning.shape[1]
         if lacking > 0:
             self._beginning = np.concatenate([self._beginning, samples[:, :lacking]], axis=1)
@@ -231,9 +230,9 @@ class CutEnergy:
 
     def result(self) -> dict[Weighting, Real]:
         """The energy behind each weighting, shape (channels,)."""
-        if self._beginning is None or self._last is None or not self._ring:
-            return {}
         count = self._beginning.shape[1]
+        if not count or not self._ring:
+            return {}
         points = fast_length(count + self._ring - 1)
         lines = np.fft.rfft(self._beginning, points)
         found: dict[Weighting, Real] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -250,15 +251,11 @@ class ShaftAngle:
         """Turns per second."""
         return self._spline(np.clip(time, self.time[0], self.time[-1]), 1)
 
-    @property
+    @cached_property
     def _spline(self):
         from scipy.interpolate import CubicSpline
 
-        kept = self.__dict__.get("_kept")
-        if kept is None:
-            kept = CubicSpline(self.time, self.turns)
-            object.__setattr__(self, "_kept", kept)
-        return kept
+        return CubicSpline(self.time, self.turns)
 
 
 def shaft_angle(pulses: Pulses, pulses_per_turn: float) -> ShaftAngle:

@@ -6,7 +6,7 @@ Decisions: docs/decisions/spectra.md.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from specan.arrays import Complex, Real
 from specan.dsp.welch import log_bias, log_variance, student_factor
 
 Estimator = Literal["H1", "H2", "Hv", "H3c"]
-ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
 
 _SIDE = 7  # lines to either side over which noise is smoothed
 # Standard deviation of a phase that may be anything, 360 / sqrt(12) degrees.
@@ -178,10 +177,8 @@ def _response(
         return cross / auto_reference, left, gain
     if estimator == "H2":
         return np.asarray(auto_response / np.conj(cross), dtype=complex), left, gain
-    if estimator == "Hv":
-        size = np.sqrt(auto_response / auto_reference)
-        return np.asarray(size * (cross / np.abs(cross)), dtype=complex), left, gain
-    raise ValueError(f"unknown estimator {estimator!r}; known are {', '.join(ESTIMATORS)}")
+    size = np.sqrt(auto_response / auto_reference)
+    return np.asarray(size * (cross / np.abs(cross)), dtype=complex), left, gain
 
 
 def smoothed_noise(noise: Real, freedom: float) -> Real:

@@ -51,15 +51,16 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     from specan.io.output_file import check_directory
     from specan.planetary_gear.model.compiled import HAS_NUMBA
-    from specan.planetary_gear.model.dynamics import check_duration, simulate
+    from specan.planetary_gear.model.dynamics import simulate
     from specan.planetary_gear.model.simulated_recording import recorded_channels
 
+    rig, duration = model.settings["parsed_rig"], options["duration"]
+    if not 0.01 <= duration <= 600.0:
+        raise RequestError(f"{duration:g} s are requested", expected="0.01 to 600 s")
     if options["effects"] or options["without"]:
         _record_lines(model, path, options)
         return
     check_directory(path)
-    rig, duration = model.settings["parsed_rig"], options["duration"]
-    check_duration(duration)
     if not HAS_NUMBA:
         say("A simulated second takes about 40 s; with specan[fast] (numba) about 1 s.")
     motion = simulate(rig, duration, sampling_rate=RATE)
@@ -94,13 +95,10 @@ def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, An
 
 def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     """Accelerations made of the order-domain model's lines, and tachos, at constant speed."""
-    from specan.planetary_gear.model.dynamics import check_duration
     from specan.planetary_gear.model.simulated_recording import channels_of_lines
 
-    duration = options["duration"]
-    check_duration(duration)
+    rig, duration = model.settings["parsed_rig"], options["duration"]
     orders, lines, request = _order_lines(model, options)
-    rig = model.settings["parsed_rig"]
     channels = channels_of_lines(rig, orders, lines, round(duration * LINES_RATE), LINES_RATE)
     write_recording(path, channels, LINES_RATE, _described(rig), noise=(options["noise"], options["seed"]))
     say(f"{len(channels)} channels of {duration:g} s made of {orders.size} order lines written to {path}")

@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 def span(chosen: ChosenModel, condition: str) -> tuple[float, float]:
     """Limits of the bench in the unit of the table's column."""
     known = chosen.assembly.model.conditions[condition]
-    low, high = chosen.assembly.model.rig.limits[condition]
-    return (
-        float(convert(low, known.unit, known.column_unit)),
-        float(convert(high, known.unit, known.column_unit)),
-    )
+    limits = np.array(chosen.assembly.model.rig.limits[condition])
+    low, high = convert(limits, known.unit, known.column_unit)
+    return float(low), float(high)
 
 
 @styled

@@ -16,7 +16,6 @@ from specan.models.quantity import Condition, Observable, Quantity, constant
 from specan.planetary_gear.model import excitation, load, response
 from specan.planetary_gear.model.geometry import (
     check_assembly,
-    inertia_uncertainty,
     inertias,
     mesh_phases,
     planet_angles,
@@ -90,12 +89,13 @@ def build(rig: Mapping[str, Any]) -> Model:
 def _nuisances(rig: Rig, *, known_rotors: bool) -> tuple[Nuisance, ...]:
     """What is uncertain of the machine and the tacho, held by what the rig file says of it."""
     known = rig.uncertainty
+    inertia = known.carrier_inertia_percent or (10.0 if rig.rotors.carrier_kg_m2 else 100.0)
     listed = [
         ("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),
         ("contact-exponent", "change", known.contact_exponent, "bending 1, contact along a line 10/9, at a point 3/2"),
         ("contact-stiffness", "change", known.contact_stiffness_percent / 100,
          "bodies deflect too, loads vary along the flank"),
-        ("carrier-inertia", "change", inertia_uncertainty(rig),
+        ("carrier-inertia", "change", inertia / 100,
          "the rig file" if known_rotors else "carrier, shaft and load are taken as one disc"),
         ("contact-damping", "change", known.contact_damping_percent / 100, "damping ratios of meshes from 0.01 to 0.1"),
         ("transmission-path", "sharpness", SHARPER * known.path_percent / 100,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from specan.arrays import Real
-from specan.errors import ComputationError, RequestError
+from specan.errors import ComputationError
 from specan.planetary_gear.model import contact_steps
 from specan.planetary_gear.model.geometry import (
     Mesh,
@@ -218,9 +218,3 @@ def _step(contact: Contact, depth: float, mass: float) -> float:
     """Part of the shortest period: that of a mesh's mass on two pairs of teeth."""
     stiffness = 2e3 * contact.exponent * contact.K_N_mm_e * depth ** (contact.exponent - 1.0)
     return 2 * np.pi / math.sqrt(stiffness / mass) / STEPS_PER_PERIOD
-
-
-def check_duration(duration_s: float) -> None:
-    """A length that can be simulated."""
-    if not 0.01 <= duration_s <= 600.0:
-        raise RequestError(f"{duration_s:g} s are requested", expected="0.01 to 600 s")

@@ -9,7 +9,7 @@ import numpy as np
 
 from specan.arrays import Real
 from specan.errors import RequestError
-from specan.planetary_gear.model.rig import Gear, Pair, Rig, Rotors
+from specan.planetary_gear.model.rig import Gear, Pair, Rotors
 
 
 @dataclass(frozen=True)
@@ -269,9 +269,3 @@ def inertias(gear: Gear, known: Rotors) -> tuple[float, float]:
     centre = gear.pin_distance_m
     carrier = known.carrier_kg_m2 or disc(2 * centre, width)[1] + gear.planets * mass * centre**2
     return carrier + known.load_kg_m2, known.planet_kg_m2 or inertia
-
-
-def inertia_uncertainty(rig: Rig) -> float:
-    """Standard uncertainty of the natural logarithm of what turns with the carrier."""
-    percent = rig.uncertainty.carrier_inertia_percent or (10.0 if rig.rotors.carrier_kg_m2 else 100.0)
-    return percent / 100

@@ -18,6 +18,7 @@ from specan.data.channel import Channel
 from specan.data.orders import OrderLines as FoundLines
 from specan.data.orders import TachoReport
 from specan.data.recording import Recording
+from specan.dsp.tacho import pulse_times, repair
 from specan.errors import InputError, RequestError
 from specan.io.open import open_recording
 from specan.models import Model
@@ -207,8 +208,6 @@ def _uneven(recording: Recording, tacho: str) -> NDArray[np.float64]:
     A mark's place is compared with the mean over the turn about it. What the shaft itself does with each turn looks
     the same and is in it.
     """
-    from specan.dsp.tacho import pulse_times, repair
-
     channel = recording.channel(tacho)
     count = round(float(channel.properties.get("PulsesPerRevolution", 1)))
     pulses = repair(pulse_times(recording.read([channel])[0], channel.sampling_rate))
@@ -253,8 +252,6 @@ def _products(
 
 def _turn_zero(recording: Recording, shaft: Shaft) -> float:
     """Place in its turn, by the finer tacho, at which the index gives its pulses (circular mean)."""
-    from specan.dsp.tacho import pulse_times, repair
-
     channel: Channel = recording.channel(INDEX)
     times = repair(pulse_times(recording.read([channel])[0], channel.sampling_rate)).time
     times = times - channel.delay_s

@@ -26,14 +26,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.arrays import Complex
 from specan.models import Assembly
 from specan.planetary_gear.model.kinematics import FAR
 from specan.planetary_gear.model.lines import UNLIKE, DeclaredErrors
-from specan.study.observation import Strategy, Variable
+from specan.study.observation import Array, Strategy, Variable
 from specan.study.observation.frf import KeptLines
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 REACH = 4.0  # orders within which the model's error is common to lines
 MOST = 2.0  # times a prediction: largest line that its relative errors are taken of

@@ -45,6 +45,7 @@ SERIES: dict[str, tuple[float, float, float, float]] = {
 
 K_Z = 3.1  # geometry constant of single row deep groove ball bearings (same source, table 4)
 
+# Suffixes of rubbing seals; a shield (Z, 2Z) does not rub.
 _CONTACT_SEAL = re.compile(r"RS|RSH|RSL|LLU|DDU", re.IGNORECASE)
 
 
@@ -92,17 +93,6 @@ def size_of(designation: str) -> str:
             remedy=nearest(size, SIZES),
         )
     return size
-
-
-def has_contact_seal(designation: str) -> bool:
-    """Whether the suffix names a rubbing seal; a shield (Z, 2Z) does not rub.
-
-    Examples
-    --------
-    >>> has_contact_seal("6009 2Z C3"), has_contact_seal("6009-2RSH")
-    (False, True)
-    """
-    return bool(_CONTACT_SEAL.search(designation.strip()[4:]))
 
 
 Positive = Annotated[float, Field(gt=0)]
@@ -294,7 +284,7 @@ def _shaft(rig: Rig, shaft: str) -> list[Bearing]:
 
 
 def _seal_torque(entry: BearingEntry) -> float:
-    if entry.seal_torque_Nm is None and has_contact_seal(entry.designation):
+    if entry.seal_torque_Nm is None and _CONTACT_SEAL.search(entry.designation.strip()[4:]):
         raise RequestError(
             f"the rig file: the bearing {entry.designation!r} has rubbing seals",
             remedy="give their torque as seal_torque_Nm (SKF: K_S1 d_s^beta + K_S2), or 0 to neglect it",
