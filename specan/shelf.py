@@ -11,7 +11,7 @@ that these have in the recordings of a study, or that you give with their units.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import wraps
 from typing import Any, NamedTuple
@@ -87,21 +87,19 @@ class _Shelf:
         given.setdefault("adds_to", self.of.name)
         make = effect(
             f"{self.prefix}{name}", neutral=dict.fromkeys(("size", *neutral), 0.0), reference=source,
-            states={own[key]: _with_names(state, names) for key, state in (states or {}).items()},
+            states={own[key]: state for key, state in (states or {}).items()},
             instrument=self.instrument, units=self.units, **given,
         )  # fmt: skip
 
         def put(function: Callable[..., Any]) -> None:
             made = make(function)
-            self.effects.append(replace(made, reads=tuple(names.get(read, read) for read in made.reads)))
+            reading = {key: replace(state, reads=in_model(state.reads)) for key, state in made.states.items()}
+            self.effects.append(replace(made, reads=in_model(made.reads), states=reading))
+
+        def in_model(reads: Sequence[str]) -> tuple[str, ...]:
+            return tuple(names.get(read, read) for read in reads)
 
         return put
-
-
-def _with_names(state: State, names: Mapping[str, str]) -> State:
-    code = getattr(state.rate, "__code__")  # noqa: B009 - a function
-    arguments = code.co_varnames[: code.co_argcount]
-    return replace(state, reads=tuple(names[a] for a in arguments if a in names))
 
 
 def _of_recordings(

@@ -24,15 +24,6 @@ Array = NDArray[np.float64]
 MOST_KEPT = 200_000  # simulations whose outputs are kept
 KINDS = {"co-simulation": "CoSimulation", "model-exchange": "ModelExchange"}
 SHARE = "share"  # of a switch that has no amplitude of its own
-OF_A_SWITCH = Parameter(
-    1.0,
-    "1",
-    min=0.5,
-    max=1.5,
-    lower=0.0,
-    upper=5.0,
-    doc="how much of it the data support; 1 as the FMU has it",
-)
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
@@ -275,7 +266,8 @@ def _effect(name: str, entry: EffectEntry, simulations: _Simulations) -> Effect:
     neutral = {n: p.neutral for n, p in entry.parameters.items() if p.neutral is not None}
     if not neutral:
         neutral[SHARE] = 0.0
-        parameters[SHARE] = OF_A_SWITCH
+        doc = "how much of it the data support; 1 as the FMU has it"
+        parameters[SHARE] = Parameter(1.0, "1", min=0.5, max=1.5, lower=0.0, upper=5.0, doc=doc)
     targets = {n: simulations.quantity_of(units[n].variable) for n in units}
     rests = {n: simulations.rest_of(units[n], p.neutral) for n, p in entry.parameters.items()}
     switch = simulations.quantity_of(entry.switch) if entry.switch else ""

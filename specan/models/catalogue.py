@@ -17,7 +17,7 @@ from specan.models.effect import Effect
 from specan.models.model import Model
 from specan.schema import read_toml, regular
 
-ENTRY_POINTS = "specan.effects"
+ENTRY_POINTS = "specan.effects"  # name = ``model:anything``
 MODEL_ENTRY_POINTS = "specan.models"  # name = module with `build(rig) -> Model`, and perhaps `EXAMPLE_RIG`
 # ending of a file = module with `model_from(path) -> Model` and `files_of(path)`, those that decide what it is
 FILE_ENTRY_POINTS = "specan.model_files"
@@ -63,7 +63,8 @@ def load_model(name: str | Path, rig: Mapping[str, Any] | str | Path | None = No
     if is_file(name):
         return model_from_file(Path(name), rig)
     model: Model = _package(str(name)).build(rig)
-    return model.with_effect(*_plugins(str(name)))
+    plugins = entry_points(group=ENTRY_POINTS)
+    return model.with_effect(*(p.load() for p in plugins if p.name.split(":")[0] == str(name)))
 
 
 _MEMORY = "memory:"
@@ -264,15 +265,6 @@ def _line_in(path: Path, fault: BaseException) -> str:
 def _effects_of(module: Any) -> list[Effect]:
     own = [value for value in vars(module).values() if isinstance(value, Effect)]
     return [e for e in own if e.function.__module__ == module.__name__]
-
-
-def _plugins(model: str) -> list[Effect]:
-    """Effects of installed packages: entry points named ``model:anything`` in the group specan.effects."""
-    found = []
-    for point in entry_points(group=ENTRY_POINTS):
-        if point.name.split(":")[0] == model:
-            found.append(point.load())
-    return found
 
 
 def read_rig_file(path: Path) -> dict[str, Any]:

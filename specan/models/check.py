@@ -25,14 +25,7 @@ DETECTED = 4.0  # standard deviations of the noise: of an effect that ln of the 
 SEEN = 0.3  # share of a null direction from which a parameter belongs to it
 
 
-def check_effect(
-    effect: Effect,
-    model: Model,
-    conditions: Conditions,
-    *,
-    with_effects: Sequence[str] = (),
-    at: str = "",
-) -> None:
+def check_effect(effect: Effect, model: Model, conditions: Conditions) -> None:
     """Check that an effect keeps the rules that every effect keeps.
 
     Neutral values leave every quantity exactly as it is; results are finite and have the shape of what they change;
@@ -44,14 +37,10 @@ def check_effect(
     effect : Effect
         What to check.
     model : Model
-        The model that it belongs to.
+        The model that it belongs to; its base effects are switched on beside it.
     conditions : mapping
         SI conditions to check at; arrays of one length. An effect that looks at readings before wants its
         first row to be the earliest.
-    with_effects : sequence of str
-        Uses that are switched on beside it; the model's base effects by default.
-    at : str
-        Element of its axis, where it acts at one.
 
     Raises
     ------
@@ -59,8 +48,8 @@ def check_effect(
         Names the first rule that is broken.
     """
     model = model.with_effect(effect)
-    base = model.assemble(with_effects or [u for u in model.base_effects if Use.parse(u).name != effect.name])
-    use = Use(effect.name, at or (model.axes[effect.at][0] if effect.at else ""))
+    base = model.assemble(u for u in model.base_effects if Use.parse(u).name != effect.name)
+    use = Use(effect.name, model.axes[effect.at][0] if effect.at else "")
     active = model.assemble([*base.uses, use])
     _check_values(use, base, active, conditions)
     _check_one_row(use, active, conditions)

@@ -10,7 +10,7 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -324,11 +324,16 @@ def effect(
 
     def make(function: Callable[..., Any]) -> Effect:
         reads, parameters = signature_of(function, name)
+        own = dict(states or {})
+        for key, state in own.items():
+            if state.rate is not None and not state.reads:
+                arguments = inspect.signature(state.rate).parameters
+                own[key] = replace(state, reads=tuple(a for a in arguments if a not in parameters))
         made = Effect(
             name, function, reads, parameters, _names(adds_to), _names(scales), _names(joins), at,
             dict(neutral or {}), dict(valid or {}), tuple(needs), tuple(aliases), separate_by, reference,
             " ".join((inspect.getdoc(function) or "").split()), instrument,
-            inspect.getsourcefile(function) or "", dict(states or {}), dict(units or {}),
+            inspect.getsourcefile(function) or "", own, dict(units or {}),
         )  # fmt: skip
         _check_declaration(made)
         return made

@@ -20,6 +20,7 @@ from specan.models.from_function import Instead
 from specan.models.quantity import Condition, Quantity, SettingError, of_parameter
 
 ModelT = TypeVar("ModelT", bound=Any)  # a `specan.models.model.Model`, which this module is a part of
+NodeT = TypeVar("NodeT", Quantity, Effect)
 START = 0.1  # share of a parameter's range at which a fit begins to look for a difference
 
 
@@ -99,8 +100,8 @@ def grouped(model: ModelT, elements: Mapping[str, Sequence[str]]) -> ModelT:
 
 
 def _expanded(model: ModelT, axis: str, names: tuple[str, ...]) -> ModelT:
-    quantities = {n: _quantity_per(node, axis, names) for n, node in model.quantities.items()}
-    effects = {n: _effect_per(effect, axis, names) for n, effect in model.effects.items()}
+    quantities = {n: _one_each(node, axis, names) for n, node in model.quantities.items()}
+    effects = {n: _one_each(effect, axis, names) for n, effect in model.effects.items()}
     if len(names) > 1:
         for node in model.quantities.values():
             if node.is_parameter and not node.parameters["value"].per:
@@ -111,31 +112,24 @@ def _expanded(model: ModelT, axis: str, names: tuple[str, ...]) -> ModelT:
     )
 
 
-def _quantity_per(node: Quantity, axis: str, names: tuple[str, ...]) -> Quantity:
-    """A quantity of which parameters per group have one scalar for each name."""
+def _one_each(node: NodeT, axis: str, names: tuple[str, ...]) -> NodeT:
+    """A quantity or an effect of which parameters per group have one scalar for each name."""
     vectors = [n for n, p in node.parameters.items() if p.per == axis]
     if not vectors:
         return node
+    parameters: dict[str, Parameter] = {}
+    neutral: dict[str, float] = {}
+    for n, parameter in node.parameters.items():
+        each = {n: parameter}
+        if n in vectors:
+            doc = parameter.doc or n
+            each = {_of(n, name, names): replace(parameter, per="", doc=f"{doc} of {name}") for name in names}
+        parameters |= each
+        if isinstance(node, Effect) and n in node.neutral:
+            neutral |= dict.fromkeys(each, node.neutral[n])
+    apart: dict[str, Any] = {"neutral": neutral} if isinstance(node, Effect) else {}
     function = _gathering(node.function, vectors, names)
-    parameters = _one_each(node.parameters, vectors, names)
-    return replace(node, function=function, reads=(*node.reads, axis), parameters=parameters)
-
-
-def _effect_per(effect: Effect, axis: str, names: tuple[str, ...]) -> Effect:
-    vectors = [n for n, p in effect.parameters.items() if p.per == axis]
-    if not vectors:
-        return effect
-    return replace(
-        effect,
-        function=_gathering(effect.function, vectors, names),
-        reads=(*effect.reads, axis),
-        parameters=_one_each(effect.parameters, vectors, names),
-        neutral={
-            full: value
-            for n, value in effect.neutral.items()
-            for full in ([_of(n, name, names) for name in names] if n in vectors else [n])
-        },
-    )
+    return replace(node, function=function, reads=(*node.reads, axis), parameters=parameters, **apart)
 
 
 def _gathering(
@@ -160,19 +154,6 @@ def _row_by_row(codes: Any, values: Sequence[Any]) -> Any:
     whole = np.stack([*known, np.mean(known, axis=0)])
     place = np.where((number >= 0) & (number < len(values)), number, len(values))
     return np.take_along_axis(whole, place[None], axis=0)[0] if number.ndim else whole[place]
-
-
-def _one_each(
-    parameters: Mapping[str, Parameter], vectors: Sequence[str], names: tuple[str, ...]
-) -> dict[str, Parameter]:
-    found: dict[str, Parameter] = {}
-    for n, parameter in parameters.items():
-        if n not in vectors:
-            found[n] = parameter
-            continue
-        for name in names:
-            found[_of(n, name, names)] = replace(parameter, per="", doc=f"{parameter.doc or n} of {name}")
-    return found
 
 
 def _of(parameter: str, name: str, names: Sequence[str]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 KIND = "time"  # of measurement
 TIME = "time"
 MEASURED = "measured"  # of a state's start
-SECONDS = "s"
 UNSIZED = "ranges of effects of the shelf are for usual sizes of 1; a recording tells them (--measurement)"
 
 
@@ -258,7 +256,7 @@ def fields_from_rates(
     all_known = known | {f"{name}_measured": one.unit for name, one in signals.items()}
     unsized = tuple(one for one in more["effects"] if isinstance(one, Unsized))
     given = [one.effects({}, all_known) if isinstance(one, Unsized) else [one] for one in more["effects"]]
-    effects = [_with_reads(effect) for some in given for effect in some]
+    effects = [effect for some in given for effect in some]
     _check_units(effects, all_known)
     conditions = _conditions(states, known, channels)
     others = [
@@ -313,7 +311,7 @@ def _conditions(
 ) -> dict[str, Condition]:
     """Time, the recorded inputs, and first values of channels that states start from."""
     return {
-        TIME: Condition(TIME, SECONDS, "Time since the recording began.", TIME, SECONDS, varies=False),
+        TIME: Condition(TIME, "s", "Time since the recording began.", TIME, "s", varies=False),
         **{
             channel: Condition(channel, known[n], f"Recorded {n}.", n, known[n], label=n)
             for n, channel in channels.items()
@@ -373,14 +371,3 @@ def _start_of(name: str, state: State) -> Quantity:
     if state.start == MEASURED:
         return _passed_on(f"{name}_start", state.unit, doc, f"{name}_first")
     return constant(f"{name}_start", float(state.start), state.unit, doc)
-
-
-def _with_reads(effect: Effect) -> Effect:
-    """The effect with what the rates of its states read."""
-    own = {
-        name: state if state.reads or state.rate is None else replace(
-            state, reads=tuple(a for a in inspect.signature(state.rate).parameters if a not in effect.parameters)
-        )
-        for name, state in effect.states.items()
-    }  # fmt: skip
-    return replace(effect, states=own)

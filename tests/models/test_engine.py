@@ -1,5 +1,7 @@
 """The graph of quantities: order, loops, effects that commute, axes, collections."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -114,7 +116,6 @@ def test_terms_are_scaled_after_they_are_added():
     got = model.assemble(["half", "seal"]).evaluate(SPEED)
     base = model.assemble().evaluate(SPEED)["loss"]
     np.testing.assert_allclose(got["loss"], 0.5 * (base + 0.3 * SPEED["speed"]), rtol=1e-15)
-    assert set(got.contributions("loss")) == {"base", "seal", "half"}
 
 
 def _half(*, by=Parameter(0.5, min=0.0, max=2.0)):
@@ -167,8 +168,7 @@ def test_a_second_copy_has_its_own_parameters():
 
 @pytest.mark.parametrize("one", [seal, heating, thick])
 def test_check_effect_passes_sound_effects(one):
-    beside = [] if one is seal else ["seal"]
-    check_effect(one, build(seal), SPEED, with_effects=beside)
+    check_effect(one, replace(build(seal), base_effects=("seal",)), SPEED)
 
 
 def test_check_effect_names_an_effect_that_nothing_measured_sees():

@@ -116,7 +116,7 @@ GRID = {
 @pytest.mark.parametrize("name", EFFECTS)
 def test_rules_are_kept(name):
     effect = MODEL.effects[name]
-    check_effect(effect, MODEL, GRID, with_effects=[b for b in MODEL.base_effects if b != name])
+    check_effect(effect, MODEL, GRID)
 
 
 @pytest.mark.parametrize("name", EFFECTS)
