@@ -207,7 +207,9 @@ def of_parameter(name: str, parameter: Parameter, doc: str = "") -> Quantity:
     return Quantity(name, parameter.received_unit, doc, value, (), {"value": parameter})
 
 
-def constant(name: str, value: Any, unit: str, doc: str, axes: tuple[str, ...] = ()) -> Quantity:
+def constant(
+    name: str, value: Any, unit: str, doc: str, axes: tuple[str, ...] = (), *, opaque: bool = False
+) -> Quantity:
     """A Quantity that a rig file fixes; an effect may still add to it or scale it.
 
     Parameters
@@ -222,13 +224,15 @@ def constant(name: str, value: Any, unit: str, doc: str, axes: tuple[str, ...] =
         What it is, in a sentence.
     axes : tuple of str
         Model axes of a vector.
+    opaque : bool
+        That it is no number: no effect adds to it.
 
     Returns
     -------
     Quantity
         Without parameters.
     """
-    return Quantity(name, unit, doc, lambda: value, (), {}, axes)
+    return Quantity(name, unit, doc, lambda: value, (), {}, axes, opaque=opaque)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -100,7 +99,7 @@ def build(rig: Mapping[str, Any]) -> Model:
             "card": tuple(f"card {i}" for i in range(1, len(cards) + 1)),
             "third_octave": tuple(f"{f:.4g} Hz" for f in _bands(settings)),
             **mode_shifts.axes(modes),
-            **shape.axes,
+            "dimension": ("x", "y", "z"),
         },
         words=WORDS,
         for_kinds={
@@ -154,7 +153,6 @@ def _box(rig: Rig) -> RoomShape:
             constant("mode_margin", MODE_MARGIN, "1", reach),
             field.room_modes,
         ),
-        axes={"dimension": ("x", "y", "z")},
     )
 
 
@@ -208,12 +206,8 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
         ("further_loudspeakers", further, "Wall, centre and radius of loudspeakers beside the piston."),
         ("driven_sets", rig.driven_sets, "Loudspeakers that move, that of the vibrometer first."),
     ]
-    return [*(solver_constant(*one) for one in opaque), *(constant(*one) for one in listed)]
-
-
-def solver_constant(name: str, value: Any, doc: str) -> Quantity:
-    """A constant that is no number: no effect adds to it."""
-    return replace(constant(name, value, "1", doc), opaque=True)
+    solver = [constant(name, value, "1", doc, opaque=True) for name, value, doc in opaque]
+    return [*solver, *(constant(*one) for one in listed)]
 
 
 def _of_walls(
@@ -229,7 +223,9 @@ def _of_walls(
         constant("wall_of_face", wall_of, "1", "Number of the wall that each face belongs to.", ("face",)),
         constant("known_walls", known, "1", "Numbers of the walls of which something is stated."),
         constant("octave_hz", octaves, "Hz", "Octaves of the band.", ("octave",)),
-        solver_constant("wall_tables", tuple(tables.values()), "What the rig file states of walls."),
+        constant(
+            "wall_tables", tuple(tables.values()), "1", "What the rig file states of walls.", opaque=True
+        ),
     ]
 
 

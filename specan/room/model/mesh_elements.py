@@ -9,12 +9,9 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.arrays import Real
-from specan.room.model.mesh_file import RoomMesh, triangle_areas
-
-Numbers = NDArray[np.int64]
+from specan.room.model.mesh_file import Numbers, RoomMesh, triangle_areas
 
 
 class Lagrange:

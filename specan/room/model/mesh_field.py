@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from specan.arrays import Complex, Flags, Real
 from specan.errors import RequestError
 from specan.models.kept import kept
-from specan.models.quantity import Quantity, constant, quantity
+from specan.models.quantity import quantity
 from specan.room.model.mesh_file import RoomMesh
 from specan.room.model.mesh_modes import MeshModes, reduce
 from specan.room.model.port import Port, beyond, point
@@ -26,10 +26,6 @@ class MeshRoom:
     mesh: RoomMesh
     degree: int
     k_max: float
-
-    def quantity(self) -> Quantity:
-        """The room as a quantity of its model."""
-        return replace(constant("room_mesh", self, "1", "The room as meshed."), opaque=True)
 
     @property
     def modes(self) -> MeshModes:
@@ -139,9 +135,6 @@ class MeshField:
             rows = np.concatenate([rows, change])
         found = Lines(modes.values, np.array(parts), self.k2, rows).solve(loads / np.prod(self.stretch))
         return found.transpose(2, 0, 1)
-
-
-Numbers = NDArray[np.int64]
 
 
 DIRECT = 160  # vectors up to which a direct solution is the faster one

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import factorial
 from pathlib import Path
 
@@ -34,8 +33,6 @@ class RoomShape:
         Their areas.
     quantities : tuple of Quantity
         ``room_origin``, ``room_dimensions``, ``room_modes``, and what the latter reads of the shape.
-    axes : mapping
-        Axes that only this shape has.
     notes : tuple of str
         What is to be known before a study starts.
     """
@@ -44,7 +41,6 @@ class RoomShape:
     walls: tuple[str, ...]
     areas_m2: tuple[float, ...]
     quantities: tuple[Quantity, ...]
-    axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
@@ -70,10 +66,9 @@ def mesh_shape(rig: Rig) -> RoomShape:
             constant("room_origin", mesh.origin, "m", "Lowest corner of the box around the room."),
             constant("room_dimensions", mesh.edges, "m", "Edges of the box around the room.", ("dimension",)),
             constant("drawn_dimensions", mesh.edges, "m", "The same as drawn."),
-            MeshRoom(mesh, degree, k_max).quantity(),
+            constant("room_mesh", MeshRoom(mesh, degree, k_max), "1", "The room as meshed.", opaque=True),
             room_modes,
         ),
-        axes={"dimension": ("x", "y", "z")},
         notes=_notes(mesh, degree, k_max, rig.band.f_max_hz, path.name),
     )
 

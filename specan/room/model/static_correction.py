@@ -138,7 +138,6 @@ class _Plane:
         return _bessel_mean(self.kt2, radius)
 
 
-@lru_cache(maxsize=8)
 @lru_cache(maxsize=100)
 def _along(plane: _Plane, k2: tuple[complex, ...], here: float, there: float) -> Real:
     """The closed axis beyond the truncation between two places, for each mode of the plane that has not died out.

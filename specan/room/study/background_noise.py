@@ -9,6 +9,7 @@ import numpy as np
 from specan.arrays import Flags, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
+from specan.dsp.welch import effective_averages, power_density
 from specan.errors import InputError
 
 NEAR_DB = 10.0  # below the recording, within which a line is said to be near the background
@@ -60,8 +61,6 @@ def background_noise(
     InputError
         A receiver is missing, the recording is short, or it is as loud as the one with the source.
     """
-    from specan.dsp.welch import effective_averages
-
     own = [background.channel(channel.name) for channel in channels]
     rate = own[0].sampling_rate
     blocks = int(own[0].duration_s / block_s * 2) - 1
@@ -98,8 +97,6 @@ def background_noise(
 def _densities(
     recording: Recording, channels: tuple[Channel, ...] | list[Channel], block_s: float, lines_hz: Real
 ) -> Real:
-    from specan.dsp.welch import power_density
-
     found = []
     for channel in channels:
         rate = channel.sampling_rate

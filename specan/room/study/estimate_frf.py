@@ -12,6 +12,7 @@ from specan.analysis.transfer_function import TransferFunction
 from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
+from specan.dsp.welch import power_density
 from specan.errors import InputError, RequestError
 from specan.models import Model
 from specan.room.model.receivers import FieldReceivers, InRecording, receivers_of
@@ -253,8 +254,6 @@ def _own(recording: Recording, reference: Channel, receivers: FieldReceivers, se
 
 
 def _density_at(signal: Any, rate: float, block: int, reference: Channel, nodes: Any) -> Any:
-    from specan.dsp.welch import power_density
-
     f, density = power_density(signal, rate, block)
     per_velocity = np.abs(reference.correction(np.maximum(f, f[1]))) ** 2
     return np.interp(nodes, f, density * per_velocity)

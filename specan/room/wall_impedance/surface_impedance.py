@@ -19,8 +19,8 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from specan.arrays import Complex
 from specan.dsp.bands import band_at, nominal_frequency
 from specan.errors import RequestError, nearest
 from specan.models.effect import ParameterName
@@ -32,8 +32,6 @@ from specan.study.observation import Array
 
 if TYPE_CHECKING:
     from specan.study.study import Study
-
-Complex = NDArray[np.complex128]
 
 QUANTILE = 3.841458820694124  # chi-square, one degree of freedom, 95 %
 ACCURACY = 0.1  # of an absorption coefficient: what counts as determined

@@ -12,7 +12,7 @@ gives the derivatives by all of its parameters, real and imaginary, whatever the
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -180,17 +180,13 @@ class WallProblem(Problem):
         problem = problem.holding({"wall_admittance.common": 0.0})
         lines = np.concatenate([o.conditions["frequency"] for o in problem.observations])
         model = with_free_walls(model, third_octaves(lines.min(), lines.max()))
-        return cls(
-            model.assemble({*problem.assembly.uses, USE}),
-            problem.observations,
-            (*problem.free, *CENTRES),
-            problem.values,
-            {**problem.priors, **_priors(SPREAD)},
-            problem.domains,
-            problem.links,
-            problem.nuisances,
-            problem.unheld,
-        )
+        as_given = {part.name: getattr(problem, part.name) for part in fields(problem)}
+        freed = {
+            "assembly": model.assemble({*problem.assembly.uses, USE}),
+            "free": (*problem.free, *CENTRES),
+            "priors": {**problem.priors, **_priors(SPREAD)},
+        }
+        return cls(**{**as_given, **freed})
 
     @property
     def first(self) -> Any:
