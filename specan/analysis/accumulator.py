@@ -37,8 +37,7 @@ class Accumulator(Reader, Protocol[Found]):
 
 def read_through(accumulator: Accumulator[Found], recording: Recording) -> Found:
     """Give an analysis its samples, and return what it finds."""
-    for samples in recording.blocks(accumulator.channels, READ_BLOCK, accumulator.start, accumulator.stop):
-        accumulator.add(samples)
+    feed(recording, [accumulator])
     return accumulator.result()
 
 

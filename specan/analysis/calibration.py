@@ -341,11 +341,8 @@ def calibrate(recordings: Sequence[Recording], settings: CalibrationSettings | N
     return join_insertions([evaluate_insertion(r, settings) for r in recordings], settings)
 
 
-def join_insertions(
-    insertions: Sequence[Insertion], settings: CalibrationSettings | None = None
-) -> Calibration:
+def join_insertions(insertions: Sequence[Insertion], settings: CalibrationSettings) -> Calibration:
     """Join evaluated insertions; the order in which they come does not matter."""
-    settings = settings or CalibrationSettings()
     insertions = sorted(insertions, key=lambda insertion: insertion.label)
     if not any(insertion.heard for insertion in insertions):
         raise InputError(

@@ -198,7 +198,7 @@ class BandLevels(RecordingResult):
             "band_flags": all_flags(self),
         }
         if self.other is not None:
-            found["edges"] = self.edges
+            found["edges"] = apart(self.level_dB, self.other.level_dB)
             found["other_settling_dB"] = self.other.level_dB
             found["other_settling_overall_dB"] = records(**self.other.overall_dB)
         if self.percentile_dB is not None:
@@ -295,45 +295,28 @@ class BandLevels(RecordingResult):
             for row, name in enumerate(self.channels)
         ]  # fmt: skip
 
-    @property
-    def edges(self) -> Flags:
-        """Bands (channels, bands) whose level hangs on the cut at the ends of the section."""
-        if self.other is None:
-            return np.zeros(self.level_dB.shape, dtype=bool)
-        return apart(self.level_dB, self.other.level_dB)
-
-    def overall_edges(self, weighting: str) -> Flags:
-        """The same for an overall level, shape (channels,)."""
-        if self.other is None:
-            return np.zeros(len(self.channels), dtype=bool)
-        return apart(self.overall_dB[weighting], self.other.overall_dB[weighting])
-
-    @property
-    def low_bt(self) -> Flags:
-        """Bands (bands,) too narrow for the section: noise scatters by more than 1 dB there."""
-        return self.u_dB > LOW_BT_DB
-
     def band_flags(self, channel: int, band: int) -> tuple[str, ...]:
         """Words for one band of one channel: the channel's, ``low-BT``, ``unsettled``, ``low-snr``, ``edges``.
 
         After ``edges`` follows the level with the other settling, as in ``counted=61.234``.
         """
         words = list(self.flags[channel])
-        if self.low_bt[band]:
+        if self.u_dB[band] > LOW_BT_DB:
             words.append("low-BT")
         if self.unsettled is not None and self.unsettled[band]:
             words.append("unsettled")
         if self.low_snr is not None and self.low_snr[channel, band]:
             words.append("low-snr")
-        if self.other is not None and self.edges[channel, band]:
-            words += _edges(self.other.name, self.other.level_dB[channel, band])
+        if self.other is not None:
+            words += _edges(self.other.name, self.level_dB[channel, band], self.other.level_dB[channel, band])
         return tuple(words)
 
     def overall_flags(self, channel: int, weighting: str) -> tuple[str, ...]:
         """Words for one overall level of one channel: the channel's, ``edges``."""
         words = list(self.flags[channel])
-        if self.other is not None and self.overall_edges(weighting)[channel]:
-            words += _edges("counted", self.other.overall_dB[weighting][channel])
+        if self.other is not None:
+            levels_dB = (found.overall_dB[weighting][channel] for found in (self, self.other))
+            words += _edges("counted", *levels_dB)
         return tuple(words)
 
 
@@ -370,14 +353,14 @@ def percentile_name(percent: float) -> str:
     return {0.0: "max", 100.0: "min"}.get(percent, f"L{percent:g}")
 
 
-def apart(one: Real, other: Real) -> Flags:
+def apart(one: Real | float, other: Real | float) -> Flags:
     """Where two levels, of which each stands for a treatment of the cut, differ by more than 0.5 dB."""
     with np.errstate(invalid="ignore"):  # of nothing with nothing: not apart
         return np.asarray(np.abs(one - other) > EDGES_DB)
 
 
-def _edges(name: str, level_dB: float) -> list[str]:
-    return ["edges", f"{name}={level_dB:.3f}"]
+def _edges(name: str, shown_dB: float, other_dB: float) -> list[str]:
+    return ["edges", f"{name}={other_dB:.3f}"] if apart(shown_dB, other_dB) else []
 
 
 @dataclass(frozen=True)

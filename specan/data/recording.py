@@ -430,32 +430,30 @@ class Recording(Result):
             The channels have different rates, or the range is not inside the recording.
         """
         wanted = [channels] if isinstance(channels, (Channel, str)) else channels
-        return self._read([self.channel(c) if isinstance(c, str) else c for c in wanted], start, stop)
-
-    def _read(self, channels: Sequence[Channel], start: int, stop: int | None) -> Real:
-        length = min((c.n_samples for c in channels), default=0)
+        chosen = [self.channel(c) if isinstance(c, str) else c for c in wanted]
+        length = min((c.n_samples for c in chosen), default=0)
         stop = length if stop is None else stop
         if not 0 <= start <= stop <= length:
             raise RequestError(
                 f"{self.label}: samples {start} to {stop} are requested",
                 expected=f"a range inside 0 to {length}",
             )
-        rates = sorted({c.sampling_rate for c in channels})
+        rates = sorted({c.sampling_rate for c in chosen})
         if len(rates) > 1:
             raise RequestError(
                 f"{self.label}: channels with {rates[0]:g} and {rates[-1]:g} Hz are requested together",
                 expected="channels of one sampling rate",
                 remedy="choose channels of one group",
             )
-        skips = {c.skipped for c in channels}
+        skips = {c.skipped for c in chosen}
         if len(skips) == 1:
             skip = skips.pop()
-            samples = self.source.read([self._place(c) for c in channels], start + skip, stop + skip)
+            samples = self.source.read([self._place(c) for c in chosen], start + skip, stop + skip)
         else:
             samples = np.concatenate(
-                [self.source.read([self._place(c)], start + c.skipped, stop + c.skipped) for c in channels]
+                [self.source.read([self._place(c)], start + c.skipped, stop + c.skipped) for c in chosen]
             )
-        gains = np.array([[c.gain] for c in channels])
+        gains = np.array([[c.gain] for c in chosen])
         if np.any(gains != 1.0):
             samples *= gains
         return samples

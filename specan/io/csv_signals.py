@@ -69,11 +69,7 @@ def open_recording(
     named = [_named(title, unit) for title, unit in zip(titles, units, strict=False)]
     time = samples[0]
     properties = {"unit_string": units[0]} if units[0] else {}
-
-    def stamps(start: int, stop: int) -> Real:
-        return time[start:stop]
-
-    found = rate_of_axis(titles[0], "DoubleFloat", properties, time.size, stamps)
+    found = rate_of_axis(titles[0], "DoubleFloat", properties, time.size, lambda a, b: time[a:b])
     rate = found if isinstance(found, Rate) else None
     if rate is None and sampling_rate is None:
         raise InputError(

@@ -170,13 +170,6 @@ def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[str]]) 
         sheet.writerows(rows)
 
 
-def write_encoded(file: TextIO, parts: Iterable[bytes]) -> None:
-    """Write what is UTF-8 already after what was written to `file` as text."""
-    file.flush()
-    for part in parts:
-        file.buffer.write(part)
-
-
 def _remove_abandoned(path: Path) -> None:
     """Remove what processes that are no more have left beside a file."""
     for half in path.parent.glob(f".{glob.escape(path.name)}.*{_PART}"):

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from specan.arrays import Real
 from specan.errors import RequestError, library, nearest
-from specan.io.output_file import text_file, whole_file, write_encoded
+from specan.io.output_file import text_file, whole_file
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -185,7 +185,7 @@ def write_table(
     path: Path,
     header: Iterable[str],
     columns: Sequence[str],
-    blocks: Iterable[str | bytes],
+    blocks: Iterable[str],
     decimal: str = ".",
 ) -> None:
     """Write one result table; a reader sees the old file or the whole new one.
@@ -198,8 +198,8 @@ def write_table(
         Lines that are written with a leading ``# ``.
     columns : sequence of str
         Names of the columns.
-    blocks : iterable of str or bytes
-        Lines of the table as `rows` makes them, in order, or encoded; may come from a generator.
+    blocks : iterable of str
+        Lines of the table as `rows` makes them, in order; may come from a generator.
     decimal : {".", ","}
         Decimal sign of text. With a comma, a .csv has semicolons between columns and a byte order mark.
     """
@@ -209,7 +209,7 @@ def write_table(
         return
     if decimal != ".":
         header = [*header, _COMMA[2:-1]]
-        blocks = (_NUMBER.sub(r"\1,\2", _text(block)) for block in blocks)
+        blocks = (_NUMBER.sub(r"\1,\2", block) for block in blocks)
     with text_file(path) as file:
         if decimal != "." and form == ".csv":
             file.write("\ufeff")
@@ -218,30 +218,22 @@ def write_table(
         if form == ".csv":
             sheet = csv.writer(file, lineterminator="\n", delimiter="," if decimal == "." else ";")
             sheet.writerow(columns)
-            for lines in map(_text, blocks):
+            for lines in blocks:
                 sheet.writerows(cells(line) for line in lines.split("\n")[:-1])
             return
         file.write("\t".join(columns) + "\n")
-        for block in blocks:
-            if isinstance(block, bytes):
-                write_encoded(file, [block])
-            else:
-                file.write(block)
+        file.writelines(blocks)
 
 
 # A cell that is a number with a point.
 _NUMBER = re.compile(r"(?<![^\t\n])(-?\d+)\.(\d+(?:e[-+]\d+)?)(?![^\t\n])")
 
 
-def _text(block: str | bytes) -> str:
-    return block.decode("utf-8") if isinstance(block, bytes) else block
-
-
 _SHEET_ROWS = 1_048_576  # of a workbook
 
 
 def _write_frame(
-    path: Path, form: str, header: Sequence[str], columns: Sequence[str], blocks: Iterable[str | bytes]
+    path: Path, form: str, header: Sequence[str], columns: Sequence[str], blocks: Iterable[str]
 ) -> None:
     """The same table as a workbook, with the header on a second sheet, or as Parquet, with it among the metadata."""
     import io
@@ -249,7 +241,7 @@ def _write_frame(
     import pandas as pd
 
     library(*(("openpyxl", "xlsx") if form == ".xlsx" else ("pyarrow", "parquet")))
-    text = "".join(["\t".join(columns), "\n", *map(_text, blocks)])
+    text = "".join(["\t".join(columns), "\n", *blocks])
     frame = pd.read_csv(
         io.StringIO(text), sep="\t", keep_default_na=False, na_values=[""], dtype={"channel": str}
     )

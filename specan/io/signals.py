@@ -70,7 +70,7 @@ def recording_of(
         why = "; ".join(f"{name}: {reason}" for name, reason in list((set_aside or {}).items())[:4])
         raise NoSignalError(f"{label} holds no time signal" + (f" ({why})" if why else ""))
     channels = []
-    for place, signal in enumerate(signals):
+    for signal in signals:
         channel = _identified(signal)
         if channel_table is not None:
             channel = channel_table.applied(channel, label)
@@ -87,7 +87,6 @@ def recording_of(
                 channel,
                 sampling_rate=rate.hz,
                 n_samples=signal.n_samples,
-                source_index=place,
                 full_scale=full_scale,
                 properties=signal.properties,
                 decisions={**channel.decisions, "sampling_rate": rate.how},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -89,18 +89,14 @@ def read_uff(path: Path, kinds: tuple[int, ...]) -> list[DataSet]:
     pyuff = library("pyuff", "uff")
     try:
         file = pyuff.UFF(str(path))
-        found = [s for s in _sets(file) if int(s.get("func_type", -1)) in kinds]
+        types = enumerate(np.atleast_1d(file.get_set_types()))
+        sets = (file.read_sets(number) for number, kind in types if int(kind) == 58)
+        found = [s for s in sets if int(s.get("func_type", -1)) in kinds]
     except Exception as fault:  # pyuff raises whatever a damaged number leads to
         raise InputError(
             f"{path.name} cannot be read as a universal file ({fault})", remedy="export it again"
         ) from None
     return [_data_set(path, s) for s in found]
-
-
-def _sets(file: Any) -> Iterator[Mapping[str, Any]]:
-    for number, kind in enumerate(np.atleast_1d(file.get_set_types())):
-        if int(kind) == 58:
-            yield file.read_sets(number)
 
 
 def _data_set(path: Path, content: Mapping[str, Any]) -> DataSet:

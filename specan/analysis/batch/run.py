@@ -189,8 +189,7 @@ def run_batch(
     certain = tuple(name for name in COLUMNS if name not in OPTIONAL or settings.orders is not None)
     with claim(out, certain):
         store = Store(out / STORE)
-        begun = store.holds_results()
-        earlier = {e.label: one for e in inputs if begun and (one := unchanged(e, store, verify=work.verify))}
+        earlier = {e.label: one for e in inputs if (one := unchanged(e, store, verify=work.verify))}
         assigned = assign_calibrations(inputs, calibration, store.place, settings.calibration, earlier)
         for made in store.place.glob("*.toml"):
             check_own(out / made.name, store.place, made)

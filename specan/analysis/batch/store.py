@@ -23,7 +23,7 @@ from specan.analysis.batch.settings import BatchSettings
 from specan.data.tone import ToneTable
 from specan.errors import RequestError, SpecanError
 from specan.io.open import channel_table_of
-from specan.io.output_file import remove_parts, text_file, write_encoded
+from specan.io.output_file import remove_parts, text_file
 from specan.io.tdms_headers import metadata_of
 
 BLOCK, BLOCKS = 1 << 16, 64
@@ -149,14 +149,10 @@ class Kept:
 
     def lines(self, table: str) -> str:
         """Lines of one table."""
-        return self.encoded(table).decode("utf-8")
-
-    def encoded(self, table: str) -> bytes:
-        """Lines of one table as they stand in its file."""
         start, size = self.places[table]
         with self.path.open("rb") as file:
             file.seek(start)
-            return file.read(size)
+            return file.read(size).decode("utf-8")
 
 
 class Store:
@@ -177,10 +173,6 @@ class Store:
             remove_parts(place)
         except OSError as fault:
             raise RequestError(f"{place} cannot be used ({fault.strerror})", remedy="remove it") from None
-
-    def holds_results(self) -> bool:
-        """Whether there is a result of any file."""
-        return any(self.place.glob(f"*{_SUFFIX}"))
 
     def find(self, label: str) -> Kept | None:
         """The result of a file; None where there is none, or none that this version can read."""
@@ -230,7 +222,7 @@ class Store:
             # Not waited for: what a power cut has left half written does not have its checksum, and is made again.
             with text_file(self._path(result.label), durable=False) as file:
                 file.write(json.dumps(head, default=np.ndarray.tolist) + "\n")
-                write_encoded(file, encoded.values())
+                file.writelines(result.blocks.values())
         except RequestError as fault:
             raise RequestError(
                 f"the result of {result.label} cannot be kept: {fault.found}",

@@ -265,7 +265,7 @@ def write_tables(
         if name in text.OPTIONAL and not here:
             continue
         about = [f"file {r.label}: {line}" for r in here for line in r.about]
-        lines: Iterable[str | bytes]
+        lines: Iterable[str]
         if name == "skipped.txt":
             skipped = _skipped(results, reasons)
             lines, written[name] = [skipped], skipped.count("\n")
@@ -274,7 +274,7 @@ def write_tables(
             lines = [block for _, block in sorted(blocks.items())]
             written[name] = sum(block.count("\n") for block in blocks.values())
         else:
-            lines = (kept[r.label].encoded(name) for r in here)
+            lines = (kept[r.label].lines(name) for r in here)
             written[name] = sum(kept[r.label].rows[name] for r in here)
         text.write_table(out / name, [*_head(name, header), *about], columns, lines, decimal)
     return written
