@@ -54,7 +54,8 @@ def build(rig: Mapping[str, Any]) -> Model:
         return _pair(settings)
     gear = settings.gear
     check_assembly(gear)
-    quantities = [*_constants(settings, gear), *load.QUANTITIES, *excitation.QUANTITIES, *response.QUANTITIES]
+    named = [value for part in (load, excitation, response) for value in vars(part).values()]
+    quantities = [*_constants(settings, gear), *(value for value in named if isinstance(value, Quantity))]
     return Model(
         name="planetary-gear",
         title=f"Order lines of a planetary gear {gear.z_sun}/{gear.z_ring}/{gear.z_planet}, "

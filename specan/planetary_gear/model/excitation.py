@@ -8,6 +8,21 @@ PHASES = 128  # places within a pitch at which the deflection is solved
 _NEWTON, _EXACT = 30, 1e-12  # steps at most, and the part of the load that may be missing before the last
 
 
+@quantity(unit="1")
+def angles(sun_error, ring_error, torque_ripple, friction_share, repeat_turns):
+    """Number of angles that are followed: those of one turn of the carrier where everything repeats with it."""
+    whole = sun_error.shape[-1]
+    one = whole // repeat_turns
+    errors = (sun_error, ring_error, torque_ripple, friction_share)
+    return one if all(_repeats(error, one) for error in errors) else whole
+
+
+def _repeats(course, period):
+    """Whether a course over the angle has a period of so many samples; rounding of the angle counts for nothing."""
+    rounding = 1e-9 * np.max(np.abs(course))
+    return bool(np.max(np.abs(course[..., period:] - course[..., :-period]), initial=0.0) <= rounding)
+
+
 def _pairs(phase, meshes, relief):
     """Gap of each pair of teeth at phases of a pitch, m, (meshes, pairs, phases)."""
     place = phase[None, :] + np.arange(-1, np.ceil(meshes[:, 1].max()) + 1)[:, None]
@@ -62,21 +77,6 @@ def mesh_damping(mesh_deflection, contact_law, damping_scale):
     return contact_law[2] * ((3 - 2 * depth) * depth**2).mean(axis=-1) * damping_scale
 
 
-@quantity(unit="1")
-def angles(sun_error, ring_error, torque_ripple, friction_share, repeat_turns):
-    """Number of angles that are followed: those of one turn of the carrier where everything repeats with it."""
-    whole = sun_error.shape[-1]
-    one = whole // repeat_turns
-    errors = (sun_error, ring_error, torque_ripple, friction_share)
-    return one if all(_repeats(error, one) for error in errors) else whole
-
-
-def _repeats(course, period):
-    """Whether a course over the angle has a period of so many samples; rounding of the angle counts for nothing."""
-    rounding = 1e-9 * np.max(np.abs(course))
-    return bool(np.max(np.abs(course[..., period:] - course[..., :-period]), initial=0.0) <= rounding)
-
-
 @quantity(unit="m", axes=("planet",))
 def transmission_error(mesh_deflection, planet_phase, sun_error, ring_error, mesh_waves, angles):
     """Change of each mesh's approach under a steady load, (points, 2, planets, angle).
@@ -89,13 +89,3 @@ def transmission_error(mesh_deflection, planet_phase, sun_error, ring_error, mes
     waves = mesh_waves[:, :angles]
     found = turned.real @ waves.real - turned.imag @ waves.imag
     return found - np.stack([sun_error, ring_error])[None, ..., :angles]
-
-
-QUANTITIES = (
-    angles,
-    mesh_deflection,
-    mesh_spring,
-    mesh_stiffness,
-    mesh_damping,
-    transmission_error,
-)

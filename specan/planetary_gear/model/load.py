@@ -41,6 +41,19 @@ def contact_law(drawn_contact, contact_exponent, contact_stiffness, mean_load):
     return np.array([changed, contact_exponent, damping, depth])
 
 
+@quantity(unit="N/m")
+def load_stiffness(mean_load, contact_law, mesh_geometry):
+    """Stiffness of a planet's two meshes against its pin at the mean load, one an operating point.
+
+    On average as many pairs share the load as the contact ratio says, and n pairs are n^(1/e) times as stiff as one.
+    Sun and ring mesh are in series, and a pin that moves by e changes the approach of both by e cos(a): twice the
+    stiffness in series.
+    """
+    stiffness, exponent = contact_law[0], contact_law[1]
+    pair = exponent * stiffness ** (1 / exponent) * mean_load ** (1 - 1 / exponent)
+    return pair * 2.0 / np.sum(mesh_geometry[:, 1] ** (-1 / exponent))
+
+
 @quantity(unit="1", axes=("planet",))
 def planet_stiffness(load_share):
     """Stiffness of each planet's meshes over the mean of all: who is stiffer carries more, at every torque."""
@@ -66,33 +79,8 @@ def planet_load(mean_load, planet_stiffness, planet_position, load_stiffness, pr
     return np.maximum(given + spring * closer, least)
 
 
-@quantity(unit="N/m")
-def load_stiffness(mean_load, contact_law, mesh_geometry):
-    """Stiffness of a planet's two meshes against its pin at the mean load, one an operating point.
-
-    On average as many pairs share the load as the contact ratio says, and n pairs are n^(1/e) times as stiff as one.
-    Sun and ring mesh are in series, and a pin that moves by e changes the approach of both by e cos(a): twice the
-    stiffness in series.
-    """
-    stiffness, exponent = contact_law[0], contact_law[1]
-    pair = exponent * stiffness ** (1 / exponent) * mean_load ** (1 - 1 / exponent)
-    return pair * 2.0 / np.sum(mesh_geometry[:, 1] ** (-1 / exponent))
-
-
 @quantity(unit="1", axes=("planet",), reference="Parker and Lin, J. Mech. Des. 126 (2004) 365")
 def planet_phase(nominal_phase, planet_position, mean_load, centre_distance, ring_teeth, sun_teeth):
     """Phases of the sun and the ring meshes in pitches, (operating points, 2, planets)."""
     turn = planet_position.T / centre_distance / (2 * np.pi) + np.zeros((mean_load.size, 1))
     return nominal_phase + np.stack([-sun_teeth * turn, ring_teeth * turn], axis=1)
-
-
-QUANTITIES = (
-    operating_points,
-    point_of_line,
-    mean_load,
-    contact_law,
-    load_stiffness,
-    planet_stiffness,
-    planet_load,
-    planet_phase,
-)

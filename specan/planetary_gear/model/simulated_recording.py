@@ -43,7 +43,10 @@ def recorded_channels(motion: Motion, sampling_rate: float) -> list[SimulatedCha
     names = ("Torque driver", "Tacho driver") if rig.gear is None else ("Torque sun", "Tacho sun")
     found.append(SimulatedChannel(names[0], "Nm", motion.torque_in, torque, "Nm/V"))
     if rig.gear is not None:
-        found.append(SimulatedChannel("Torque carrier", "Nm", _carrier_torque(motion, rig), torque, "Nm/V"))
+        sun, planet, ring = rig.gear.base_radii_m
+        on_carrier = (sun + planet) * motion.sun_force.sum(axis=0)
+        on_carrier += (ring - planet) * motion.ring_force.sum(axis=0)
+        found.append(SimulatedChannel("Torque carrier", "Nm", on_carrier, torque, "Nm/V"))
         found += _centres(motion, rig)
         found += _accelerations(motion, rig, sampling_rate)
     found.append(tacho_channel(names[1], motion.sun_angle, sensors.tacho_sun_pulses))
@@ -61,14 +64,6 @@ def _forces(
         found.append(SimulatedChannel(f"{name} normal", "N", forces[i], per_volt, "N/V"))
         found.append(SimulatedChannel(f"{name} vertical", "N", forces[i] * np.sin(angle[i]), per_volt, "N/V"))
     return found
-
-
-def _carrier_torque(motion: Motion, rig: Rig) -> Real:
-    """Torque of the meshes on the carrier."""
-    gear = rig.gear
-    assert gear is not None
-    sun, planet, ring = gear.base_radii_m
-    return (sun + planet) * motion.sun_force.sum(axis=0) + (ring - planet) * motion.ring_force.sum(axis=0)
 
 
 def planet_centres(motion: Motion) -> list[tuple[Real, Real]]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import astuple, replace
 from fractions import Fraction
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -336,14 +336,11 @@ def _torque(recording: Recording, model: Model, known: OrderLines, file: DataFil
     for key in (condition.name, condition.column):
         if key in file.conditions:
             return float(file.conditions[key]), "as the study says"
-    places: list[Any] = [recording.properties, *recording.group_properties.values()]
-    for properties in places:
+    for properties in (recording.properties, *recording.group_properties.values()):
         for key, value in properties.items():
             if key.partition("_")[0].lower() == "torque":
-                try:
+                with suppress(ValueError):
                     return float(str(value).replace(",", ".")), f"from the property {key}"
-                except ValueError:
-                    continue
     if any(c.name == TORQUE for c in recording.channels):
         return float(np.mean(recording.read([recording.channel(TORQUE)])[0])), f"from the channel {TORQUE}"
     return known.torque, "as the rig file says"
