@@ -54,12 +54,11 @@ def say_calibration(found: Any) -> None:
 
 def say_notes(notes: Sequence[str], flags: Mapping[str, Sequence[str]]) -> None:
     """Notes and flags, on standard error."""
+    from specan.result import gathered
+
     for note in () if is_quiet() else notes:
         say(f"Note: {note}.")
-    alike: dict[str, list[str]] = {}
-    for name, words in flags.items():
-        if words:
-            alike.setdefault(", ".join(words), []).append(name)
+    alike = gathered((", ".join(words), name) for name, words in flags.items() if words)
     for said, names in alike.items():
         whose = ", ".join(names) if len(names) <= 8 else f"{names[0]} ... {names[-1]} ({len(names)})"
         say(f"Warning: {whose}: {said}.")

@@ -123,10 +123,8 @@ def told() -> Progress:
     return tell
 
 
-def probability(p: float | None) -> str:
+def probability(p: float) -> str:
     """A probability in words."""
-    if p is None:
-        return ""
     return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
 
 

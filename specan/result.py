@@ -7,11 +7,14 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
 from specan.errors import RequestError, library
+
+Key = TypeVar("Key")
+Item = TypeVar("Item")
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -296,6 +299,20 @@ def crossed(**dimensions: Any) -> dict[str, Any]:
     """
     grids = np.meshgrid(*map(np.asarray, dimensions.values()), indexing="ij")
     return {name: grid.ravel() for name, grid in zip(dimensions, grids, strict=True)}
+
+
+def gathered(pairs: Iterable[tuple[Key, Item]]) -> dict[Key, list[Item]]:
+    """What each key has, keys and items in the order in which they come.
+
+    Examples
+    --------
+    >>> gathered([("Pa", "Mic 1"), ("m/s", "Vib"), ("Pa", "Mic 2")])
+    {'Pa': ['Mic 1', 'Mic 2'], 'm/s': ['Vib']}
+    """
+    found: dict[Key, list[Item]] = {}
+    for key, item in pairs:
+        found.setdefault(key, []).append(item)
+    return found
 
 
 def shortened(names: Sequence[str], most: int = 4) -> str:

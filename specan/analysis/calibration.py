@@ -18,6 +18,7 @@ from specan.data.channel import PhaseCalibration
 from specan.data.recording import Recording
 from specan.dsp.welch import student_factor
 from specan.errors import InputError
+from specan.result import gathered
 
 
 @dataclass(frozen=True)
@@ -395,11 +396,9 @@ def _phases(
 
 def _decided(insertions: Sequence[Insertion]) -> tuple[str, ...]:
     """How level and frequency of the calibrator were decided; a line for each way."""
-    lines: dict[str, list[str]] = {}
-    for i in insertions:
-        lines.setdefault(f"level {i.level.dB:g} dB: {i.level.decided}", []).append(i.label)
-    for i in insertions:
-        lines.setdefault(f"tone near {i.frequency_hz:.0f} Hz: {i.frequency_decided}", []).append(i.label)
+    levels = [(f"level {i.level.dB:g} dB: {i.level.decided}", i.label) for i in insertions]
+    tones = [(f"tone near {i.frequency_hz:.0f} Hz: {i.frequency_decided}", i.label) for i in insertions]
+    lines = gathered([*levels, *tones])
     return tuple(
         line + ("" if len(labels) == len(insertions) else f" ({', '.join(labels)})")
         for line, labels in lines.items()

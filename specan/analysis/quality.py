@@ -14,6 +14,7 @@ from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.dsp.clipping import is_cut_off, longest_run
 from specan.dsp.overlapped_blocks import OverlappedBlocks
+from specan.result import gathered
 
 # Converters are not symmetric: the largest positive code of 16 bits is 3.05e-5 short of full scale.
 _FULL_SCALE_TOLERANCE = 4e-5
@@ -120,9 +121,7 @@ def _rests(samples: Real, border: Real, top: float, span: float, full_scale: flo
 
 def rms_and_quality(recording: Recording) -> dict[int, tuple[float, Quality]]:
     """RMS and quality by the place of a channel; channels of one rate and length are read together."""
-    together: dict[tuple[float, int], list[int]] = {}
-    for place, channel in enumerate(recording.channels):
-        together.setdefault((channel.sampling_rate, channel.n_samples), []).append(place)
+    together = gathered(((c.sampling_rate, c.n_samples), place) for place, c in enumerate(recording.channels))
     found: dict[int, Any] = {}
     for (_, n_samples), places in together.items():
         channels = [recording.channels[p] for p in places]

@@ -116,7 +116,6 @@ def on_phone(css: str, inside: str = "") -> InlineStyleSheet:
 
 
 def _theme(colours: dict[str, str]) -> Theme:
-    text = {"text_color": colours["ink"]}
     return Theme(
         json={
             "attrs": {
@@ -131,7 +130,7 @@ def _theme(colours: dict[str, str]) -> Theme:
                     "major_label_text_color": colours["soft"], "axis_label_text_font_style": "normal",
                     "axis_label_text_font_size": "12px", "major_label_text_font_size": "11px",
                 },
-                "Title": {**text, "text_font_size": "12px", "text_font_style": "normal"},
+                "Title": {"text_color": colours["ink"], "text_font_size": "12px", "text_font_style": "normal"},
                 "Legend": {
                     "background_fill_color": colours["paper"], "background_fill_alpha": 0.8,
                     "label_text_color": colours["ink"], "border_line_color": None,

@@ -11,6 +11,7 @@ from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording, SampleSource
 from specan.errors import InputError
+from specan.result import gathered
 
 
 @dataclass
@@ -115,11 +116,8 @@ class Opened:
 
     def chosen(self, keys: Sequence[str]) -> list[Chosen]:
         """The channels of the keys by recording and sampling rate; unknown keys are passed over."""
-        known = self.keys
-        sorted_out: dict[tuple[int, float], list[Channel]] = {}
-        for key, (number, channel) in known.items():
-            if key in keys:
-                sorted_out.setdefault((number, channel.sampling_rate), []).append(channel)
+        shown = [of for key, of in self.keys.items() if key in keys]
+        sorted_out = gathered(((number, channel.sampling_rate), channel) for number, channel in shown)
         return [Chosen(n, self.recordings[n], tuple(found)) for (n, _), found in sorted_out.items()]
 
     def without_tachos(self, keys: Sequence[str], named: str = "") -> tuple[str, ...]:

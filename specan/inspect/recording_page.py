@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,6 +38,7 @@ from specan.inspect.tabs.tab import Found, Tab, text_of
 from specan.inspect.view import View, commands
 from specan.inspect.waveform_view import WaveformView
 from specan.inspect.work import Tell
+from specan.report.figure_style import image
 from specan.report.figures import figure_of
 from specan.report.html_page import table
 from specan.report.panels import Panel
@@ -322,9 +322,7 @@ class RecordingPage(Page):
             if not isinstance(result, RecordingResult):
                 raise RequestError(f"there are no numbers of {tab.title} to save")
             return text_of(result)
-        stream = io.BytesIO()
-        figure_of(result, tab.figure_view).savefig(stream, format=kind, dpi=150)
-        return stream.getvalue()
+        return image(figure_of(result, tab.figure_view), kind)
 
 
 def _notes(found: Found) -> tuple[str, str]:

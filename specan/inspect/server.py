@@ -59,8 +59,6 @@ def _bound(address: str, port: int) -> tuple[list[socket.socket], int]:
     """Sockets of an address, and the port: any free one for 0; a clear message where it is not available."""
     try:
         return bind_sockets(address, port)
-    except OverflowError:
-        raise RequestError(f"there is no port {port}", expected="0 to 65535") from None
     except OSError as fault:
         if fault.errno in (errno.EADDRINUSE, errno.EACCES):
             raise RequestError(
@@ -110,15 +108,10 @@ class PageServer(BaseServer):
     def __init__(self, fill: Callable[[Document], object], host: str, address: str, port: int) -> None:
         sockets, port = _bound(address, port)
         key, code = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
-        try:
-            app = _Guarded(f"{host}:{port}", key, code, {"/": Application(FunctionHandler(fill))})
-            http = HTTPServer(app, xheaders=False)
-            http.start(1)
-            http.add_sockets(sockets)
-        except Exception:
-            for one in sockets:
-                one.close()
-            raise
+        app = _Guarded(f"{host}:{port}", key, code, {"/": Application(FunctionHandler(fill))})
+        http = HTTPServer(app, xheaders=False)
+        http.start(1)
+        http.add_sockets(sockets)
         super().__init__(IOLoop.current(), app, http)
         self.url, self.first_url = (f"http://{host}:{port}/{word}/" for word in (key, code))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import shlex
 from collections.abc import Sequence
 from html import escape
@@ -28,6 +27,7 @@ from specan.inspect.trial import KeptStudy, Trial, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Tell
 from specan.report import study_sheets
+from specan.report.figure_style import image
 from specan.report.figures import figure_of
 from specan.report.html_page import shown
 from specan.report.study_html import failing_map, history_bars
@@ -133,20 +133,14 @@ class StudyPage(Page):
 
     def _save(self, kind: str) -> None:
         """The figure that ``specan study compare --plot`` draws, of the model as it is."""
-        stream, name = io.BytesIO(), self.kept.directory.resolve().name
-        study = self.kept.current()
-
-        def draw(tell: Tell) -> bytes:
-            figure_of(study.compare()).savefig(stream, format=kind, dpi=150)
-            return stream.getvalue()
-
+        name, study = self.kept.directory.resolve().name, self.kept.current()
         self.status.begin("Drawing the figure")
 
         def show(content: bytes) -> None:
             self.link.save(f"{name}_compare.{kind}", content)
             self.status.end("The figure shows the model as it is, without the trial.")
 
-        self.work.ask(draw, show)
+        self.work.ask(lambda tell: image(figure_of(study.compare()), kind), show)
 
     def _copy_numbers(self) -> None:
         trial = self.tried or self.now

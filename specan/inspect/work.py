@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.errors import SpecanError
+from specan.errors import SpecanError, unforeseen
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -71,14 +71,12 @@ class Work:
             found = compute(tell)
         except Superseded:
             return
-        except SpecanError as fault:
-            message = str(fault)
-            self.later(lambda: self._failed(message))
-            return
         except Exception as fault:
             # The page must go on: what is unexpected is told there, and in full on the terminal.
-            logging.getLogger(__name__).exception("internal error on the page")
-            message = f"Internal error: {type(fault).__name__}: {fault}"
+            foreseen = isinstance(fault, SpecanError)
+            if not foreseen:
+                logging.getLogger(__name__).exception("internal error on the page")
+            message = str(fault) if foreseen else unforeseen(fault)
             self.later(lambda: self._failed(message))
             return
         if ticket == self._ticket:

@@ -28,7 +28,7 @@ from specan.errors import SpecanError, unforeseen
 from specan.report.figure_style import micro
 from specan.report.figures import figure_of
 from specan.report.html_page import page, picture, table
-from specan.result import counted
+from specan.result import cell, counted, gathered
 
 MOST_PAGES = 100  # of recordings; the others are in the list only
 FEW = 6  # channels whose bands have a column each
@@ -192,16 +192,12 @@ def _level_table(found: SignalLevels) -> tuple[list[str], list[list[str]]]:
     """Equivalent and largest levels, of sound with A weighting."""
     names, unknown = found.channels, np.full(len(found.channels), np.nan)
     if np.isfinite(equivalent := found.equivalent_dB.get("A", unknown)).any():
-        header, first, levels = ["LAeq", "LAFmax"], [_decibels(v) for v in equivalent], found.max_dB
+        header, first, levels = ["LAeq", "LAFmax"], [cell(v, ".1f") for v in equivalent], found.max_dB
     else:
         header, levels = ["RMS", "level"], found.level_dB
         first = [f"{value:.4g} {unit}" for value, unit in zip(found.rms, found.units)]
-    rows = [[*row, _decibels(level)] for *row, level in zip(names, first, levels)]
+    rows = [[*row, cell(level, ".1f")] for *row, level in zip(names, first, levels)]
     return _side_by_side(["channel", *header], rows, max(8, -(-len(rows) // 3)))
-
-
-def _decibels(level: float) -> str:
-    return "" if np.isnan(level) else f"{level:.1f}"
 
 
 def _side_by_side(header: list[str], rows: list[list[str]], height: int) -> tuple[list[str], list[list[str]]]:
@@ -238,8 +234,6 @@ def _skipped(report: BatchReport) -> list[str]:
         [f"{r.label}, {channel}", why] for r in report.results for channel, why in r.set_aside if channel
     ]
     parts = ["<h2>Not analysed</h2>", table(["file", "reason"], rows)] if rows else []
-    aside: dict[str, list[str]] = {}
-    for result in report.of_kind("aside"):
-        aside.setdefault(result.reason, []).append(result.label)
+    aside = gathered((result.reason, result.label) for result in report.of_kind("aside"))
     lines = [f"Skipped, {why}: {', '.join(files)}." for why, files in aside.items()]
     return [*parts, *(f"<p>{escape(line)}</p>" for line in lines)]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from typing import Any
 
 from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
-from specan.result import Sheet, counted
+from specan.result import Sheet, counted, gathered
 
 # Properties that the table of channels already shows, or that only say how the file was written.
 _SHOWN = {"unit_string", "Unit_String", "QuantityUnit", "Sensitivity", "SensitivityUnit", "name"}
@@ -32,9 +33,7 @@ def sheets(
         yield _channels(recording, group, quality, show_all)
     yield Sheet("How it was decided", ["", "channels", "reason"], _decisions(recording))
     if recording.set_aside:
-        reasons: dict[str, list[str]] = {}
-        for name, reason in recording.set_aside.items():
-            reasons.setdefault(reason, []).append(name)
+        reasons = gathered((reason, name) for name, reason in recording.set_aside.items())
         rows = [[", ".join(n) if show_all else _names(n, recording), reason] for reason, n in reasons.items()]
         yield Sheet("Ignored", ["channels", "reason"], rows)
     properties = _properties(recording, show_all)
@@ -50,10 +49,8 @@ def _channels(
 ) -> Sheet:
     """Of one group; what all its channels share is above the table."""
     places = [k for k, c in enumerate(recording.channels) if c.group == group]
-    columns: dict[str, list[Any]] = {}
-    for place in places:
-        for key, value in _row(recording.channels[place], quality.get(place)).items():
-            columns.setdefault(key, []).append(value)
+    cells = (_row(recording.channels[place], quality.get(place)).items() for place in places)
+    columns = gathered(chain.from_iterable(cells))
     shared = []
     for key, word in (("rate Hz", "Hz"), ("samples", "samples")):
         if len(set(columns[key])) == 1:
@@ -86,9 +83,7 @@ def _row(c: Channel, quality: tuple[float, Quality] | None) -> dict[str, str]:
 
 def _joined(rows: list[list[str]]) -> list[list[str]]:
     """Rows that differ in the channel's name alone become one."""
-    alike: dict[tuple[str, ...], list[str]] = {}
-    for name, *rest in rows:
-        alike.setdefault(tuple(rest), []).append(name)
+    alike = gathered((tuple(rest), name) for name, *rest in rows)
     return [[_names(names), *rest] for rest, names in alike.items()]
 
 

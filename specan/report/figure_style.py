@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import io
 import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -254,6 +255,13 @@ def figure_format(path: Path) -> str:
 
     check_directory(path)
     return kind
+
+
+def image(figure: Figure, kind: str, dpi: int = 150) -> bytes:
+    """A figure in a format, as it lies inside a page or is handed to a browser."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format=kind, dpi=dpi)
+    return stream.getvalue()
 
 
 def save_figure(figure: Figure, path: Path) -> None:

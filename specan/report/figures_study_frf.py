@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from specan.arrays import Complex, Real
+from specan.dsp.transfer_function import phase_deg
 from specan.errors import RequestError, nearest
 from specan.report.figure_style import (
     band_about,
@@ -194,8 +195,3 @@ def level_dB(response: Complex) -> Real:
     """``20 log10 |H|``, minus infinity of zero."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(20 * np.log10(np.abs(response)))
-
-
-def phase_deg(response: Complex) -> Real:
-    """Phase in (-180, 180] degrees."""
-    return np.asarray(np.degrees(np.angle(response)))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
-import io
 import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
+from specan.report.figure_style import image
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -99,8 +99,6 @@ def bullets(items: Iterable[str]) -> str:
 
 def picture(figure: Figure, text: str) -> str:
     """A figure inside the page."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=130)
     width = round(96 * float(figure.get_size_inches()[0]))  # on the screen as large as on paper
-    data = base64.b64encode(stream.getvalue()).decode()
+    data = base64.b64encode(image(figure, "png", 130)).decode()
     return f'<p><img alt="{escape(text)}" width="{width}" src="data:image/png;base64,{data}"></p>'

@@ -23,6 +23,7 @@ from specan.report.figure_style import (
     style_of,
     styled,
 )
+from specan.result import gathered
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -190,10 +191,7 @@ def grouped(kinds: Iterable[str]) -> dict[str, list[int]]:
     >>> grouped(["Pa", "m/s", "Pa"])
     {'Pa': [0, 2], 'm/s': [1]}
     """
-    found: dict[str, list[int]] = {}
-    for row, kind in enumerate(kinds):
-        found.setdefault(kind, []).append(row)
-    return found
+    return gathered((kind, row) for row, kind in enumerate(kinds))
 
 
 def level_panels(

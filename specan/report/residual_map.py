@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Flags, Real
+from specan.result import gathered
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block, localise
@@ -75,9 +76,7 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
         return None
     across, up = names[0], names[1] if len(names) > 1 else ""
     columns, rows = _levels(labels[across]), _levels(labels[up]) if up else [""]
-    blocks: dict[frozenset[tuple[str, Any]], list[Block]] = {}
-    for block in localise(problem, best).blocks:
-        blocks.setdefault(frozenset(block.where.items()), []).append(block)
+    blocks = gathered((frozenset(block.where.items()), block) for block in localise(problem, best).blocks)
     cells = tuple(
         tuple(
             tuple(_blocks_of(blocks, labels, {across: column, **({up: row} if up else {})}))

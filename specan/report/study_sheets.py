@@ -80,37 +80,24 @@ def candidates(found: Mapping[str, Any], most: int, title: str = "", *, valued: 
     before = error.get("before") or {"unit": "1"}
     others = {e["before"]["observable"]: e["before"]["unit"] for e in error.get("others", ())}
     levels = before.get("level_dB") is not None and all("level_after_dB" in row for row in ranking)
-    header = [
-        "effects",
-        f"error after{_in_unit(before['unit'])}",
-        *(f"{n}{_in_unit(u)}" for n, u in others.items()),
-    ]
-    header += [
-        *(["levels, dB"] if levels else []),
-        "probable",
-        "evidence",
-        "",
-        *(["parameters"] if valued else []),
-    ]
-    rows = [
-        [
-            " + ".join(placed(row["effects"], row["at"])),
-            *(f"{rms:.3g}" for rms in (row["error_after"], *row.get("others_after", {}).values())),
-            *([f"{before['level_dB']:.2g} to {row['level_after_dB']:.2g}"] if levels else []),
-            percent(p)
-            if (p := row["probability"]) >= 0.1
-            else f"{100 * p:.2g} %"
-            if p >= 1e-4
-            else "< 0.01 %",
-            f"{row['ln_evidence']:+.1f}",
-            ", ".join(
-                [*([] if row["plausible"] else ["outside"]), *(["at its bound"] if row["at_bound"] else [])]
-            ),
-            *(["; ".join(f"{n} = {value_text(p)}" for n, p in row["parameters"].items())] if valued else []),
-        ]
-        for row in ranking
-    ]
-    return Sheet(title, header, rows)
+    columns: list[dict[str, str]] = []
+    for row in ranking:
+        after, p = row.get("others_after", {}).values(), row["probability"]
+        remarks = {"outside": not row["plausible"], "at its bound": row["at_bound"]}
+        columns.append({
+            "effects": " + ".join(placed(row["effects"], row["at"])),
+            f"error after{_in_unit(before['unit'])}": f"{row['error_after']:.3g}",
+            **{f"{n}{_in_unit(u)}": f"{rms:.3g}" for (n, u), rms in zip(others.items(), after)},
+            **({"levels, dB": f"{before['level_dB']:.2g} to {row['level_after_dB']:.2g}"} if levels else {}),
+            "probable": percent(p) if p >= 0.1 else f"{100 * p:.2g} %" if p >= 1e-4 else "< 0.01 %",
+            "evidence": f"{row['ln_evidence']:+.1f}",
+            "": ", ".join(remark for remark, holds in remarks.items() if holds),
+        })  # fmt: skip
+        if valued:
+            columns[-1]["parameters"] = "; ".join(
+                f"{n} = {value_text(v)}" for n, v in row["parameters"].items()
+            )
+    return Sheet(title, list(columns[0]) if columns else [], [list(row.values()) for row in columns])
 
 
 def _in_unit(unit: str) -> str:

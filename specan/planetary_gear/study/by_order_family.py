@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.planetary_gear.study.order_lines import OrderLinesObservation
+from specan.result import gathered
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
@@ -127,9 +128,7 @@ def _block(algebra: LeftOut, lines: _Lines, where: Mapping[str, Any], rows: NDAr
 
 def _sentences(lines: _Lines, fails: Sequence[Block]) -> list[str]:
     """Families with their levels, those of one course in one sentence, and the line that is furthest off."""
-    alike: dict[str, list[Block]] = {}
-    for block in fails:
-        alike.setdefault(_course(lines, block.where["orders"]), []).append(block)
+    alike = gathered((_course(lines, block.where["orders"]), block) for block in fails)
     found = []
     for course, blocks in list(alike.items())[:MOST_SENTENCES]:
         each = [f"{b.where['orders']}: {b.text} (z = {b.z:.1f})" for b in blocks[:MOST_FAMILIES]]

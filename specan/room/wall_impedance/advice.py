@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from specan.result import gathered
 from specan.room.model.places import free_places, with_microphones
 from specan.room.model.receivers import receivers_of
 from specan.room.study.receiver_places import (
@@ -74,10 +75,7 @@ class Advice:
 
 
 def _listed(found: tuple[tuple[str, float], ...]) -> str:
-    walls: dict[str, list[float]] = {}
-    for wall, band in found:
-        walls.setdefault(wall, []).append(band)
-    return "; ".join(f"{w}: {', '.join(f'{b:g}' for b in bands)} Hz" for w, bands in walls.items())
+    return "; ".join(f"{w}: {', '.join(f'{b:g}' for b in bands)} Hz" for w, bands in gathered(found).items())
 
 
 def advise(found: Impedance) -> tuple[Advice, ...]:
