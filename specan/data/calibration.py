@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 from specan.data.channel import Channel, PhaseCalibration, gain_of, matches
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
-from specan.result import Result, Sheet, cell, counted
+from specan.result import Result, Sheet, cell, counted, picked
 
 Verdict = Literal["good", "doubtful", "failed"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
@@ -134,16 +134,11 @@ class Calibration(Result):
         """One row for each channel and tone."""
         rows = [
             {
-                "channel": c.channel,
-                "sensitivity": c.sensitivity,
-                "unit": c.unit,
-                "u_sensitivity_percent": c.u_sensitivity_percent,
+                **picked(c, "channel sensitivity unit u_sensitivity_percent"),
                 "frequency_hz": frequency,
                 "phase_deg": phase,
                 "u_phase_deg": u_phase,
-                "scatter_percent": c.scatter_percent,
-                "drift_percent": c.drift_percent,
-                "verdict": c.verdict,
+                **picked(c, "scatter_percent drift_percent verdict"),
                 "reasons": "; ".join(c.reasons),
             }
             for c in self.channels

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from specan.arrays import Real
 from specan.data.channel import Channel, Role, channels_matching, channels_meant, plain_properties, si_unit
 from specan.errors import InputError, RequestError, library, nearest
-from specan.result import Result, Sheet, counted, shortened
+from specan.result import Result, Sheet, counted, picked, shortened
 from specan.units import MOTION, Quantity
 
 if TYPE_CHECKING:
@@ -181,9 +181,7 @@ class Recording(Result):
         """
         groups = self.group_properties.items()
         return {
-            "file": self.label,
-            "flags": self.flags,
-            "notes": self.notes,
+            **picked(self, "file=label flags notes"),
             "properties": plain_properties(self.properties),
             "groups": {group: plain_properties(properties) for group, properties in groups},
             "channels": [channel.content() for channel in self.channels],

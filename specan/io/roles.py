@@ -34,8 +34,6 @@ _UNIT_ROLES: dict[str, Role] = {
 }  # fmt: skip
 # A displacement is a vibrometer's where name and unit both say so: a length alone may be a position or a wear.
 _DISPLACEMENT = r"\bdisp(lacement|l)?\b|auslenkung|przemieszczenie"
-# Quantities that a vibrometer may give, and the differentiations that lead to velocity.
-DERIVATIVES = {"m": 1, "m/s": 0, "m/s^2": -1}
 
 
 def identify(name: str, properties: Mapping[str, Any], group: str = "") -> Channel:
@@ -123,11 +121,11 @@ def role_of(name: str, properties: Mapping[str, Any], unit: str, quantity: str) 
 
 def derivatives_of(role: Role, unit: str, decisions: dict[str, str]) -> int:
     """How often a vibrometer's signal is differentiated to become a velocity."""
-    if role != "vibrometer" or not DERIVATIVES.get(unit):
+    if role != "vibrometer" or unit not in ("m", "m/s^2"):
         return 0
-    what = "displacement" if unit == "m" else "acceleration"
+    what, times = ("displacement", 1) if unit == "m" else ("acceleration", -1)
     decisions["derivatives"] = f"the vibrometer gives {what} in {unit}; brought to velocity by j w"
-    return DERIVATIVES[unit]
+    return times
 
 
 def _by_words(text: str) -> Role | None:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from specan.data.channel import Channel
 from specan.data.recording import Recording, SampleSource
 from specan.errors import NoSignalError
 from specan.io.channel_table import ChannelTable
@@ -71,7 +70,10 @@ def recording_of(
         raise NoSignalError(f"{label} holds no time signal" + (f" ({why})" if why else ""))
     channels = []
     for signal in signals:
-        channel = _identified(signal)
+        said = {"unit_string": signal.unit} if signal.unit else {}
+        channel = identify(signal.name, {**signal.properties, **said}, signal.group)
+        decisions = {**channel.decisions, **signal.decisions}
+        channel = replace(channel, **{"decisions": decisions, **signal.known})
         if channel_table is not None:
             channel = channel_table.applied(channel, label)
         rate = signal.rate or Rate(0.0, "nothing says it")
@@ -93,11 +95,3 @@ def recording_of(
             )
         )
     return Recording(label, tuple(channels), source, set_aside=set_aside or {}, **about)
-
-
-def _identified(signal: Signal) -> Channel:
-    """Role, unit and gain as the file has them."""
-    said = {"unit_string": signal.unit} if signal.unit else {}
-    channel = identify(signal.name, {**signal.properties, **said}, signal.group)
-    known = {"decisions": {**channel.decisions, **signal.decisions}, **signal.known}
-    return replace(channel, **known)

@@ -36,6 +36,7 @@ from specan.data.tone import Excitation
 from specan.errors import NoSignalError, SpecanError, unforeseen
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
+from specan.result import picked
 
 Made = TypeVar("Made")
 
@@ -97,13 +98,8 @@ def _together(parts: Sequence[tuple[Recording, FileResult]]) -> FileResult:
 
 def open_headers(entry: Input) -> Recording:
     """The recording under its label, without a calibration."""
-    return open_recording(
-        entry.path,
-        root=entry.root,
-        label=entry.label,
-        channel_table=entry.channel_table or None,
-        sampling_rate=entry.sampling_rate,
-    )
+    given = picked(entry, "root label sampling_rate")
+    return open_recording(entry.path, channel_table=entry.channel_table or None, **given)
 
 
 def open_calibrated(entry: Input) -> Recording:

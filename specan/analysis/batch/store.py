@@ -25,6 +25,7 @@ from specan.errors import RequestError, SpecanError
 from specan.io.open import channel_table_of
 from specan.io.output_file import remove_parts, text_file
 from specan.io.tdms_headers import metadata_of
+from specan.result import picked
 
 BLOCK, BLOCKS = 1 << 16, 64
 # What results are computed by; the rest of the package only shows them.
@@ -206,13 +207,9 @@ class Store:
         encoded = {table: lines.encode() for table, lines in result.blocks.items()}
         head = {
             "schema": _SCHEMA,
-            "label": result.label,
+            **picked(result, "label kind reason about set_aside"),
             "context": context,
             "identity": asdict(identity),
-            "kind": result.kind,
-            "reason": result.reason,
-            "about": result.about,
-            "set_aside": result.set_aside,
             "tones": [vars(tone) for tone in result.tones],
             "checksum": zlib.crc32(b"".join(encoded.values())),
             "lines": {table: len(lines) for table, lines in encoded.items()},

@@ -191,7 +191,12 @@ def study_impedance(
     ComputationError
         The fit does not converge.
     """
-    _check_room(study)
+    if "wall_admittance" not in study.model.quantities:
+        raise RequestError(
+            f"the model of this study is {study.model.name}, which has no walls",
+            expected="a study of a room",
+            remedy="begin one with specan study new DIR --model room --rig RIG.toml --measurement RECORDING",
+        )
     # not the study's own problem: its covariances are taken about a fit of the walls that the model has
     problem = assemble(study.model, study.content, study.data.fitted)
     walls = [u for u in problem.assembly.uses if "wall_admittance" in study.model.effects[u.name].changes]
@@ -203,15 +208,6 @@ def study_impedance(
     summed = np.bincount(wall_of_face, study.model.settings["face_areas_m2"])
     areas = dict(zip(fit.walls, summed.tolist(), strict=True))
     return impedance(fit, areas, (float(lines.min()), float(lines.max())), accuracy)
-
-
-def _check_room(study: Study) -> None:
-    if "wall_admittance" not in study.model.quantities:
-        raise RequestError(
-            f"the model of this study is {study.model.name}, which has no walls",
-            expected="a study of a room",
-            remedy="begin one with specan study new DIR --model room --rig RIG.toml --measurement RECORDING",
-        )
 
 
 def impedance(
