@@ -193,13 +193,10 @@ def _package(name: str) -> Any:
 
 def effects_in(package: str) -> dict[str, Effect]:
     """Every effect in the modules of a package; a module may hold several."""
-    found: dict[str, Effect] = {}
     home = importlib.import_module(package)
-    for entry in pkgutil.iter_modules(home.__path__):
-        module = importlib.import_module(f"{package}.{entry.name}")
-        for effect in _effects_of(module):
-            found[effect.name] = effect
-    return dict(sorted(found.items()))
+    names = [f"{package}.{entry.name}" for entry in pkgutil.iter_modules(home.__path__)]
+    found = [effect for name in names for effect in _effects_of(importlib.import_module(name))]
+    return {effect.name: effect for effect in sorted(found, key=lambda effect: effect.name)}
 
 
 def effects_from_file(path: Path, content: bytes | None = None) -> list[Effect]:

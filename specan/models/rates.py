@@ -269,7 +269,13 @@ def fields_from_rates(
     beside = {n: Condition(n, unit, n) for n, unit in asked.items()}
     more = {**more, "units": units, "effects": effects, "uncertainty": {}}
     fields = fields_from_functions(functions, {**conditions, **beside}, {}, more)
-    measured = {name: _measured(name, one) for name, one in signals.items()}
+    measured = {
+        name: Observable(
+            name, f"{name}_measured", one.unit, f"{name} as it is measured.", column=one.channel or name,
+            column_unit=one.unit, kind=KIND,
+        )
+        for name, one in signals.items()
+    }  # fmt: skip
     noise = {name: one.uncertainty for name, one in signals.items() if one.uncertainty is not None}
     scales = {n: scale_to(one.unit, states[n].unit) for n, one in signals.items() if n in states}
     rates = Rates(states, channels, scales, unsized)
@@ -324,13 +330,6 @@ def _conditions(
             if state.start == MEASURED
         },
     }
-
-
-def _measured(name: str, one: Signal) -> Observable:
-    return Observable(
-        name, f"{name}_measured", one.unit, f"{name} as it is measured.", column=one.channel or name,
-        column_unit=one.unit, kind=KIND,
-    )  # fmt: skip
 
 
 def _signal(name: str, given: Any, known: Mapping[str, str]) -> Signal:

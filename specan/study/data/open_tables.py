@@ -76,7 +76,6 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
 def read_tables(
     model: Model,
     measurements: Sequence[Path],
-    validations: Sequence[Path] = (),
     hold_out: Sequence[tuple[str | None, str]] = (),
 ) -> OpenedData:
     """Tables as observations, without a study directory.
@@ -84,13 +83,12 @@ def read_tables(
     Parameters
     ----------
     model : Model
-    measurements, validations : sequence of Path
-        Tables to fit and tables to predict only.
+    measurements : sequence of Path
     hold_out : sequence of (file name or None, condition)
         Rows of the measurements to put aside, ``(None, "load=60,90")``.
     """
-    fitted, checked = ([DataFile(path.name, path) for path in paths] for paths in (measurements, validations))
-    return open_data(model, MeasuredFiles(fitted, checked, hold_out))
+    fitted = [DataFile(path.name, path) for path in measurements]
+    return open_data(model, MeasuredFiles(fitted, hold_out=hold_out))
 
 
 def _read(file: DataFile, model: Model) -> Table:

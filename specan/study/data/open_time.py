@@ -14,7 +14,7 @@ from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.io.open import open_recording
 from specan.models import Condition, Model, Observable
-from specan.models.rates import KIND, TIME
+from specan.models.rates import TIME, Rates
 from specan.models.trial import try_model
 from specan.study.data.held_out import Column, chosen, of_file
 from specan.study.data.recordings import reads as reads
@@ -38,10 +38,10 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     """
     fitted = [_read(model, file, wanted.calibration) for file in wanted.measurements]
     checked = [_read(model, file, wanted.calibration) for file in wanted.validations]
-    noise = {name: _noise(model, name, [one[1][name] for one in fitted]) for name in _observables(model)}
-    model = _sized(model, [one[:2] for one in fitted])
-    if model.rates:
-        model.rates.allow({name: size for name, (size, _) in noise.items()})
+    noise = {name: _noise(model, name, [one[1][name] for one in fitted]) for name in model.observables}
+    rates = _rates(model)
+    model = rates.sized(model, [one[:2] for one in fitted])
+    rates.allow({name: size for name, (size, _) in noise.items()})
     whole = _observation(model, wanted.measurements, fitted, noise)
     aside = np.zeros(whole.n, dtype=bool)
     columns = {
@@ -57,14 +57,12 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     kept = whole.take(~aside) if np.any(aside) else whole
     held_out = [whole.take(aside)] if np.any(aside) else []
     held_out += [_observation(model, wanted.validations, checked, noise)] if checked else []
-    if model.is_own:
-        few = {n: v[:1000] for n, v in fitted[0][0].items()}  # samples on which a user's functions are tried
-        # compiles, which takes seconds
-        model.assemble(model.base_effects).evaluate({n: v[:2] for n, v in few.items()})
-        try_model(model, few)
+    few = {n: v[:1000] for n, v in fitted[0][0].items()}  # samples on which a user's functions are tried
+    # compiles, which takes seconds
+    model.assemble(model.base_effects).evaluate({n: v[:2] for n, v in few.items()})
+    try_model(model, few)
     statements = [said for *_, said in (*fitted, *checked)]
-    if model.is_own and model.rates:
-        statements.append(f"solved by {model.rates.solver(model).method()}")
+    statements.append(f"solved by {rates.solver(model).method()}")
     for name, (size, stated) in noise.items():
         how = "as stated" if stated else "from the quickest changes"
         statements.append(
@@ -77,24 +75,22 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
 def inputs_of(model: Model, file: DataFile) -> tuple[Model, dict[str, Array], float]:
     """Conditions of a recording that need hold nothing but the inputs, the model for these, and the sampling rate."""
     conditions, measured, _ = _read(model, file, None, needs_outputs=False)
-    return _sized(model, [(conditions, measured)]), conditions, 1 / float(conditions[TIME][1])
+    sized = _rates(model).sized(model, [(conditions, measured)])
+    return sized, conditions, 1 / float(conditions[TIME][1])
 
 
 def for_check(model: Model, file: DataFile) -> tuple[Model, dict[str, Array]]:
     """A model that knows the noise of a recording's channels, and the first conditions of that."""
     conditions, measured, _ = _read(model, file, None)
     noise = {name: _noise(model, name, [values])[0] for name, values in measured.items()}
-    known = _sized(model, [(conditions, measured)])
+    known = _rates(model).sized(model, [(conditions, measured)])
     known = replace(known, rig=replace(model.rig, reading={**model.rig.reading, **noise}))
     return known, {name: values[:CHECKED] for name, values in conditions.items()}
 
 
-def _sized(model: Model, recordings: Sequence[tuple[dict[str, Array], dict[str, Array]]]) -> Model:
-    return model.rates.sized(model, recordings) if model.rates else model
-
-
-def _observables(model: Model) -> dict[str, Observable]:
-    return {name: o for name, o in model.observables.items() if o.kind == KIND}
+def _rates(model: Model) -> Rates:
+    assert model.rates is not None  # other models have no measurements of this kind
+    return model.rates
 
 
 def _read(
@@ -102,9 +98,9 @@ def _read(
 ) -> tuple[dict[str, Array], dict[str, Array], str]:
     """Conditions and measured values of a file, and what was found."""
     recording = open_recording(file.path, calibration=calibration)
-    inputs = {c.name: c for c in model.conditions.values() if c.name in model.rates.inputs.values()}  # type: ignore[union-attr]
+    inputs = {c.name: c for c in model.conditions.values() if c.name in _rates(model).inputs.values()}
     firsts = {name.removesuffix("_first") for name in model.conditions if name.endswith("_first")}
-    outputs = {n: o for n, o in _observables(model).items() if needs_outputs or n in firsts}
+    outputs = {n: o for n, o in model.observables.items() if needs_outputs or n in firsts}
     found: dict[str, tuple[Channel, Array]] = {}
     notes: list[str] = []
     targets: dict[str, Condition | Observable] = {**inputs, **outputs}
