@@ -5,7 +5,7 @@ Decisions: docs/decisions/spectra.md.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -120,16 +120,9 @@ def estimate(
             if instrument is None
             else [instrument._replace(response=r) for r in instrument.response]
         )
+        one = partial(estimate, estimator, auto_reference, line_correlation=line_correlation)
         found = [
-            estimate(
-                estimator,
-                auto_reference,
-                own,
-                over,
-                n_effective,
-                instrument=mine,
-                line_correlation=line_correlation,
-            )
+            one(own, over, n_effective, instrument=mine)
             for own, over, mine in zip(responses, cross, through, strict=True)
         ]
         return Estimate(*map(np.stack, zip(*found, strict=True)))

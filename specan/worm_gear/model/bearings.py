@@ -55,7 +55,7 @@ def bearing_quantities(bearings: Sequence[Bearing], gear: Gear) -> list[Quantity
             "bearing_dead_load", gear.bearing_dead_load_N, "N", "Load that keeps an idle bearing rolling."
         ),
         *(constant(*one, AXES) for one in listed),
-        *QUANTITIES,
+        *(value for value in globals().values() if isinstance(value, Quantity)),
     ]
 
 
@@ -246,11 +246,3 @@ def wheel_bearing_torque():
 def bearing_loss(worm_bearing_torque, wheel_bearing_torque, worm_speed, wheel_speed):
     """Power lost in the bearings."""
     return worm_bearing_torque * worm_speed + wheel_bearing_torque * wheel_speed
-
-
-QUANTITIES = (
-    worm_axial_force, worm_tangential_force, radial_force, bearing_radial_load, bearing_axial_load, bearing_speed,
-    bearing_contact, bearing_rolling_variable, bearing_rolling_moment, bearing_sliding_variable,
-    bearing_sliding_moment, bearing_drag_moment, bearing_load_moment, bearing_oil_moment, bearing_moment,
-    worm_bearing_torque, wheel_bearing_torque, bearing_loss,
-)  # fmt: skip
