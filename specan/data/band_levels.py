@@ -198,7 +198,7 @@ class BandLevels(RecordingResult):
             "band_flags": all_flags(self),
         }
         if self.other is not None:
-            found["edges"] = apart(self.level_dB, self.other.level_dB)
+            found["edges"] = self.edges
             found["other_settling_dB"] = self.other.level_dB
             found["other_settling_overall_dB"] = records(**self.other.overall_dB)
         if self.percentile_dB is not None:
@@ -294,6 +294,13 @@ class BandLevels(RecordingResult):
             )
             for row, name in enumerate(self.channels)
         ]  # fmt: skip
+
+    @property
+    def edges(self) -> Flags:
+        """Bands (channels, bands) whose level hangs on the cut at the ends of the section."""
+        if self.other is None:
+            return np.zeros(self.level_dB.shape, dtype=bool)
+        return apart(self.level_dB, self.other.level_dB)
 
     def band_flags(self, channel: int, band: int) -> tuple[str, ...]:
         """Words for one band of one channel: the channel's, ``low-BT``, ``unsettled``, ``low-snr``, ``edges``.
