@@ -152,18 +152,20 @@ class Evaluator:
         for values in many:
             parameters = {**self.defaults, **values}
             known: dict[str, Any] = {**self._condition_defaults, **conditions}
+            parts: dict[str, Mapping[str, Any]] = {}
             changed = (
                 None if first is None else tuple(n for n, v in values.items() if not _same(start.get(n), v))
             )
             kept, steps = self._schedule(quantities, changed)
             if first is not None:
                 known |= {name: first.values[name] for name in kept if name in first.values}
+                parts |= {name: first.parts[name] for name in kept if name in first.parts}
             for step in steps:
                 if len(step) > 1 or step[0] in self._plan[1]:
-                    self._settle(step, known, parameters)
+                    self._settle(step, known, parameters, parts)
                 else:
-                    self._value(step[0], known, parameters)
-            found = Evaluation(known)
+                    self._value(step[0], known, parameters, parts)
+            found = Evaluation(known, parts)
             if first is None:
                 first, start = found, parameters
             yield found
@@ -240,7 +242,13 @@ class Evaluator:
             )
         return self._schedules[wanted, changed]
 
-    def _value(self, name: str, known: dict[str, Any], parameters: Mapping[str, Any]) -> None:
+    def _value(
+        self,
+        name: str,
+        known: dict[str, Any],
+        parameters: Mapping[str, Any],
+        parts: dict[str, Mapping[str, Any]],
+    ) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""
         base, acting = self._calls[name]
         total, factor = base(known, parameters), None
@@ -260,7 +268,7 @@ class Evaluator:
                     total = total + contributions[call.key]
                 else:
                     factor = contributions[call.key] if factor is None else factor * contributions[call.key]
-            known[name] = total if factor is None else total * factor
+            known[name], parts[name] = total if factor is None else total * factor, contributions
         except ValueError:
             raise self._of_another_shape(name, contributions) from None
 
@@ -290,7 +298,13 @@ class Evaluator:
         whole[axis.index(use.at)] = given
         return whole
 
-    def _settle(self, loop: tuple[str, ...], known: dict[str, Any], parameters: Mapping[str, Any]) -> None:
+    def _settle(
+        self,
+        loop: tuple[str, ...],
+        known: dict[str, Any],
+        parameters: Mapping[str, Any],
+        parts: dict[str, Mapping[str, Any]],
+    ) -> None:
         """Solve a loop from the values without effects."""
         guessed = self._plan[1]
         for name in self.model.base_order:
@@ -300,7 +314,7 @@ class Evaluator:
         def around(guess: Mapping[str, Any]) -> dict[str, Any]:
             known.update(guess)
             for name in loop:
-                self._value(name, known, parameters)
+                self._value(name, known, parameters, parts)
             return {name: known[name] for name in guessed}
 
         if not fixed_point(around, {name: known[name] for name in guessed}):
@@ -347,12 +361,17 @@ def varying(rows: Iterable[Mapping[str, Any]], least: float = 5e-4) -> frozenset
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Values of all quantities."""
+    """Values of all quantities, and what each effect contributed to them."""
 
     values: Mapping[str, Any]
+    parts: Mapping[str, Mapping[str, Any]]
 
     def __getitem__(self, name: str) -> Any:
         try:
             return self.values[name]
         except KeyError:
             raise RequestError(f"no quantity {name!r}", remedy=nearest(name, self.values)) from None
+
+    def contributions(self, name: str) -> Mapping[str, Any]:
+        """Contribution of the base and of every effect to a quantity (terms, and factors as factors)."""
+        return self.parts[name]

@@ -116,6 +116,7 @@ def test_terms_are_scaled_after_they_are_added():
     got = model.assemble(["half", "seal"]).evaluate(SPEED)
     base = model.assemble().evaluate(SPEED)["loss"]
     np.testing.assert_allclose(got["loss"], 0.5 * (base + 0.3 * SPEED["speed"]), rtol=1e-15)
+    assert set(got.contributions("loss")) == {"base", "seal", "half"}
 
 
 def _half(*, by=Parameter(0.5, min=0.0, max=2.0)):
