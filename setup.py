@@ -59,5 +59,9 @@ setup(
         "specan_cli.sample_data",
     ],
     package_dir={"specan_cli": "cli", "specan_cli.sample_data": "sample_data"},
-    package_data={"specan": ["py.typed", "*.pyi"], "specan_cli": ["py.typed"], "specan_cli.sample_data": samples()},
+    package_data={
+        "specan": ["py.typed", "*.pyi"],
+        "specan_cli": ["py.typed"],
+        "specan_cli.sample_data": samples(),
+    },
 )

@@ -354,11 +354,12 @@ class _Refinement(_Place):
     def _steps(self) -> Array:
         """Steps of derivatives: such that each changes the predictions by the same share."""
         columns = np.linalg.norm(self.jacobian[: self.problem.n_data], axis=0)
-        # 1e-3: of a parameter's size, which a step does not exceed
-        most = 1e-3 * np.maximum(self.size, np.abs(self.theta))
+        typical = np.maximum(self.size, np.abs(self.theta))
+        # 1e-3, 1e-8: of a parameter's size, which a step does not exceed, and below which it is lost in rounding
+        most, least = 1e-3 * typical, 1e-8 * typical
         # 1e-4: of all predictions, by which a step of a derivative changes them: rounding then errs by 1e-12
         share = 1e-4 * self.predicted / np.maximum(columns, 1e-300)
-        return np.where(share > 0, np.minimum(share, most), most)
+        return np.where(share > 0, np.clip(share, least, most), most)
 
     def step(self) -> bool:
         """Take a step that does not raise chi-square, if there is one."""
