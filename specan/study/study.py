@@ -265,8 +265,10 @@ class Study:
                 found = min(found, fit(self.problem, self._near), key=lambda one: one.chi2)
             if self.problem.strategy.many_minima:
                 new = [use for use in self.problem.assembly.uses if use.name not in self.model.base_effects]
-                places = scattered_starts(self.problem, {}, new)[:SCATTERED]
-                tried = [found, *(fit(self.problem, place) for place in places)]
+                tried = [found]
+                for place in scattered_starts(self.problem, {}, new)[:SCATTERED]:
+                    with suppress(ComputationError):  # the other starts may do
+                        tried.append(fit(self.problem, place))
                 found = min(tried, key=lambda one: one.chi2 - 2 * self.problem.ln_volume(one.theta))
             if self.model.rates and (last := self.history.last):  # integrated predictions have many minima
                 near = kept_values(self._assembled, last.parameters)
