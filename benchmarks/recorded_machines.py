@@ -92,7 +92,8 @@ class Machine:
                 events=self._events(force, way), rtol=1e-9, atol=1e-12, max_step=longest,
             )  # fmt: skip
             inside = (now <= TIME) & (done.t[-1] >= TIME)
-            found[inside] = done.sol(TIME[inside])[0]
+            if np.any(inside):
+                found[inside] = done.sol(TIME[inside])[0]
             now, state = float(done.t[-1]), done.y[:, -1].copy()
             if done.status != 1:
                 break

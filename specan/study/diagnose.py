@@ -59,7 +59,10 @@ def diagnose(
     progress = progress or unheard
     progress("explanations of the data", 0.0)
     if all(isinstance(o, TableObservation) for o in problem.observations):
-        return told(Explanations(*with_noise_of_largest(problem, start.fit), progress))
+        problem, fitted, why = with_noise_of_largest(problem, start.fit)
+        if why:
+            return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
+        return told(Explanations(problem, fitted, progress))
     near = InitialFit(start)
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data", 0.0)

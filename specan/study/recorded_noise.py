@@ -7,6 +7,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from specan.errors import ComputationError
 from specan.models import Assembly
 from specan.study.estimation.fit import Fit, describe, fit
@@ -18,20 +20,26 @@ from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
 
 TRIED = 5  # effects that promise most
+LEAST_DOF = 10  # of the variance of the noise
 IMPULSE = 1e-3  # standard deviations of a state, small enough for a straight line
 
 
-def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit]:
-    """Observations whitened by what the model with every effect leaves, and the model fitted under that.
+def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, str]:
+    """Observations whitened by what the model with every effect leaves, the model fitted under that, and a doubt.
 
     Parameters
     ----------
     problem : Problem
     base : Fit
         A fit of it.
+
+    Returns
+    -------
+    tuple of Problem, Fit and str
+        The last says why the noise cannot be told; empty where it can.
     """
     if not all(isinstance(o, TimeObservation) for o in problem.observations):
-        return problem, base
+        return problem, base, ""
     largest, reached = problem, base
     for _ in range(2):  # effects that are added before the noise is looked at
         catalogue = Catalogue(largest, reached)
@@ -45,13 +53,26 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit]:
             break
         largest, reached = best[0], describe(best[0], best[1].theta)
     residual = problem.split(reached.residual[: problem.n_data])
-    noisy = [
-        o.with_noise_of(left, _responses(o, largest.assembly, largest.values_at(reached.theta)))
-        for o, left in zip(problem.observations, residual, strict=False)
-        if isinstance(o, TimeObservation)
-    ]
+    noisy: list[TimeObservation] = []
+    for o, left in zip(problem.observations, residual, strict=False):
+        assert isinstance(o, TimeObservation)
+        # the variance of the noise is known with so many degrees of freedom, by the kurtosis of what is left
+        if 2 * np.sum(left**2) ** 2 < LEAST_DOF * np.sum(left**4):
+            return problem, base, _lies_in_few(o, left)
+        noisy.append(o.with_noise_of(left, _responses(o, largest.assembly, largest.values_at(reached.theta))))
     known = replace(problem, observations=tuple(noisy))
-    return known, fit(known, start=base.theta)
+    return known, fit(known, start=base.theta), ""
+
+
+def _lies_in_few(o: TimeObservation, left: Array) -> str:
+    order = np.argsort(-np.abs(left))
+    share = np.cumsum(left[order] ** 2) / np.sum(left**2)
+    few, worst = int(np.searchsorted(share, 0.5)) + 1, int(order[0])
+    return (
+        f"half of what is left of {o.observable[worst]} lies in {few} of {left.size} samples, around "
+        f"{o.place_of(worst)}: no noise is like that. A sensor that fails, or a machine that runs away there? Look at "
+        "the recording, and leave that time out (--hold-out time=FROM..TO)"
+    )
 
 
 def _fits_with(promise: Promise, problem: Problem, reached: Fit) -> Iterator[tuple[Problem, Minimum]]:

@@ -111,6 +111,22 @@ def test_what_no_candidate_describes_is_no_noise(model):
     assert found.verdict == "unknown-effect"
 
 
+@pytest.mark.parametrize("runs_away", [True, False])
+def test_what_lies_in_few_samples_is_no_noise(model, runs_away):
+    """A displacement that runs away to 40 m, as 1 / (t0 - t); or one sample of a sensor that fails."""
+    seen = observed(model, np.random.default_rng(3), 0.0, 0.0)
+    away = 0.04 / np.maximum((601 - np.arange(601.0)) / RATE, 1e-6) if runs_away else 20.0
+    there = slice(0, 601) if runs_away else slice(600, 601)
+    measured = seen.measured.copy()
+    measured[there] += away
+    found = diagnose(base_problem(model, [replace(seen, measured=measured)]))
+    assert found.verdict == "cannot-tell"
+    assert "around 1.2 s of run" in found.reason
+    aside = np.abs(np.arange(COUNT) - 600) > 100
+    left = replace(seen, measured=measured).take(aside)
+    assert runs_away or diagnose(base_problem(model, [left])).verdict == "nothing-missing"
+
+
 def test_scores_under_noise_that_follows_itself_as_by_its_whole_matrix():
     """J'(R - 1)J with R = 0.9^|i - j|, two chains."""
     columns = np.random.default_rng(1).standard_normal((300, 2))
