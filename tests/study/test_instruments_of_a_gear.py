@@ -127,3 +127,20 @@ def test_noise_in_percent_and_of_read_temperatures_is_counted(tmp_path):
     ]
     slope = (ends[0] - ends[1]) / 0.1
     assert added == pytest.approx(percent + (0.5 * slope) ** 2, rel=0.1)
+
+
+def test_a_thermometer_that_stayed_in_the_room_is_told(tmp_path):
+    """The oil is set to 40, 55 and 70 degC, twice; the column says what the room has."""
+    model = build(rig())
+    rng = np.random.default_rng(31)
+    at = {"speed_rpm": [500, 1200, 1900, 2600], "output_torque_Nm": [10, 30, 50, 70]}
+    passes = [grid(model, at | {"oil_temperature_C": [warm]}) for warm in (40, 55, 70, 40, 55, 70)]
+    rows = {name: np.concatenate([one[name] for one in passes]) for name in passes[0]}
+    assembly = model.assemble(model.base_effects)
+    torque = predict(ChosenModel(assembly, assembly.defaults), rows)["input_torque"]
+    room = 22 + rng.normal(0, 0.3, torque.size)
+    columns = rows | {"oil_temperature_C": np.round(room, 1), "repeat": np.repeat([1.0, 2.0], 48)}
+    columns["input_torque_Nm"] = torque + NOISE * rng.standard_normal(torque.size)
+    found = diagnose(problem(tmp_path, columns, rig()))
+    assert found.verdict == "faulty-data"
+    assert "oil temperature is not the one that acts, its sensor may be in another place" in found.reason

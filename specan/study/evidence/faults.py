@@ -274,10 +274,15 @@ def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array
         yield fault("of a level", f"the {words} {text} is off", rows)
     for line, rows in _from_a_row_on(o):
         yield fault("from a row on", f"the {words} differs from {line} on", rows)
-    # Any smooth course of the difference would imitate every effect that this condition could carry.
     if setting.absolute and np.ptp(x) > 0:
         text = f"the {words} is not the one that acts, its sensor may be in another place"
-        yield fault("of another place", text, np.column_stack([np.ones(o.n), (x - x.mean()) / x.std()]))
+        # Any course of the difference over the condition would imitate every effect that this condition could carry.
+        # Where the sensor says that it stays as it is, no effect goes with it: then it may go anywhere in time.
+        course = np.column_stack([np.ones(o.n), (x - x.mean()) / x.std()])
+        if condition.column not in o.labels:
+            steps = [after for _, after in _from_a_row_on(o)]
+            course = np.column_stack([np.ones(o.n), *(after / np.sqrt(len(steps)) for after in steps)])
+        yield fault("of another place", text, course)
 
 
 def _levels(condition: Condition, o: TableObservation) -> Iterator[tuple[str, Flags]]:
