@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import gc
 import importlib
 import io
@@ -94,10 +95,14 @@ class Program(LazyGroup):
         """Run the verb; click itself would end with 1 where who reads its output stops early (``| head``)."""
         try:
             return super().invoke(ctx)
-        except BrokenPipeError:
+        except OSError as fault:
+            if fault.errno not in (errno.EPIPE, errno.ENOSPC):
+                raise
             # What is left in the buffer has nowhere to go; Python would complain about it at its end.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise click.exceptions.Exit(CLOSED_PIPE) from None
+            if fault.errno == errno.EPIPE:
+                raise click.exceptions.Exit(CLOSED_PIPE) from None
+            raise click.ClickException("the disk is full; free some space and repeat the command") from None
 
 
 @click.group(

@@ -107,16 +107,17 @@ def whole_file(path: Path) -> Iterator[Path]:
     mode = _mode(path)
     if stat.S_ISDIR(mode):
         raise RequestError(f"{path} cannot be written (it is a directory)", remedy="name a file in it")
-    if path == STANDARD_OUTPUT or (mode and not stat.S_ISREG(mode)):
-        yield from _copied(path)
-        return
-    if is_recording(path):
+    copied = path == STANDARD_OUTPUT or bool(mode and not stat.S_ISREG(mode))
+    if not copied and is_recording(path):
         check_output(path, force=True)  # it was not there when the work began
     with suppress(OSError):  # no name of a file: writing says so
         path = path.resolve() if path.is_symlink() else path
     # One for each process: of two that write to one place, the last to finish wins, and neither mixes with the other.
     half = path.with_name(f".{path.name}.{os.getpid()}{_PART}")
     try:
+        if copied:
+            yield from _copied(path)
+            return
         _remove_abandoned(path)
         yield half
         half.replace(path)

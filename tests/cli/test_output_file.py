@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -163,6 +164,23 @@ def test_a_reader_that_stops_early_is_no_error(recording, tmp_path, arguments) -
 def test_a_device_is_written_to_and_not_replaced(recording) -> None:
     assert call("rms", recording, "-o", "/dev/null")[0] == 0
     assert not Path("/dev/null").is_file()
+
+
+@pytest.mark.skipif(
+    not Path("/dev/full").exists(), reason="left out: this system has no device that is always full"
+)
+@pytest.mark.parametrize("output", [("-o", "/dev/full"), ("-o", "-"), ()])
+def test_a_full_disk_is_said(recording, tmp_path, output) -> None:
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "specan_cli", "rms", str(recording), *output],
+            cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert "Error: " in done.stderr
+    assert re.search("No space left on device|the disk is full", done.stderr)
+    assert "Internal error" not in done.stderr
+    assert "Exception ignored" not in done.stderr
 
 
 def test_a_link_is_written_through(recording, tmp_path) -> None:
