@@ -333,7 +333,7 @@ def effect(
             name, function, reads, parameters, _names(adds_to), _names(scales), _names(joins), at,
             dict(neutral or {}), dict(valid or {}), tuple(needs), tuple(aliases), separate_by, reference,
             " ".join((inspect.getdoc(function) or "").split()), instrument,
-            inspect.getsourcefile(function) or "", own, dict(units or {}),
+            inspect.getsourcefile(inspect.unwrap(function)) or "", own, dict(units or {}),
         )  # fmt: skip
         _check_declaration(made)
         return made
@@ -399,8 +399,20 @@ class Use:
         return cls(name, at, copy)
 
 
+def check_function(function: Any, owner: str) -> None:
+    """Refuse what has no source to read names and units in: `functools.partial`, a function of numpy."""
+    plain = inspect.unwrap(function)
+    if not (inspect.isfunction(plain) or inspect.ismethod(plain)):
+        raise RequestError(
+            f"{owner}: {type(function).__name__!r} is no function of Python",
+            expected="def, with what it reads and its parameters",
+            remedy="call it inside such a function",
+        )
+
+
 def signature_of(function: Callable[..., Any], owner: str) -> tuple[tuple[str, ...], dict[str, Parameter]]:
-    """Names that a function reads (positional) and its Parameters (keyword-only)."""
+    """Names that a function, compiled or not, reads (positional) and its Parameters (keyword-only)."""
+    check_function(function, owner)
     reads: list[str] = []
     parameters: dict[str, Parameter] = {}
     for name, argument in inspect.signature(function).parameters.items():

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from specan.errors import RequestError, nearest
-from specan.models.effect import Effect, Parameter
+from specan.models.effect import Effect, Parameter, check_function
 from specan.models.quantity import (
     KIND,
     Condition,
@@ -104,6 +104,8 @@ def title_of(function: Callable[..., Any]) -> str:
 
 def _named(functions: Sequence[Callable[..., Any]], observables: Mapping[str, Any]) -> dict[str, Any]:
     """Functions by the names of their quantities; a single unknown one is called by the observable."""
+    for function in functions:
+        check_function(function, "Model.from_function")
     named = {function.__name__: function for function in functions}
     lacking = [name for name in observables if name not in named]
     free = [name for name in named if name not in observables]

@@ -187,7 +187,7 @@ def quantity(
     """
 
     def make(function: Callable[..., Any]) -> Quantity:
-        name = function.__name__
+        name = getattr(function, "__name__", "quantity")
         reads, parameters = signature_of(function, name)
         doc = inspect.getdoc(function) or ""
         return Quantity(

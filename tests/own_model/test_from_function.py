@@ -1,5 +1,6 @@
 """A model of plain functions: units as declared, shared parameters, named parts for effects."""
 
+import functools
 import subprocess
 import sys
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from specan.errors import RequestError
-from specan.models import Model, Parameter, effect
+from specan.models import Model, Parameter, effect, quantity
 from specan.models.catalogue import example_model, example_rig, load_model, model_names
 
 
@@ -102,3 +103,35 @@ def test_a_function_that_numba_keeps_on_disk_is_found_again(tmp_path):
             [sys.executable, "-c", asked, path], capture_output=True, text=True, check=False
         )
         assert done.stdout.strip() == "4.0", done.stderr
+
+
+def test_an_effect_over_a_compiled_function_acts_as_the_function_that_was_compiled():
+    def air(speed, *, size=Parameter(1.0, "N*m", min=0.0, max=9.0)):
+        return size * speed**2
+
+    class Compiled:
+        """As numba wraps a function."""
+
+        def __init__(self, function):
+            functools.update_wrapper(self, function)
+
+        def __call__(self, *values, **named):
+            return self.__wrapped__(*values, **named)
+
+    made = effect("air", adds_to="torque", neutral={"size": 0.0})(Compiled(air))
+    model = Model.from_function(
+        lambda speed, drag=2.0: drag * speed, conditions={"speed": ("1", 0, 5)}, observables={"torque": "N*m"},
+        effects=[made],
+    )  # fmt: skip
+    assert model.assemble(["air"]).evaluate({"speed": np.array([3.0])})["torque"] == pytest.approx(2 * 3 + 9)
+
+
+@pytest.mark.parametrize("thing", [np.sin, functools.partial(outlet, 3), 3])
+def test_what_is_no_function_of_python_is_refused(thing):
+    for declare in (
+        effect("air", adds_to="torque", neutral={"size": 0.0}),
+        quantity(unit="N"),
+        lambda f: Model.from_function(f, conditions={"x": "1"}, observables={"sin": "N"}),
+    ):
+        with pytest.raises(RequestError, match=f"'{type(thing).__name__}' is no function of Python"):
+            declare(thing)
