@@ -54,6 +54,12 @@ def load_model(name: str | Path, rig: Mapping[str, Any] | str | Path | None = No
     >>> "windage" in load_model("worm-gear").effects
     True
     """
+    if not isinstance(name, (str, Path)):
+        raise RequestError(
+            f"{name!r} is no name of a model",
+            expected="a name, or the path of a file",
+            remedy="give the rig where the model is loaded first: load_model(NAME, rig)",
+        )
     if rig is None:
         rig = example_rig(str(name))
     elif not isinstance(rig, Mapping):

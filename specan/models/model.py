@@ -215,7 +215,18 @@ class Model:
         -------
         Model
             A new one.
+
+        Raises
+        ------
+        RequestError
+            The rig says more than that, or names what the model does not have.
         """
+        if unknown := [key for key in rig if key not in ("limits", "uncertainty")]:
+            raise RequestError(
+                f"the rig has {unknown[0]!r}, which this model does not read",
+                expected="[limits] and [uncertainty]",
+                remedy="correct the name; a built-in model is given its rig by load_model",
+            )
         said = rig_statement(rig, self.conditions.values(), self.observables.values())
         old = self.rig
         return replace(

@@ -135,3 +135,16 @@ def test_what_is_no_function_of_python_is_refused(thing):
     ):
         with pytest.raises(RequestError, match=f"'{type(thing).__name__}' is no function of Python"):
             declare(thing)
+
+
+@pytest.mark.parametrize("table", ["uncertianty", "limit", "gear"])
+def test_a_table_of_a_rig_that_nothing_reads_is_refused(table):
+    model = Model.from_function(outlet, ua, **HEAT)
+    assert model.with_rig({"uncertainty": {"outlet": 0.3}}).rig.reading == {"outlet": 0.3}
+    with pytest.raises(RequestError, match=f"the rig has '{table}', which this model does not read"):
+        model.with_rig({table: {"outlet": 0.3}})
+
+
+def test_a_loaded_model_is_no_name():
+    with pytest.raises(RequestError, match=r"no name of a model.*load_model\(NAME, rig\)"):
+        load_model(Model.from_function(outlet, ua, **HEAT), rig={})
