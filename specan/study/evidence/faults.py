@@ -107,8 +107,9 @@ class Faults:
         found = {k: (one.ln_known, np.zeros(0)) for k, one in enumerate(self.all)}
         for sizes, own in self._alone.items():
             gains, coefficients = marginal.one_by_one(self._white[sizes], np.array(sizes))
+            likeliest, means = np.argmax(gains, axis=0), _mean(gains)
             for j, k in enumerate(own):
-                found[k] = _mean(gains[:, j]), coefficients[[int(np.argmax(gains[:, j]))], j]
+                found[k] = means[j], coefficients[[likeliest[j]], j]
         for k, white in self._several.items():
             gains, each = marginal.beside(white, np.array(self.all[k].sizes))
             found[k] = _mean(gains), each[int(np.argmax(gains))]
@@ -123,9 +124,9 @@ class Faults:
         return told
 
 
-def _mean(ln: Array) -> float:
-    """ln of the mean."""
-    return float(logsumexp(ln) - np.log(ln.size))
+def _mean(ln: Array) -> Array:
+    """ln of the mean over the first axis."""
+    return np.asarray(logsumexp(ln, axis=0) - np.log(ln.shape[0]))
 
 
 def sizes_of(problem: Problem, predicted: Array) -> tuple[Array, Array]:

@@ -226,13 +226,13 @@ class Marginal:
         """
         seen = self.tangent.seen(columns)
         along = self._whole.T @ seen
-        curvature, turned = np.linalg.eigh(seen.T @ seen - along.T @ cho_solve(self._factor, along))
-        curvature = np.maximum(curvature, 0.0)
-        slope = turned.T @ (seen.T @ self._left)
-        found = -slope / (curvature + 1 / sizes[:, None] ** 2)
-        volume = np.sum(np.log1p(sizes[:, None] ** 2 * curvature), axis=1)
+        curvature = seen.T @ seen - along.T @ cho_solve(self._factor, along)
+        slope, squares = seen.T @ self._left, sizes[:, None] ** 2
+        matrix = np.eye(slope.size) + squares[:, :, None] * curvature
+        found = -squares * np.linalg.solve(matrix, slope[:, None])[:, :, 0]
+        volume = np.linalg.slogdet(matrix)[1]
         gains = self.tangent.ln_likelihood(self.chi2 + found @ slope) - self.tangent.ln_likelihood(self.chi2)
-        return gains - 0.5 * volume, found @ turned.T
+        return gains - 0.5 * volume, found
 
     def one_by_one(self, columns: Array, sizes: Array) -> tuple[Array, Array]:
         """What `beside` gives of each column alone; both of shape (m, q)."""
