@@ -31,7 +31,8 @@ from specan.user_folder import user_folder
 
 Evaluator = Any  # an assembly: its module imports this one
 KEPT = 40  # programs
-MOST_STEPS = 16  # a sample
+MOST_STEPS = 16  # a sample, in fits
+MOST_EXACT = 512, 32  # of a simulation, compiled or not
 UNSETTLED = False, 4  # method and steps at values at which nothing settles
 
 
@@ -299,8 +300,10 @@ class Solver:
         program = self.program(assembly)
         key = assembly.uses, times.size, float(times[-1] - times[0])
         known = self.steps.get(key)
-        if known is None:  # of the effects at their defaults, whatever is asked for first
-            usual = {n: v for n, v in many[0].items() if not ParameterName(n).owned_by(assembly.uses)}
+        if known is None:  # of the effects at their defaults, whatever a fit asks for first
+            usual = many[0]
+            if not self.model.rates.exact:
+                usual = {n: v for n, v in usual.items() if not ParameterName(n).owned_by(assembly.uses)}
             known = self._needed(program, self._marching(program, assembly, times, drives_of, [usual]))
             self.steps[key] = known
         elif self.doubted is not None:
@@ -344,21 +347,24 @@ class Solver:
         self, program: Program, march: Callable[[bool, int], Real], stiff: bool = False, least: int = 1
     ) -> tuple[bool, int]:
         """Whether the implicit method is needed, and steps a sample."""
-        allowed = np.array([self.model.rates.tolerances.get(n, 0.0) for n in program.states])
+        exact = self.model.rates.exact
+        most = MOST_EXACT[not program.switched] if exact else MOST_STEPS
+        allowed = np.array([not exact and self.model.rates.tolerances.get(n, 0.0) for n in program.states])
         judged = (allowed > 0) | ~np.any(allowed > 0)
         for implicit in (stiff, True):
             steps, last = least, march(implicit, least)[:, :, 0]
-            while steps < MOST_STEPS:
+            while steps < most:
                 found = march(implicit, 2 * steps)[:, :, 0]
                 change, size = (np.sqrt(np.mean(part**2, axis=1)) for part in (found - last, found))
                 # where no noise is known, a thousandth of a state's RMS is a small change
-                enough = change <= np.where(allowed > 0, allowed, 1e-3 * size) + 1e-300
+                small = (1e-9 if exact else 1e-3) * size
+                enough = change <= np.where(allowed > 0, allowed, small) + 1e-300
                 if np.all(enough[judged]):
                     return implicit, steps
                 steps, last = 2 * steps, found
             # values that stay finite are slowed by corners, or by chaos, and not stiff
             if np.all(np.isfinite(last)):
-                return implicit, MOST_STEPS // 2
+                return implicit, most // 2
         return UNSETTLED
 
     def method(self) -> str:

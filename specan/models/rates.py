@@ -114,6 +114,8 @@ class Rates:
         Effects whose ranges a recording tells.
     tolerances : dict
         Change of a state that no reading shows.
+    exact : bool
+        Whether states are integrated to a billionth of their RMS, whatever the noise: a simulation.
     solvers : dict
         Of each model, filled when they are needed.
     """
@@ -123,6 +125,7 @@ class Rates:
     scales: Mapping[str, float] = field(default_factory=dict)
     unsized: tuple[Unsized, ...] = ()
     tolerances: dict[str, float] = field(default_factory=dict)
+    exact: bool = False
     solvers: dict[int, tuple[Any, Solver]] = field(default_factory=dict, compare=False, repr=False)
 
     def allow(self, noise: Mapping[str, float]) -> None:

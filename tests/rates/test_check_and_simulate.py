@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
 
 import specan
 from specan import shelf
@@ -104,6 +106,29 @@ def test_simulate_answers_to_a_recorded_input(place, ending):
     run(*words, "-o", place / f"plain.{ending}")
     made = specan.read(place / f"plain.{ending}")
     np.testing.assert_allclose(1e3 * made.read([made.channel("x")])[0], expected, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "term"),
+    [("cubic-spring=3e6", lambda x, v: 3e6 * x**3), ("dry-friction=2", lambda x, v: 2 * np.tanh(v / 1e-3))],
+)
+def test_simulate_is_as_exact_as_scipy(place, tmp_path, chosen, term):
+    """The same cubics between samples, with slopes of fourth order, by scipy at 1e-10."""
+    out = tmp_path / "exact.tdms"
+    run("simulate", place / "osc.py", "--conditions", place / "run.tdms", "-e", chosen, "-o", out)
+    made, given = specan.read(out), specan.read(place / "run.tdms")
+    (x,), (force,) = made.read([made.channel("x")]), given.read([given.channel("force")])
+    time = np.arange(force.size) / 500.0
+    slopes = np.gradient(force, time)
+    slopes[2:-2] = (8 * (force[3:-1] - force[1:-3]) - (force[4:] - force[:-4])) / 12 * 500.0
+    drive = CubicHermiteSpline(time, force, slopes)
+
+    def rates(t, s):
+        return [s[1], float(drive(t)) - 1e4 * s[0] - 20 * s[1] - term(*s)]
+
+    expected = solve_ivp(rates, (0, time[-1]), [0, 0], "LSODA", time, rtol=1e-10, atol=1e-13).y[0]
+    assert made.channel("x").unit == "m"
+    np.testing.assert_allclose(x, expected, atol=2e-7 * np.std(expected))
 
 
 def test_simulate_needs_a_recording(place):
