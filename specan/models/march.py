@@ -150,6 +150,8 @@ class Program:
                 _giving("rate_{k}", states),
                 "def moved(s, h, slope):",
                 _giving("s[{k}] + h * slope[{k}]", states),
+                "def stiff(k1, k2, k3):",
+                f"    return {self._stiff()}",
                 "def between(drives, i, part):",
                 "    n, rest = drives.shape[0] // 2, 1 - part",
                 "    here, there = rest * rest * (1 + 2 * part), part * part * (3 - 2 * part)",
@@ -161,6 +163,14 @@ class Program:
                 ),
             ]
         )
+
+    def _stiff(self) -> str:
+        """Whether |h df/ds| of a state is above one, by Hairer and Wanner (1996, IV.2), of any set of values."""
+        each = [
+            f"(abs(k3[{k}] - k2[{k}]) > 0.5 * abs(k2[{k}] - k1[{k}]) + SHARE * (abs(k1[{k}]) + abs(k2[{k}])))"
+            for k in range(len(self.states))
+        ]
+        return " or ".join(each) if self.switched else f"np.any({' | '.join(each)})"
 
     @cached_property
     def explicit(self) -> Any:
@@ -196,7 +206,7 @@ class Program:
         )
         for name, _ in inspect.getmembers(marching, inspect.isfunction):
             cached = file is not None and name == method
-            inline = name in ("rates", "moved", "between")
+            inline = name in ("rates", "moved", "between", "stiff")
             space[name] = numba.njit(error_model="numpy", cache=cached, forceinline=inline)(space[name])
         n, d = len(self.states), max(len(self.drives), 1)
         p, on, start = (1.0,) * len(self.parameters), (True,) * len(self.uses), (1.0,) * n

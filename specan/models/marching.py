@@ -10,6 +10,9 @@ What goes from step to step are tuples, which a compiler keeps in registers: arr
 
 import numpy as np
 
+FINEST = 32  # steps between two samples, of those that are taken more finely
+SHARE = 0.02  # of a slope, below which its changes matter to nothing
+
 
 def rates(s, d, p, on):
     """Those of a model take its place."""
@@ -23,16 +26,26 @@ def between(drives, i, part):
     """Drives on the cubic between two samples; written out too."""
 
 
+def stiff(k1, k2, k3):
+    """Whether the second and third slope of a step differ more than the first two; written out too."""
+
+
 def explicit(times, steps, drives, p, on, s, states):
-    """Runge-Kutta's method."""
+    """Runge-Kutta's method; more steps between two samples where a slope depends on its own state too much for them."""
+    finer = steps
     for i in range(times.size - 1):
-        h = (times[i + 1] - times[i]) / steps
-        for j in range(steps):
-            k1 = rates(s, between(drives, i, j / steps), p, on)
-            d = between(drives, i, (j + 0.5) / steps)
+        begin, done, finer = s, 0, max(finer // 2, steps)
+        while done < finer:
+            h = (times[i + 1] - times[i]) / finer
+            k1 = rates(s, between(drives, i, done / finer), p, on)
+            d = between(drives, i, (done + 0.5) / finer)
             k2 = rates(moved(s, 0.5 * h, k1), d, p, on)
             k3 = rates(moved(s, 0.5 * h, k2), d, p, on)
-            k4 = rates(moved(s, h, k3), between(drives, i, (j + 1) / steps), p, on)
+            if finer < FINEST and stiff(k1, k2, k3):
+                s, done, finer = begin, 0, 2 * finer
+                continue
+            done += 1
+            k4 = rates(moved(s, h, k3), between(drives, i, done / finer), p, on)
             s = moved(moved(moved(moved(s, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
         for k in range(len(s)):
             states[k, i + 1] = s[k]
