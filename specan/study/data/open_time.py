@@ -73,7 +73,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
 
 
 def inputs_of(model: Model, file: DataFile) -> tuple[Model, dict[str, Array], float]:
-    """Conditions of a recording that need hold nothing but the inputs, the exact model for these, and the sampling rate."""
+    """Conditions of a recording that need only hold inputs, the exact model for these, and the sampling rate."""
     conditions, measured, _ = _read(model, file, None, needs_outputs=False)
     sized = _rates(model).sized(model, [(conditions, measured)])
     return (
