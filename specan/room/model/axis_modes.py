@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from specan.arrays import Complex, Real
 from specan.errors import ComputationError
 from specan.models.kept import kept
-from specan.room.model.frequency_interpolation import FrequencyInterpolation
+from specan.room.model.frequency_interpolation import FrequencyInterpolation, mixed
 
 HELD = 1e-8  # step by which a mode known from few lines may be off, part of its squared wave number and one
 
@@ -48,7 +48,7 @@ class AxisModes:
     def holds(self, few: FrequencyInterpolation, count: int, a0: Complex, a1: Complex) -> bool:
         """Whether its first modes, known at few lines, are modes between walls with ``j k beta L`` of (lines,)."""
         some = few.looked_at
-        w = few.matrix[some] @ self.w[:, :count]
+        w = mixed(few.matrix[some], self.w[:, :count])
         value, slope = characteristic(w, a0[some, None], a1[some, None])
         return bool(np.max(np.abs(value / slope) / (1 + np.abs(w))) < HELD)
 

@@ -22,11 +22,15 @@ from numpy.typing import NDArray
 from specan.arrays import Complex, Real
 from specan.room.model.axis_modes import AxisModes, axis_modes
 from specan.room.model.frequency_interpolation import interpolations
+from specan.room.model.leaning_walls import LEANS, LeaningWall
 from specan.room.model.modal_sum import Modes
 from specan.room.model.port import Port, beyond, point
 from specan.room.model.resonances import Resonances, resonances
 from specan.room.model.static_correction import corrections_at, static_correction
 
+PLANE_WAVES = (
+    3  # of a leaning wall, beside those that travel: the answer of the next is a thousandth of its lean's
+)
 NEAR = 1.25  # times the largest wave number, up to which modes may resonate in the band
 
 
@@ -53,6 +57,8 @@ class BoxField:
         Modes along the edges at the truncation.
     resonances : Resonances, optional
         What carries the sum from few lines to all.
+    leaning : tuple of LeaningWall
+        Walls that do not stand upright.
     """
 
     lengths: tuple[float, float, float]
@@ -63,6 +69,7 @@ class BoxField:
     k2_max: float
     counts: tuple[int, ...]
     resonances: Resonances | None = None
+    leaning: tuple[LeaningWall, ...] = ()
     _done: dict[object, Complex] = field(default_factory=dict, repr=False)
 
     def prepare(self, ports: Sequence[Port]) -> None:
@@ -97,6 +104,8 @@ class BoxField:
             elif source.ball and source in new:
                 found[:, new.index(source)] += beyond(source, self._top)
             found = self._everywhere(source, new, found)
+            for wall in self.leaning:
+                found += wall.change(source, new)
             self._done |= {(source, port): column for port, column in zip(new, found.T, strict=True)}
         return np.stack([self._done[source, port] for port in receivers], axis=1)
 
@@ -196,6 +205,19 @@ def box(
                 return BoxField(lengths, some, k2, soft, drawn, k2_max, counts, poles)
     every = _moved(Modes(_axes(lengths, soft, counts), k2), lengths, modes, shift)
     return BoxField(lengths, every, k2, soft, drawn, k2_max, counts)
+
+
+def with_leans(box: BoxField, slopes: Real) -> BoxField:
+    """The box with some of its walls leaning, each by its slope along an edge, array of `LEANS`."""
+    acting = np.flatnonzero(slopes)
+    if not acting.size:
+        return box
+    w = []
+    for axis, length in zip(box.modes.axes, box.lengths, strict=True):
+        some = axis.w[:, : int(np.sqrt(box.k2_max) * length / np.pi) + PLANE_WAVES]
+        w.append(some if box.resonances is None else box.resonances.few.everywhere(some))
+    walls = [LeaningWall(LEANS[n], float(slopes[n]), box.lengths, box.k2, box.soft, w) for n in acting]
+    return replace(box, leaning=tuple(walls), _done={})
 
 
 def _mode_sizes(lengths: tuple[float, ...], sum_: Modes, numbers: NDArray[np.intp]) -> Complex:

@@ -15,6 +15,7 @@ from specan.models.effect import Use
 from specan.models.model import Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, Quantity, constant
 from specan.room.model import air, field, instruments, known_walls, mode_shifts
+from specan.room.model.leaning_walls import LEANS
 from specan.room.model.places import errors_of, in_recording, places_of, wall_areas
 from specan.room.model.receivers import FieldReceivers
 from specan.room.model.rig import WALLS, Rig, read_rig
@@ -38,6 +39,7 @@ MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the b
 LACKS = {  # why effects at an axis without elements cannot be looked for
     "known_wall": "the rig file states the impedance of no wall ([walls])",
     "loudspeaker": "the rig file has no further loudspeaker ([[loudspeakers]])",
+    "lean": "the walls of a mesh stand as they are meshed",
 }
 LARGEST_M = 100.0  # no room is so large along its shortest edge
 MOST_MODES = 60_000  # about 60 MB a block of lines
@@ -72,7 +74,8 @@ def build(rig: Mapping[str, Any]) -> Model:
     ]
     effects = effects_in("specan.room.model.effects")
     loudspeakers = tuple(f"loudspeaker {i}" for i in range(2, 2 + len(settings.loudspeakers)))
-    there = {"known_wall": tables, "loudspeaker": loudspeakers}
+    leans = LEANS if settings.room.mesh is None else ()
+    there = {"known_wall": tables, "loudspeaker": loudspeakers, "lean": leans}
     unsuited = {n: LACKS[e.at] for n, e in sorted(effects.items()) if e.at in there and not there[e.at]}
     return Model(
         name="room",
@@ -96,6 +99,7 @@ def build(rig: Mapping[str, Any]) -> Model:
             "microphone": microphones,
             "place": places,
             "loudspeaker": loudspeakers,
+            "lean": leans,
             "card": tuple(f"card {i}" for i in range(1, len(cards) + 1)),
             "third_octave": tuple(f"{f:.4g} Hz" for f in _bands(settings)),
             **mode_shifts.axes(modes),
@@ -151,6 +155,7 @@ def _box(rig: Rig) -> RoomShape:
             constant("room_dimensions", dims, "m", "Edges of the room.", ("dimension",)),
             constant("drawn_dimensions", dims, "m", "Edges of the room as drawn."),
             constant("mode_margin", MODE_MARGIN, "1", reach),
+            constant("wall_lean", np.zeros(len(LEANS)), "1", "Slopes of walls along their edges.", ("lean",)),
             field.room_modes,
         ),
     )

@@ -13,7 +13,7 @@ from specan.arrays import Complex
 from specan.models.effect import Parameter
 from specan.models.kept import kept
 from specan.models.quantity import quantity
-from specan.room.model.box_field import box
+from specan.room.model.box_field import box, with_leans
 from specan.room.model.port import Port, point
 
 COLD = 325.0  # m/s, at -11 degC
@@ -106,6 +106,7 @@ def room_modes(
     mode_margin,
     modes_apart,
     mode_shift,
+    wall_lean,
 ):
     """The room's modes, and the couplings that were asked of them."""
     lengths, as_drawn = point(room_dimensions), point(drawn_dimensions)
@@ -115,9 +116,9 @@ def room_modes(
     k_max = 2 * np.pi * float(np.max(frequency)) / COLD
     counts = mode_counts(as_drawn, k_max, float(mode_margin))
     k2 = (k - 1j * air_attenuation) ** 2
-    return box(
-        frequency, lengths, k2, 1j * k * face_admittance, as_drawn, k_max, counts, modes_apart, mode_shift
-    )
+    soft = 1j * k * face_admittance
+    found = box(frequency, lengths, k2, soft, as_drawn, k_max, counts, modes_apart, mode_shift)
+    return with_leans(found, wall_lean)
 
 
 def mode_counts(lengths: tuple[float, ...], k_max: float, margin: float) -> tuple[int, ...]:

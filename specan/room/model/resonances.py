@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from specan.arrays import Complex, Flags, Real
 from specan.room.model.axis_modes import AxisModes, norms, slopes, waves
-from specan.room.model.frequency_interpolation import FrequencyInterpolation
+from specan.room.model.frequency_interpolation import FrequencyInterpolation, mixed
 from specan.room.model.port import Port
 
 MOST_STEPS = 12  # of Newton's iteration: quadratic, so a mode that takes more has no pole near the band
@@ -173,7 +173,7 @@ def resonances(
     there = _distance(axes, orders, few.matrix[some]) - k2[some, None] + more
     exact, seen = 1 / distance, 1 / there
     rest = exact - residue / (few.place[few.chosen, None] - pole)
-    off = few.matrix[some] @ rest - (seen - residue / (few.place[some, None] - pole))
+    off = mixed(few.matrix[some], rest) - (seen - residue / (few.place[some, None] - pole))
     smooth = np.max(np.abs(off), axis=0) <= EXACT * np.max(np.abs(seen), axis=0)
     kept, left = smooth & found, ~smooth
     poles = _at_poles(axes, few, orders[:, kept], pole[kept])
@@ -195,20 +195,14 @@ def _orders(counts: tuple[int, ...]) -> NDArray[np.intp]:
 
 def _distance(axes: Sequence[AxisModes], orders: NDArray[np.intp], matrix: Real | None = None) -> Complex:
     """Squared wave numbers K^2 of modes at the few lines, or at others, array (lines, modes)."""
-    x, y, z = (
-        (
-            axis.q2[:, : n.max(initial=0) + 1]
-            if matrix is None
-            else matrix @ axis.q2[:, : n.max(initial=0) + 1]
-        )[:, n]
-        for axis, n in zip(axes, orders, strict=True)
-    )
-    return np.asarray(x + y + z)
+    squares = (axis.q2[:, : n.max(initial=0) + 1] for axis, n in zip(axes, orders, strict=True))
+    x, y, z = (q2 if matrix is None else mixed(matrix, q2) for q2 in squares)
+    return np.asarray(x[:, orders[0]] + y[:, orders[1]] + z[:, orders[2]])
 
 
 def _poles(few: FrequencyInterpolation, distance: Complex, k2: Complex) -> tuple[Complex, Complex, Flags]:
     """Zeros of ``K^2 - k^2`` by Newton's method, the slopes there, and which are near the band."""
-    series = few.series @ distance
+    series = mixed(few.series, distance)
     place = few.place[few.chosen]
     frequency = few.middle + few.half * place
     speed = np.sqrt(k2) / frequency
