@@ -277,7 +277,8 @@ def _speed_of_fall(velocity: _Usual) -> Parameter:
 def _hysteresis(on: _Shelf, displacement: _Usual, velocity: _Usual) -> None:
     _, reach, unit = displacement
     slips = displacement.part("displacement to slip", 0.2, 0.01, 1, 3e-3, 10)
-    slips_early = replace(slips, default=0.05 * reach)
+    # contacts of metal slip after 1 to 100 um
+    slips_early = displacement.part("displacement to slip", 0.05, 2e-3, 1, 1e-3, 10)
     settles = _Usual("", reach / velocity.size, "s").part("time constant", 1, 0.05, 20, 0.01, 1e3)
 
     def wen_rate(v, bouc_wen, slip):

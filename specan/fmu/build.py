@@ -22,7 +22,6 @@ from specan.units import base_unit, convert, is_compatible
 
 Array = NDArray[np.float64]
 MOST_KEPT = 200_000  # simulations whose outputs are kept
-KINDS = {"co-simulation": "CoSimulation", "model-exchange": "ModelExchange"}
 SHARE = "share"  # of a switch that has no amplitude of its own
 
 
@@ -107,7 +106,8 @@ class _Simulations:
             {
                 "names": [v.variable for v in self.variables.values()],
                 "outputs": [o.variable for o in self.outputs],
-                "kind": _kind(path, description, run.kind),
+                "kind": run.kind
+                and run.kind.title().replace("-", ""),  # co-simulation first where none is asked for
                 "duration": run.duration,
                 "step": run.step,
                 "average": run.average,
@@ -219,19 +219,6 @@ def _unpacked(path: Path, directory: str) -> Any:
             remedy="export the FMU for this platform as well",
         )
     return description
-
-
-def _kind(path: Path, description: Any, asked: str | None) -> str:
-    has = {
-        "co-simulation": description.coSimulation is not None,
-        "model-exchange": description.modelExchange is not None,
-    }
-    kind = asked or next((k for k, there in has.items() if there), "co-simulation")
-    if not has[kind]:
-        raise RequestError(
-            f"{path} is no FMU for {kind}", expected=" or ".join(k for k, there in has.items() if there)
-        )
-    return KINDS[kind]
 
 
 def _unit(text: str | None) -> str:

@@ -99,7 +99,7 @@ def _check_one_row(use: Use, active: Assembly, conditions: Conditions) -> None:
             )
 
 
-def conditions_over_limits(model: Model, points: int = 4) -> dict[str, Real]:
+def conditions_over_limits(model: Model) -> dict[str, Real]:
     """Conditions all over what the rig can run, in random order one a quarter of an hour, for `check_effect`.
 
     Raises
@@ -111,12 +111,12 @@ def conditions_over_limits(model: Model, points: int = 4) -> dict[str, Real]:
         raise RequestError(
             f"the rig of {model.name} has no limits to check over", remedy="call check_effect from Python"
         )
-    return _over(model, [np.linspace(low, high, points) for low, high in model.rig.limits.values()])
+    return _over(model)
 
 
-def _over(model: Model, axes: Sequence[Real]) -> dict[str, Real]:
+def _over(model: Model) -> dict[str, Real]:
     """All combinations of levels of the conditions that have limits, shuffled; the others as time goes on."""
-    rows = [axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")]
+    rows = [axis.ravel() for axis in np.meshgrid(*_dense_axes(model), indexing="ij")]
     order = np.random.default_rng(0).permutation(rows[0].size)
     unknown = [c.name for c in model.conditions.values() if c.default is not None and not c.known]
     return {
@@ -180,7 +180,7 @@ def check_model(model: Model, recorded: Conditions | None = None) -> ModelReport
             f"the condition {lacking[0]!r} has no limits to check over",
             remedy="give its lowest and highest value",
         )
-    conditions = recorded or _over(model, _dense_axes(model))
+    conditions = recorded or _over(model)
     try_model(model, conditions)
     started = time.perf_counter()
     base = model.assemble(model.base_effects)

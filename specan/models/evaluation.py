@@ -44,8 +44,8 @@ class _Call:
 
 
 @dataclass(frozen=True)
-class Evaluator:
-    """What `specan.models.model.Assembly` is, but for the class of its model."""
+class Assembly:
+    """A model with a set of effects switched on; evaluated for conditions and parameter values."""
 
     model: Any
     uses: tuple[Use, ...]

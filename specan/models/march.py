@@ -26,10 +26,10 @@ from specan.arrays import Real
 from specan.errors import RequestError
 from specan.models import marching
 from specan.models.effect import ParameterName
+from specan.models.evaluation import Assembly
 from specan.models.loops import reached
 from specan.user_folder import user_folder
 
-Evaluator = Any  # an assembly: its module imports this one
 KEPT = 40  # programs
 MOST_STEPS = 16  # a sample, in fits
 MOST_EXACT = 512, 32  # of a simulation, compiled or not
@@ -41,13 +41,13 @@ class Program:
 
     Parameters
     ----------
-    assembly : Evaluator
+    assembly : Assembly
         The model with every effect that the function may have.
     switched : bool
         Whether each effect acts only where its element of `on` says so.
     """
 
-    def __init__(self, assembly: Evaluator, switched: bool) -> None:
+    def __init__(self, assembly: Assembly, switched: bool) -> None:
         self.assembly, self.switched = assembly, switched
         self.states = assembly.model.rates.states_of(assembly)
         self.moved = self._moved_by_states()
@@ -150,7 +150,7 @@ class Program:
                 _giving("rate_{k}", states),
                 "def moved(s, h, slope):",
                 _giving("s[{k}] + h * slope[{k}]", states),
-                "def stiff(k1, k2, k3):",
+                "def stiff(k1, k2, k3, most):",
                 f"    return {self._stiff()}",
                 "def between(drives, i, part):",
                 "    n, rest = drives.shape[0] // 2, 1 - part",
@@ -165,9 +165,9 @@ class Program:
         )
 
     def _stiff(self) -> str:
-        """Whether |h df/ds| of a state is above one, by Hairer and Wanner (1996, IV.2), of any set of values."""
+        """Whether |h df/ds| of a state is above 2 `most`, by Hairer and Wanner (1996, IV.2); of any set of values."""
         each = [
-            f"(abs(k3[{k}] - k2[{k}]) > 0.5 * abs(k2[{k}] - k1[{k}]) + SHARE * (abs(k1[{k}]) + abs(k2[{k}])))"
+            f"(abs(k3[{k}] - k2[{k}]) > most * abs(k2[{k}] - k1[{k}]) + SHARE * (abs(k1[{k}]) + abs(k2[{k}])))"
             for k in range(len(self.states))
         ]
         return " or ".join(each) if self.switched else f"np.any({' | '.join(each)})"
@@ -210,7 +210,7 @@ class Program:
             space[name] = numba.njit(error_model="numpy", cache=cached, forceinline=inline)(space[name])
         n, d = len(self.states), max(len(self.drives), 1)
         p, on, start = (1.0,) * len(self.parameters), (True,) * len(self.uses), (1.0,) * n
-        space[method](np.arange(2.0), 1, np.ones((2 * d, 2)), p, on, start, np.ones((n, 2)))
+        space[method](np.arange(2.0), 1, np.ones((2 * d, 2)), p, on, start, np.ones((n, 2)), np.zeros(2, int))
         return space[method]
 
 
@@ -288,9 +288,9 @@ class Solver:
         self.model = model
         self._programs: dict[Any, Program | None] = {}
         self.steps: dict[Any, tuple[bool, int]] = {}
-        self.doubted: Evaluator | None = None  # whose steps are looked at again, none once they were changed
+        self.doubted: Assembly | None = None  # whose steps are looked at again, none once they were changed
 
-    def program(self, assembly: Evaluator) -> Program:
+    def program(self, assembly: Assembly) -> Program:
         """One for all effects of the model, or for these; without numba, or where that fails, as it stands."""
         everything = self.model.assemble([e.name for e in self.model.effects.values() if not e.at])
         for key in (everything, assembly):
@@ -304,7 +304,7 @@ class Solver:
         return Program(assembly, switched=False)
 
     def march(
-        self, assembly: Evaluator, times: Real, drives_of: Any, many: Sequence[Mapping[str, Any]]
+        self, assembly: Assembly, times: Real, drives_of: Any, many: Sequence[Mapping[str, Any]]
     ) -> Real:
         """States over time for several sets of values, shape (states, times, sets)."""
         program = self.program(assembly)
@@ -325,7 +325,7 @@ class Solver:
     def _marching(
         self,
         program: Program,
-        assembly: Evaluator,
+        assembly: Assembly,
         times: Real,
         drives_of: Any,
         many: Sequence[Mapping[str, Any]],
@@ -341,13 +341,14 @@ class Solver:
             found = np.empty((len(many), len(program.states), times.size)).transpose(1, 2, 0)
             found[:, 0] = starts
             way = program.implicit if implicit else program.explicit
+            grid = np.zeros(times.size, int)
             with np.errstate(all="ignore"):
                 if not program.switched and not implicit:  # all sets as columns
-                    way(times, steps, drives, tuple(values), on, tuple(starts), found)
+                    way(times, steps, drives, tuple(values), on, tuple(starts), found, grid)
                 else:
                     for k in range(len(many)):
                         own, start = tuple(values[:, k].tolist()), tuple(starts[:, k].tolist())
-                        way(times, steps, drives[:, :, k], own, on, start, found[:, :, k])
+                        way(times, steps, drives[:, :, k], own, on, start, found[:, :, k], grid)
             found[~(np.abs(found) < 1e100)] = np.nan
             return found
 
@@ -386,7 +387,7 @@ class Solver:
         return f"{name}, up to {most} steps a sample{lacking}"
 
 
-def _compile(assembly: Evaluator) -> Program | None:
+def _compile(assembly: Assembly) -> Program | None:
     numba = _numba()
     if numba is None:
         return None

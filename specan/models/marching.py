@@ -26,27 +26,31 @@ def between(drives, i, part):
     """Drives on the cubic between two samples; written out too."""
 
 
-def stiff(k1, k2, k3):
-    """Whether the second and third slope of a step differ more than the first two; written out too."""
+def stiff(k1, k2, k3, most):
+    """Whether the second and third slope of a step differ too much for what the first two do; written out too."""
 
 
-def explicit(times, steps, drives, p, on, s, states):
-    """Runge-Kutta's method; more steps between two samples where a slope depends on its own state too much for them."""
-    finer = steps
+def explicit(times, steps, drives, p, on, s, states, grid):
+    """Runge-Kutta's method; more steps between two samples where a slope depends on its own state too much for them.
+
+    `grid` holds how many, once one march has found them: others beside it then differ smoothly from it.
+    """
+    finer, most = steps, 1.0 if grid[0] else 0.5  # of Runge-Kutta's 1.4, where it gets unstable
     for i in range(times.size - 1):
-        begin, done, finer = s, 0, max(finer // 2, steps)
+        begin, done, finer = s, 0, grid[i] if grid[i] else max(finer // 2, steps)
         while done < finer:
             h = (times[i + 1] - times[i]) / finer
             k1 = rates(s, between(drives, i, done / finer), p, on)
             d = between(drives, i, (done + 0.5) / finer)
             k2 = rates(moved(s, 0.5 * h, k1), d, p, on)
             k3 = rates(moved(s, 0.5 * h, k2), d, p, on)
-            if finer < FINEST and stiff(k1, k2, k3):
+            if finer < FINEST and stiff(k1, k2, k3, most):
                 s, done, finer = begin, 0, 2 * finer
                 continue
             done += 1
             k4 = rates(moved(s, h, k3), between(drives, i, done / finer), p, on)
             s = moved(moved(moved(moved(s, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
+        grid[i] = finer
         for k in range(len(s)):
             states[k, i + 1] = s[k]
 
@@ -71,7 +75,7 @@ def solve(matrix, right):
     return found
 
 
-def implicit(times, steps, drives, p, on, s, states):
+def implicit(times, steps, drives, p, on, s, states, grid):
     """The method of Rosenbrock."""
     n, gamma = states.shape[0], 1 / (2 + np.sqrt(2.0))
     right, each, matrix = np.zeros(n), np.eye(n), np.eye(n)

@@ -6,16 +6,19 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
-from specan.models.evaluation import Evaluator
+from specan.models.evaluation import Assembly
 from specan.models.from_function import PREFIX, as_declared, fields_from_functions, name_of, title_of
 from specan.models.groups import check_groups, with_groups
 from specan.models.measurement_kinds import TableRules
 from specan.models.quantity import Condition, Observable, Quantity, RigStatement, rig_statement
 from specan.models.rates import Rates, State, fields_from_rates
+
+if TYPE_CHECKING:
+    from specan.models.march import Solver
 
 
 @dataclass(frozen=True)
@@ -451,6 +454,13 @@ class Model:
             ) from None
 
     @cached_property
+    def solver(self) -> Solver:
+        """What integrates its states."""
+        from specan.models.march import Solver
+
+        return Solver(self)
+
+    @cached_property
     def _assemblies(self) -> dict[tuple[Use, ...], Assembly]:
         """Those made before: a search asks for the same ones again, and each knows its order of evaluation."""
         return {}
@@ -501,13 +511,6 @@ class Model:
             if lacking:
                 missing[effect.name] = "needs " + ", ".join(lacking)
         return missing
-
-
-@dataclass(frozen=True)
-class Assembly(Evaluator):
-    """A model with a set of effects switched on; evaluated for conditions and parameter values."""
-
-    model: Model
 
 
 def _require_known(owner: str, names: Iterable[str], known: set[str]) -> None:

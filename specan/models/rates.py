@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from specan.models.effect import Effect, Parameter, Use
 from specan.models.from_function import fields_from_functions
 from specan.models.quantity import Condition, Observable, Quantity, constant, of_parameter, rig_statement
 from specan.units import is_compatible, scale_to
-
-if TYPE_CHECKING:
-    from specan.models.march import Solver
 
 KIND = "time"  # of measurement
 TIME = "time"
@@ -116,8 +113,6 @@ class Rates:
         Change of a state that no reading shows.
     exact : bool
         Whether states are integrated to a billionth of their RMS, whatever the noise: a simulation.
-    solvers : dict
-        Of each model, filled when they are needed.
     """
 
     states: Mapping[str, State]
@@ -126,7 +121,6 @@ class Rates:
     unsized: tuple[Unsized, ...] = ()
     tolerances: dict[str, float] = field(default_factory=dict)
     exact: bool = False
-    solvers: dict[int, tuple[Any, Solver]] = field(default_factory=dict, compare=False, repr=False)
 
     def allow(self, noise: Mapping[str, float]) -> None:
         """Take a tenth of the noise of observables, in their unit, for what no reading shows."""
@@ -167,14 +161,6 @@ class Rates:
         made = [effect for one in self.unsized for effect in one.effects(sizes, _units(model))]
         return replace(model.with_effect(*made), notes=())
 
-    def solver(self, model: Any) -> Solver:
-        """The solver of a model: one for each set of effects that it knows."""
-        from specan.models.march import Solver
-
-        if id(model) not in self.solvers:
-            self.solvers[id(model)] = model, Solver(model)
-        return self.solvers[id(model)][1]
-
     def states_of(self, assembly: Any) -> dict[str, State]:
         """States of the model and of the effects that are on."""
         found = dict(self.states)
@@ -186,8 +172,7 @@ class Rates:
         self, assembly: Any, conditions: Mapping[str, Any], many: Sequence[Mapping[str, Any]]
     ) -> list[dict[str, Any]]:
         """States over the times of a recording, for several sets of parameter values."""
-        times = np.atleast_1d(np.asarray(conditions[TIME], float))
-        one = np.ndim(conditions[TIME]) == 0
+        times, shape = np.atleast_1d(np.asarray(conditions[TIME], float)), np.shape(conditions[TIME])
 
         def drives_of(
             names: Sequence[str], states: Mapping[str, State], many: Sequence[Mapping[str, Any]]
@@ -207,16 +192,11 @@ class Rates:
                 drives[own_rows:] = _slopes(drives[:own_rows])
             return drives, starts
 
-        if times.size == 1:
-            states = self.states_of(assembly)
-            _, starts = drives_of([], states, many)
-            return [
-                {name: starts[i, k] if one else starts[i, k : k + 1] for i, name in enumerate(states)}
-                for k in range(len(many))
-            ]
-        solver = self.solver(assembly.model)
+        solver = assembly.model.solver
         found, names = solver.march(assembly, times, drives_of, many), solver.program(assembly).states
-        return [{name: found[i, :, k] for i, name in enumerate(names)} for k in range(len(many))]
+        return [
+            {name: found[i, :, k].reshape(shape) for i, name in enumerate(names)} for k in range(len(many))
+        ]
 
 
 def _slopes(values: Any) -> Any:

@@ -94,6 +94,6 @@ def _responses(o: TimeObservation, assembly: Assembly, values: Mapping[str, Any]
         size = IMPULSE * o.spread(assembly, values, name)
         moved = replace(start, function=lambda *given, of=start, by=size, **own: of(*given, **own) + by)
         shifted = replace(model, quantities={**model.quantities, start.name: moved})
-        rates.solver(shifted).steps = rates.solver(model).steps
+        shifted.solver.steps = model.solver.steps
         found[name] = o.predict(shifted.assemble(assembly.uses), values) - plain
     return found

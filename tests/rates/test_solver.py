@@ -137,7 +137,7 @@ def test_a_state_that_gets_stiff_in_a_fit(way):
 
     truth = solve_ivp(rates, (0, TIME[-1]), [0, 0, 0], "LSODA", TIME, rtol=1e-9, atol=1e-13).y[0]
     assert np.max(np.abs(found - 1e3 * truth)) < 2e-3
-    assert {steps for _, steps in model.rates.solver(model).steps.values()} <= {1, 2}
+    assert {steps for _, steps in model.solver.steps.values()} <= {1, 2}
 
 
 def test_stiff_system_takes_the_implicit_method(way):
@@ -146,7 +146,7 @@ def test_stiff_system_takes_the_implicit_method(way):
     found = response(model, TIME, np.zeros(TIME.size))
     slow = (-1e6 + np.sqrt(1e12 - 4e4)) / 2
     assert np.max(np.abs(found - np.exp(slow * TIME))) < 1e-3
-    assert "stiff" in model.rates.solver(model).method()
+    assert "stiff" in model.solver.method()
 
 
 @pytest.mark.parametrize("broken", [False, True])
@@ -162,7 +162,7 @@ def test_machine_code_is_kept_and_where_it_is_broken_made_anew(
         monkeypatch.setattr(march, "_COMPILED", {})
         model = oscillator(start=1e-3, damping=damping)
         found.append(response(model, TIME, np.zeros(TIME.size)))
-        program = model.rates.solver(model).program(model.assemble())
+        program = model.solver.program(model.assemble())
         hits.append(sum(getattr(program, method).stats.cache_hits.values()))
         for kept in tmp_path.rglob("*.nbi") if broken else ():
             kept.write_bytes(b"cut off")

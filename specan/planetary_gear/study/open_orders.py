@@ -25,7 +25,7 @@ from specan.models import Model
 from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study.by_order_family import localise  # noqa: F401  where a model of lines fails
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined
-from specan.study.data.recordings import put_aside, reads  # noqa: F401  a recording is one by its content
+from specan.study.data.recordings import parted, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
 from specan.units import convert
 
@@ -68,15 +68,8 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
             said += turned
         wholes.append(_on_its_path(whole, wholes))
         statements += said
-    aside = [
-        put_aside(whole, file, wanted, partial(_label, whole=whole, model=model))
-        for file, whole in zip(wanted.measurements, wholes, strict=False)
-    ]
-    parts = list(zip(wholes, aside, strict=False))
-    fitted = [whole.take(~out) for whole, out in parts if not np.all(out)]
-    held_out = [whole.take(out) for whole, out in parts if np.any(out)] + wholes[len(aside) :]
-    if not fitted:
-        raise RequestError("everything that was measured is held out", remedy="hold out less")
+    files = (*wanted.measurements, *wanted.validations)
+    fitted, held_out = parted(zip(files, wholes, strict=True), wanted, partial(_label, model))
     together = joined(fitted)
     unseen = (replace(joined(held_out), learned=together),) if held_out else ()
     near, path, response = (f"{100 * part:.3g} %" for part in astuple(known.errors))
@@ -346,7 +339,7 @@ def _torque(recording: Recording, model: Model, known: OrderLines, file: DataFil
     return known.torque, "as the rig file says"
 
 
-def _label(given: str, whole: OrderLinesObservation, model: Model) -> str:
+def _label(model: Model, whole: OrderLinesObservation, given: str) -> str:
     """The label that a key means: its name, the column of a condition, or the last word of its name."""
     for name in whole.labels:
         condition = model.conditions.get(name)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.recording import Recording
-from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.models import Model
@@ -22,7 +21,7 @@ from specan.room.study.matched_field import likely_places  # noqa: F401
 from specan.room.study.mistaken_set_up import mistaken_set_up, undeclared_shifts  # noqa: F401  see `brought`
 from specan.room.study.mode_shifts import knowing_shifts, mode_shifts, with_mode_shifts  # noqa: F401
 from specan.room.study.receiver_places import explore_places, propose_places  # noqa: F401
-from specan.study.data.recordings import doubts, put_aside, reads  # noqa: F401  a recording is one by its content
+from specan.study.data.recordings import doubts, parted, reads  # noqa: F401  a recording is one by its content
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation import by_band_and_channel
@@ -44,20 +43,10 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         A held-out channel that no recording has.
     """
     receivers = receivers_of(model)
-    fitted, held_out, statements = [], [], []
-    for file in wanted.measurements:
-        whole, said = _observe(model, receivers, wanted, file)
-        aside = put_aside(whole, file, wanted)
-        if np.all(aside):
-            raise RequestError(f"all channels of {file.name} are held out", remedy="hold out fewer")
-        fitted.append(whole.take(~aside))
-        if np.any(aside):
-            held_out.append(whole.take(aside))
-        statements += said
-    for file in wanted.validations:
-        whole, said = _observe(model, receivers, wanted, file)
-        held_out.append(whole)
-        statements += said
+    files = (*wanted.measurements, *wanted.validations)
+    opened = [(file, *_observe(model, receivers, wanted, file)) for file in files]
+    fitted, held_out = parted([(file, whole) for file, whole, _ in opened], wanted)
+    statements = [text for *_, said in opened for text in said]
     given = (fitted[0].declared or receivers).errors
     return OpenedData(
         fitted=tuple(fitted),

@@ -69,7 +69,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         held_out=(whole.take(aside),) if np.any(aside) else (),
         statements=found.statements,
         known=found.known,
-        discrepancy_percent=found.discrepancy_percent,
+        discrepancy_percent=model.rig.discrepancy_percent,
     )
 
 

@@ -62,7 +62,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     model.assemble(model.base_effects).evaluate({n: v[:2] for n, v in few.items()})
     try_model(model, few)
     statements = [said for *_, said in (*fitted, *checked)]
-    statements.append(f"solved by {rates.solver(model).method()}")
+    statements.append(f"solved by {model.solver.method()}")
     for name, (size, stated) in noise.items():
         how = "as stated" if stated else "from the quickest changes"
         statements.append(

@@ -22,7 +22,7 @@ from specan.models import Model, Observable
 from specan.models.quantity import KIND
 from specan.models.trial import try_model
 from specan.study.data.estimated_lines import LEAST_BLOCKS, estimate_lines
-from specan.study.data.recordings import put_aside
+from specan.study.data.recordings import parted
 from specan.study.data.recordings import reads as is_recording
 from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file, sigma_of
 from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
@@ -52,22 +52,10 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         The model has no condition that is a frequency; a held-out channel that no file has.
     """
     frequency = _frequency_of(model)
-    fitted: list[FrfObservation] = []
-    held_out: list[FrfObservation] = []
-    statements: list[str] = []
-    known = True
-    for file in (*wanted.measurements, *wanted.validations):
-        for whole, said, told in _Opened(model, frequency, file).read(wanted.calibration):
-            statements.append(said)
-            known &= told
-            if file not in wanted.measurements:
-                held_out.append(whole)
-                continue
-            aside = put_aside(whole, file, wanted)
-            fitted += [whole.take(~aside)] if not np.all(aside) else []
-            held_out += [whole.take(aside)] if np.any(aside) else []
-    if not fitted:
-        raise RequestError("all channels are held out", expected="some to fit", remedy="hold out fewer")
+    files = (*wanted.measurements, *wanted.validations)
+    opened = [(f, *one) for f in files for one in _Opened(model, frequency, f).read(wanted.calibration)]
+    fitted, held_out = parted([(file, whole) for file, whole, _, _ in opened], wanted)
+    statements, known = [said for _, _, said, _ in opened], all(told for *_, told in opened)
     if model.is_own:
         try_model(model, fitted[0].conditions_at_nodes)
     if not known:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from scipy.signal import welch
@@ -13,10 +15,11 @@ from scipy.stats import linregress
 from specan.arrays import Flags, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.errors import InputError
+from specan.errors import InputError, RequestError
 from specan.study.data.held_out import Column, chosen
 from specan.study.observation import DataFile, MeasuredFiles, Observation
 
+ObservationT = TypeVar("ObservationT", bound=Observation)
 SECTIONS = 24  # of a recording, over which a drift is sought
 
 
@@ -48,6 +51,32 @@ def put_aside(
             key, equals, text = where.partition("=")
             aside |= chosen(columns, f"{label_of(key.strip())}{equals}{text}", elsewhere=True)
     return aside
+
+
+def parted(
+    wholes: Iterable[tuple[DataFile, ObservationT]],
+    wanted: MeasuredFiles,
+    label_of: Callable[[ObservationT, str], str] = lambda whole, key: key,
+) -> tuple[list[ObservationT], list[ObservationT]]:
+    """What is fitted, and what is held out: rows that are put aside, and all of validations.
+
+    Raises
+    ------
+    RequestError
+        Nothing is left to fit.
+    """
+    fitted: list[ObservationT] = []
+    held_out: list[ObservationT] = []
+    for file, whole in wholes:
+        if file not in wanted.measurements:
+            held_out.append(whole)
+            continue
+        aside = put_aside(whole, file, wanted, partial(label_of, whole))
+        fitted += [whole.take(~aside)] if not np.all(aside) else []
+        held_out += [whole.take(aside)] if np.any(aside) else []
+    if not fitted:
+        raise RequestError("everything that was measured is held out", remedy="hold out less")
+    return fitted, held_out
 
 
 def doubts(recording: Recording, channels: Sequence[Channel], reference: Channel) -> list[str]:

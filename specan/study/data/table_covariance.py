@@ -12,7 +12,7 @@ Decisions: docs/decisions/covariance.md.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -65,17 +65,12 @@ class Uncertainty:
     reference: Reference
     noise: Mapping[str, Noise]
     ranges: Mapping[str, tuple[float, float]]
-    statements: tuple[str, ...] = field(default=())
+    statements: tuple[str, ...]
 
     @property
     def known(self) -> bool:
         """Whether every observable's uncertainty is known."""
         return all(noise.known for noise in self.noise.values())
-
-    @property
-    def discrepancy_percent(self) -> float:
-        """Declared discrepancy of the model, percent of what its effects do to the reading."""
-        return self.model.rig.discrepancy_percent
 
     def observe(self, rows: Rows) -> TableObservation:
         """Rows with their covariance; `pure_error_dof` holds for the rows that this was worked out on."""
@@ -87,7 +82,7 @@ class Uncertainty:
         together &= (told | declared)[:, None] | np.eye(rows.n, dtype=bool)
         root = np.sqrt(setup)
         covariance = np.diag(reading) + np.where(together, np.outer(root, root), 0.0)
-        part = self.discrepancy_percent / 100 * self.reference.effects_part(rows)
+        part = self.model.rig.discrepancy_percent / 100 * self.reference.effects_part(rows)
         for name, (quantity, percent) in self.model.rig.discrepancies.items():
             own = percent / 100 * self.reference.quantity(rows, quantity)
             part = np.where(rows.observable == name, own, part)
@@ -180,8 +175,7 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
         and model.conditions[name].varies
         and not model.conditions[name].group
     }
-    found = Uncertainty(model, centre, noise, ranges)
-    percent, stated = found.discrepancy_percent, model.rig.discrepancies
+    percent, stated = model.rig.discrepancy_percent, model.rig.discrepancies
     if percent:
         what = model.words.discrepancy_of
         statements.append(

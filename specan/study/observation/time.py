@@ -84,7 +84,7 @@ class TimeObservation(TableObservation):
         """Whether the solver takes steps enough at some values; if not, it does from then on."""
         if assembly.model.rates is None:
             return True
-        solver = assembly.model.rates.solver(assembly.model)
+        solver = assembly.model.solver
         solver.doubted = assembly
         self.predict(assembly, values)
         settled, solver.doubted = solver.doubted is assembly, None
