@@ -6,6 +6,7 @@ import base64
 import json
 import time
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bokeh.models import CustomJS, Div, InlineStyleSheet, TextInput, Toggle
@@ -32,63 +33,18 @@ def _variables(colours: dict[str, str], accent: str) -> str:
     return "".join(f"--{name}: {value};" for name, value in {**colours, "accent": accent}.items())
 
 
-# The document's own style; custom properties pass into the shadow roots of the widgets.
+# What the browser has: the document's own style, whose custom properties pass into the shadow roots of widgets,
+_BROWSER = Path(__file__).with_name("browser")
 TEMPLATE = (
-    """{% block preamble %}<meta name="viewport" content="width=device-width, initial-scale=1"><style>
-:root {"""
-    + _variables(_LIGHT, _ACCENT["light"])
-    + """ color-scheme: light; }
-:root.dark {"""
-    + _variables(_DARK, _ACCENT["dark"])
-    + """ color-scheme: dark; }
-html, body { margin: 0; padding: 0; background: var(--paper); color: var(--ink);
-font: 13px/1.45 system-ui, "Segoe UI", sans-serif; }
-</style>{% endblock %}
-{% block contents %}<main>{{ super() }}</main>{% endblock %}
-{% block postamble %}<script>
-(() => {
-  const unnamed = (root) => { for (const e of root.querySelectorAll('*')) { if (e.shadowRoot) unnamed(e.shadowRoot);
-    const host = e.getRootNode().host;
-    if (e.tagName == 'BUTTON' && host?.ariaLabel) { e.ariaLabel = host.ariaLabel; host.ariaLabel = null; }
-    if (e.classList.contains('bk-ScrollBox')) { e.tabIndex = 0; e.role = 'group'; e.ariaLabel = 'scrolls'; }
-    if (e.tagName == 'TABLE' && e.scrollWidth > e.clientWidth) { e.tabIndex = 0; e.ariaLabel = 'scrolls'; }
-    if (e.classList.contains('bk-events')) { e.role = 'img'; e.ariaLabel = 'figure'; }
-    if (['INPUT', 'SELECT'].includes(e.tagName) && !e.ariaLabel
-      && ![...(e.labels ?? [])].some((l) => l.textContent.trim()))
-      e.ariaLabel = e.placeholder || host?.shadowRoot.querySelector('.bk-label')?.textContent.trim() || 'value'; } };
-  setInterval(() => unnamed(document), 1000);
-})();
-</script>{% endblock %}"""
+    (_BROWSER / "page.html")
+    .read_text(encoding="utf-8")
+    .replace("LIGHT", _variables(_LIGHT, _ACCENT["light"]))
+    .replace("DARK", _variables(_DARK, _ACCENT["dark"]))
 )
-
-WIDGETS = """
-:host { color: var(--ink); font-family: system-ui, "Segoe UI", sans-serif; font-size: 13px; }
-.bk-input-group > label, .bk-label { color: var(--soft); font-size: 12px; margin-bottom: 1px; }
-.bk-input { background: var(--paper); color: var(--ink); border: 1px solid var(--line); border-radius: 5px;
-font-size: 13px; padding: 2px 6px; min-height: 26px; height: 26px; }
-select:not([multiple]).bk-input { appearance: auto; background-image: none; }
-select[multiple].bk-input { height: auto; padding: 2px; }
-.bk-input:focus { border-color: var(--accent); box-shadow: none; outline: 1px solid var(--accent); }
-.bk-btn { background: var(--panel); color: var(--ink); border: 1px solid var(--line); border-radius: 5px;
-font-size: 13px; padding: 3px 9px; min-width: 24px; min-height: 24px; overflow: hidden; text-overflow: ellipsis; }
-.bk-btn:hover { border-color: var(--accent); color: var(--accent); }
-.bk-btn.bk-active { background: var(--accent); border-color: var(--accent); color: var(--paper); box-shadow: none; }
-.bk-btn-primary { background: var(--accent); border-color: var(--accent); color: var(--paper); }
-.bk-btn-primary:hover { color: var(--paper); filter: brightness(1.1); }
-.bk-btn[disabled], .bk-btn[disabled]:hover { background: var(--panel); color: var(--soft); border-color: var(--line); }
-.bk-btn-light { background: transparent; border-color: transparent; text-align: left; padding-left: 2px; }
-table { border-collapse: collapse; font-size: 12px; font-variant-numeric: tabular-nums; }
-th { color: var(--soft); font-weight: 600; text-align: left; padding: 1px 12px 1px 0; position: sticky; top: 0;
-background: var(--paper); }
-td { padding: 1px 12px 1px 0; border-top: 1px solid var(--line); }
-td { white-space: pre-line; } td.n { text-align: right; } td.n, td:first-child, th { white-space: nowrap; }
-details > summary { cursor: pointer; color: var(--soft); font-weight: 600; padding: 2px 0; }
-p { margin: 4px 0; } h1 { margin: 0; font-size: 13px; font-weight: 700; }
-h2 { margin: 4px 0; font-size: 14px; } h3 { margin: 6px 0 2px; font-size: 13px; }
-input[type=checkbox] { width: 24px; height: 24px; margin: 0 4px 0 0; }
-input[type=checkbox] + .bk-label { line-height: 24px; }
-@media (max-width: 720px) { table:not([style]) { display: block; overflow-x: auto; max-width: calc(100vw - 32px); } }
-"""
+# the widgets' style, and scripts that save and copy.
+WIDGETS, _SAVE, _COPY = (
+    (_BROWSER / name).read_text(encoding="utf-8") for name in ("widgets.css", "save.js", "copy.js")
+)
 PANEL = {
     "background": "var(--panel)",
     "border": "1px solid var(--line)",
@@ -219,23 +175,6 @@ class Busy:
 _ADDRESS = (
     "window.history.replaceState(null, '', cb_obj.value ? '?' + cb_obj.value : window.location.pathname)"
 )
-_SAVE = """
-if (!cb_obj.value) return;
-const file = JSON.parse(cb_obj.value);
-const bytes = Uint8Array.from(atob(file.content), c => c.charCodeAt(0));
-const link = document.createElement('a');
-link.href = URL.createObjectURL(new Blob([bytes], {type: file.kind}));
-link.download = file.name;
-document.body.appendChild(link); link.click(); link.remove();
-setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-"""
-_COPY = """
-if (!cb_obj.value) return;
-const text = JSON.parse(cb_obj.value).text;
-const fall = () => { const t = document.createElement('textarea'); t.value = text; document.body.appendChild(t);
-  t.select(); document.execCommand('copy'); t.remove(); };
-(navigator.clipboard?.writeText(text) ?? Promise.reject()).catch(fall);
-"""
 KINDS = {"txt": "text/plain;charset=utf-8", "png": "image/png", "svg": "image/svg+xml"}
 
 

@@ -250,7 +250,10 @@ def _describe(start: bytes) -> tuple[str, str]:
     if not start.strip(b"\0"):
         return "filled with zeros", "copy it again: the copy was not completed"
     if lines_of(start):
-        return "a text file", "name the recording, or put times first: a column 'time [s]', row number / sampling rate"
+        return (
+            "a text file",
+            "name the recording, or put times first: a column 'time [s]', row number / sampling rate",
+        )
     return f"of an unknown format (it begins with {start[:4]!r})", "name a recording"
 
 

@@ -6,6 +6,7 @@ import base64
 import re
 from collections.abc import Iterable, Sequence
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
@@ -16,29 +17,7 @@ if TYPE_CHECKING:
 
     from specan.result import Sheet
 
-STYLE = """
-:root { --ink: #1d2530; --soft: #5b6675; --line: #dfe4ea; --accent: #0072B2; --paper: #fff; --panel: #f6f8fa; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e4e8ee; --soft: #a3adba; --line: #3a4350; --accent: #56B4E9;
---paper: #161b22; --panel: #1f2630; } }
-body { font: 15px/1.55 system-ui, "Segoe UI", sans-serif; max-width: 62em; margin: 1.4em auto; padding: 0 1em;
-color: var(--ink); background: var(--paper); }
-h1 { font-size: 1.6em; margin: 0 0 0.2em; } h2 { font-size: 1.25em; margin: 1.6em 0 0.4em;
-border-bottom: 1px solid var(--line); padding-bottom: 0.2em; } h3 { font-size: 1.05em; margin: 1.2em 0 0.3em; }
-table { border-collapse: collapse; margin: 0.8em 0; font-size: 0.92em; }
-td, th { padding: 0.2em 0.8em; text-align: left; border-bottom: 1px solid var(--line); }
-th { color: var(--soft); font-weight: 600; }
-td.n { text-align: right; font-variant-numeric: tabular-nums; }
-img { max-width: 100%; background: #fff; border-radius: 4px; }
-.verdict { font-size: 1.15em; border-left: 0.3em solid var(--accent); margin: 0.5em 0; padding: 0.1em 0 0.1em 0.7em; }
-pre { background: var(--panel); padding: 0.8em; overflow-x: auto; font-size: 0.85em; } tr.grey { color: var(--soft); }
-@media (max-width: 40em) { table { display: block; overflow-x: auto; } td, th { padding: 0.2em 0.5em; } }
-@page { size: A4; margin: 16mm; }
-@media print { :root { --ink: #000; --soft: #444; --line: #bbb; --paper: #fff; --panel: #fff; }
-body { max-width: none; margin: 0; font-size: 9pt; line-height: 1.35; }
-h1, h2, h3, p, table { margin-top: 0.4em; margin-bottom: 0.4em; } h2, h3 { break-after: avoid; }
-img { max-height: 78mm; width: auto; } .sheet { break-before: page; }
-img, tr, table[style] { break-inside: avoid; } td, th { padding: 0.1em 0.6em; } }
-"""
+STYLE = Path(__file__).with_name("page.css").read_text(encoding="utf-8")
 
 
 def page(title: str, parts: Iterable[str]) -> str:
