@@ -20,6 +20,7 @@ REACH = 18.0  # exp(-18) of a hundredth of the field: a mode that has died out b
 STEP = 1e-4  # 1/m, of j k beta: for a derivative
 CENTRE, CIRCLE = 0.5, 0.6  # of the largest k^2: about which, and in units of which, polynomials are taken
 ORDER = 4  # of these polynomials
+_ANGLES = np.pi * (np.arange(ORDER + 2) + 0.5) / (ORDER + 2)
 
 
 def corrections_at(coefficients: Real, k2_max: float, k2: Complex, source_wall: Complex) -> Complex:
@@ -55,22 +56,30 @@ def static_correction(
     array (2, ORDER + 1)
         Coefficients between rigid walls, and of the change by a soft source wall; see `corrections_at`.
     """
-    nodes = 2 * ORDER + 4
-    angles = 2 * np.pi * (np.arange(nodes // 2) + 0.5) / nodes  # the lower half is the conjugate
-    k2 = tuple((k2_max * (CENTRE + CIRCLE * np.exp(1j * angles))).tolist())
     plane = _Plane.across(lengths, counts, axis)
     (place, radius), (there, other) = source, receiver
-    each = _along(plane, k2, place[axis], there[axis])
+    each = _along(plane, k2_max, place[axis], there[axis])
     some = slice(0, each.shape[1])
-    driven = plane.square * plane.shape(place) * plane.mean(radius)  # each mode of the plane, by the source
-    weight = driven[some] * plane.shape(there, some) * plane.mean(other)[some]
+    driven = plane.shape(place, some)  # each mode of the plane, by the source
+    weight = driven * (driven if place == there else plane.shape(there, some))
+    weight *= plane.mean(radius, other)[some]
     if some.stop == len(plane.kt2):
-        weight = weight * plane.fade
-    values = (each @ weight).view(complex).reshape(2, -1)
+        weight *= plane.fade
+    found = (each @ weight).reshape(2, -1)
     if radius > 0 and source == receiver:
-        values[0] += _beyond(plane.top, k2, radius)
-    powers = np.exp(-1j * np.outer(np.arange(ORDER + 1), angles))
-    return np.asarray((values @ powers.T).real * (2 / nodes))
+        found[0] += _beyond(plane.top, k2_max, radius)
+    return found
+
+
+def _circle(k2_max: float) -> Complex:
+    """Squared wave numbers about which Cauchy's formula runs: half of them, the others are their conjugates."""
+    return np.asarray(k2_max * (CENTRE + CIRCLE * np.exp(1j * _ANGLES)))
+
+
+def _taylor(values: Complex) -> Real:
+    """Coefficients (ORDER + 1, ...) from the values on the circle (nodes, ...)."""
+    powers = np.exp(-1j * np.outer(np.arange(ORDER + 1), _ANGLES))
+    return np.asarray(np.tensordot(powers, values, axes=1).real / len(_ANGLES))
 
 
 forgotten_by(static_correction.cache_clear)
@@ -133,27 +142,27 @@ class _Plane:
         return double / (self.lengths[i] * self.lengths[j])
 
     @lru_cache(maxsize=24)  # noqa: B019 - planes are few, and kept anyway
-    def mean(self, radius: float) -> Real:
-        """Mean of each mode over a patch, relative to its centre."""
-        return _bessel_mean(self.kt2, radius)
+    def mean(self, radius: float, other: float) -> Real:
+        """Product of the means of each mode over two patches, relative to their centres, over its norm."""
+        return self.square * _bessel_mean(self.kt2, radius) * _bessel_mean(self.kt2, other)
 
 
 @lru_cache(maxsize=100)
-def _along(plane: _Plane, k2: tuple[complex, ...], here: float, there: float) -> Real:
+def _along(plane: _Plane, k2_max: float, here: float, there: float) -> Real:
     """The closed axis beyond the truncation between two places, for each mode of the plane that has not died out.
 
-    Rows are the values between rigid walls at each k^2, then their changes by ``j k beta`` of the wall next to the
-    source; real and imaginary parts stand beside each other.
+    Rows are the coefficients between rigid walls, then of the changes by ``j k beta`` of the wall next to the source.
     """
+    k2 = _circle(k2_max)[:, None]
     length = plane.lengths[plane.axis]
     near = here < length / 2
     wall = 0.0 if near else length
     last = int(np.searchsorted(plane.kt2, (REACH / max(abs(there - here), 1e-9)) ** 2))
     last = max(last, int(plane.low[-1]) + 1)
-    kappa = np.sqrt(plane.kt2[:last] - np.array(k2)[:, None] + 0j)
+    kappa = np.sqrt(plane.kt2[:last] - k2)
     rigid = _closed_form(kappa, length, here, there)
     soft = -_closed_form(kappa, length, wall, here) * _closed_form(kappa, length, wall, there)
-    gap = plane.kt2[plane.low] - np.array(k2)[:, None]
+    gap = plane.kt2[plane.low] - k2
     truncated = []
     for a in (0.0, STEP * length, -STEP * length):
         modes = axis_modes(length, *((a, 0.0) if near else (0.0, a)), plane.counts[plane.axis])
@@ -161,8 +170,7 @@ def _along(plane: _Plane, k2: tuple[complex, ...], here: float, there: float) ->
         truncated.append((at[:, 0] * at[:, 1] / modes.norm[0] / (modes.q2[0] + gap[..., None])).sum(axis=-1))
     rigid[:, plane.low] -= truncated[0]
     soft[:, plane.low] -= (truncated[1] - truncated[2]) / (2 * STEP)
-    both = np.concatenate([rigid, soft])
-    return np.stack([both.real, both.imag], axis=1).reshape(-1, last)
+    return np.concatenate([_taylor(rigid), _taylor(soft)])
 
 
 def _fade(kappa: Real, top: float) -> Real:
@@ -172,7 +180,7 @@ def _fade(kappa: Real, top: float) -> Real:
 
 
 @lru_cache(maxsize=24)
-def _beyond(top: float, k2: tuple[complex, ...], radius: float) -> Complex:
+def _beyond(top: float, k2_max: float, radius: float) -> Real:
     """What the faded sum leaves out of a patch's coupling with itself: there the room is a half-space.
 
     ``(1 / 2 pi) int (1 - fade) (2 J1(kappa a)/(kappa a))^2 kappa / sqrt(kappa^2 - k^2) dkappa``; without
@@ -180,11 +188,12 @@ def _beyond(top: float, k2: tuple[complex, ...], radius: float) -> Complex:
     """
     edge = np.linspace(top / 2, top, 400)
     far = np.geomspace(top, max(400 / radius, 10 * top), 20_000)
+    k2 = _circle(k2_max)
     total = np.zeros(len(k2), dtype=complex)
     for kappa, left in ((edge, 1 - _fade(edge, top)), (far, np.ones_like(far))):
         value = left * _bessel_mean(kappa**2, radius) ** 2 * kappa
-        total += np.trapezoid(value / np.sqrt(kappa**2 - np.array(k2)[:, None]), kappa)
-    return np.asarray(total / (2 * np.pi), dtype=np.complex128)
+        total += np.trapezoid(value / np.sqrt(kappa**2 - k2[:, None]), kappa)
+    return _taylor(total / (2 * np.pi))
 
 
 def _bessel_mean(kt2: Real, radius: float) -> Real:

@@ -35,7 +35,7 @@ from specan.study.selection.candidates import confounded_with
 from specan.study.selection.initial_fit import InitialFit, with_covariances_about
 from specan.study.selection.single_instruments import displaced
 
-SHORT = 2 / 3  # of what a promise leaves from afar, that a fit may take away in addition
+SHORT = 2 / 3  # of what a promise leaves beyond the noise from afar, that a fit may take away in addition
 IN_REACH = 30.0  # ln of the best probability over that of a set that is looked at closer
 COMPARED = 4  # likeliest single effects that are compared in the field of the best
 
@@ -158,7 +158,7 @@ class OfResponses(Explanations):
                 price = len(own.values) * np.log(self.problem.n_data)
                 gain = max(gain, (own.gain - price) / 2)
             if refit.poor_fit:
-                rest = max(whole.chi2 / 2 - gain, 0.0)
+                rest = max((whole.chi2 - self.problem.n_data) / 2 - gain, 0.0)  # no effect explains the noise
                 self._from_afar[one.uses | {promise.use}] = one.uses, gain, rest
                 gain += SHORT * rest
             if not one.uses and promise.use in self.near.likely:
