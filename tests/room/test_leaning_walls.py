@@ -35,8 +35,8 @@ def at_points(points):
 
 
 @lru_cache(maxsize=1)
-def of_the_element():
-    """Mean of Green's function over a resting disc, array (K, places): x = xi X(z) maps a brick onto the room."""
+def element():
+    """Stiffness, mass and skin of the room, and what a resting disc drives: x = xi X(z) maps a brick onto the room."""
     s, w = legendre.leggauss(30)
     s, w = (s + 1) / 2, w / 2
     shape = [polynomials(d, s) for d in DEGREES]
@@ -71,6 +71,13 @@ def of_the_element():
     disc = np.array([[0.0, CENTRE[1] + a * np.cos(t), CENTRE[2] + a * np.sin(t)] for a in r for t in turn])
     mean = np.repeat(weight * r, 16) / 16 * 2 / RADIUS**2
     driven = mean @ at_points(disc)
+    return stiffness, mass, skin, driven
+
+
+@lru_cache(maxsize=1)
+def of_the_element():
+    """Mean of Green's function over the disc, array (K, places)."""
+    stiffness, mass, skin, driven = element()
     solved = [np.linalg.solve(stiffness + 1j * k * BETA * skin - k**2 * mass, driven) for k in K]
     return np.array(solved) @ at_points(PLACES).T
 

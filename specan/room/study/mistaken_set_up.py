@@ -300,5 +300,5 @@ def _rings_elsewhere(problem: Problem, best: Fit) -> str:
         return ""
     return (
         f"modes ring elsewhere than in the fitted model ({'; '.join([*told.values()][:4])}): the room may be no "
-        "box of these edges (a wall that leans, a niche, a large object), or a wall gives way"
+        "box of these edges (a niche, a large object), or a wall gives way"
     )
