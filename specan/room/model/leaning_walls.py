@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.arrays import Complex, Real
 from specan.room.model.axis_modes import characteristic, norms, slopes, waves
@@ -79,14 +80,11 @@ class LeaningWall:
     @cached_property
     def _squares(self) -> list[Complex]:
         """``w`` of the waves of the plane along every edge, arrays that go with (lines, across, along)."""
-        found = [np.empty(0)] * 3
-        found[self.across], found[self.along] = (
-            self.w[self.across][:, :, None],
-            self.w[self.along][:, None, :],
-        )
-        plane = sum(found[i] / self.lengths[i] ** 2 for i in (self.across, self.along))
-        found[self.normal] = (self.k2[:, None, None] - plane) * self.lengths[self.normal] ** 2
-        return found
+        across, along = self.w[self.across][:, :, None], self.w[self.along][:, None, :]
+        plane = across / self.lengths[self.across] ** 2 + along / self.lengths[self.along] ** 2
+        normal = (self.k2[:, None, None] - plane) * self.lengths[self.normal] ** 2
+        found = {self.across: across, self.along: along, self.normal: normal}
+        return [found[i] for i in range(3)]
 
     @cached_property
     def _driven(self) -> Complex:
@@ -132,7 +130,7 @@ def _moments(count: int, edge: float) -> tuple[Real, Real]:
     """``int t c_m c_n``, and of the cosines' slopes ``int t c_m' c_n'``, with t the distance from the middle."""
     m, n = np.meshgrid(np.arange(count), np.arange(count), indexing="ij")
 
-    def cosine(number: Real) -> Real:  # int t cos(number pi z / L): nothing but for odd numbers
+    def cosine(number: NDArray[np.intp]) -> Real:  # int t cos(number pi z / L): nothing but for odd numbers
         odd = number % 2 == 1
         return np.where(odd, -2 * (edge / (np.pi * np.where(odd, number, 1))) ** 2, 0.0)
 

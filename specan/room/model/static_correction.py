@@ -193,7 +193,7 @@ def _beyond(top: float, k2_max: float, radius: float) -> Real:
     for kappa, left in ((edge, 1 - _fade(edge, top)), (far, np.ones_like(far))):
         value = left * _bessel_mean(kappa**2, radius) ** 2 * kappa
         total += np.trapezoid(value / np.sqrt(kappa**2 - k2[:, None]), kappa)
-    return _taylor(total / (2 * np.pi))
+    return _taylor(np.asarray(total / (2 * np.pi), dtype=np.complex128))
 
 
 def _bessel_mean(kt2: Real, radius: float) -> Real:
