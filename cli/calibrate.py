@@ -10,7 +10,7 @@ import click
 
 from specan_cli.options import json_option, opt
 from specan_cli.output import Delivery, OutputFile, plot_option, say, show_sheets, verb
-from specan_cli.recording_verb import expand, given, left_out
+from specan_cli.recording_verb import expand, failures, given, left_out
 
 if TYPE_CHECKING:
     from specan.analysis.insertion import CalibrationSettings, Insertion
@@ -70,7 +70,7 @@ def command(
     output = deliver.output
     assert output is not None  # it has a default
     check_directory(output)
-    insertions, failures = _insertions([found.path for found in expand(files)], settings, channel_table)
+    insertions, faults = _insertions([found.path for found in expand(files)], settings, channel_table)
     calibration = join_insertions(insertions, settings)
     write_calibration(calibration, output)
     deliver.draw(calibration)
@@ -80,14 +80,14 @@ def command(
         for note in calibration.notes:
             say(f"Note: {note}.")
 
-    deliver.put_out({**calibration.to_dict(), "failures": failures, "output": str(output)}, show)
+    deliver.put_out({**calibration.to_dict(), "failures": failures(faults), "output": str(output)}, show)
     failed = any(c.verdict == "failed" for c in calibration.channels)
-    return 1 if failures or failed else 0
+    return 1 if faults or failed else 0
 
 
 def _insertions(
     paths: list[Path], settings: CalibrationSettings, channel_table: Path | None
-) -> tuple[list[Insertion], list[dict[str, str]]]:
+) -> tuple[list[Insertion], dict[str, Exception]]:
     """What each file says, and why some say nothing."""
     from specan.analysis.insertion import evaluate_insertion
     from specan.errors import InputError
@@ -95,12 +95,12 @@ def _insertions(
 
     common = os.path.commonpath([path.resolve().parent for path in paths])
     insertions: list[Insertion] = []
-    failures: list[dict[str, str]] = []
+    faults: dict[str, Exception] = {}
     for path in paths:
-        with left_out(str(path), failures, len(paths) > 1):
+        with left_out(str(path), faults, len(paths) > 1):
             label = path.resolve().relative_to(common).as_posix()
             recording = open_recording(path, label=label, channel_table=channel_table)
             insertions.append(evaluate_insertion(recording, settings))
     if not insertions:
         raise InputError("no file could be used for a calibration", remedy="see the reasons above")
-    return insertions, failures
+    return insertions, faults

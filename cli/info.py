@@ -10,7 +10,7 @@ import click
 
 from specan_cli.options import opening_options, opt
 from specan_cli.output import Delivery, plot_option, show_sheets, table, verb
-from specan_cli.recording_verb import expand, left_out, opened_with
+from specan_cli.recording_verb import expand, failures, left_out, opened_with
 
 if TYPE_CHECKING:
     from specan.data.levels import Quality
@@ -41,12 +41,12 @@ def command(files: tuple[Path, ...], levels: bool, show_all: bool, deliver: Deli
 
     seen: list[dict[str, Any]] = []
     opened: list[tuple[Recording, Excitation, dict[int, tuple[float, Quality]]]] = []
-    failures: list[dict[str, str]] = []
+    faults: dict[str, Exception] = {}
     found = expand(files)
     if deliver.plot is not None and len(found) > 1:
         raise RequestError(f"--plot draws one recording, and there are {len(found)}", remedy="name one")
     for item in found:
-        with left_out(item.label, failures, len(found) > 1):
+        with left_out(item.label, faults, len(found) > 1):
             source = opened_with(item.path, opening)[0]
             recording = replace(source.open(), label=source.file.name if item.label == "-" else item.label)
             excitation = recognise(recording)
@@ -67,8 +67,8 @@ def command(files: tuple[Path, ...], levels: bool, show_all: bool, deliver: Deli
                 click.echo()
                 show_sheets([sheet])
 
-    deliver.put_out({"files": seen, "failures": failures}, show)
-    return 1 if failures else 0
+    deliver.put_out({"files": seen, "failures": failures(faults)}, show)
+    return 1 if faults else 0
 
 
 def _print_rows(rows: list[list[Any]]) -> None:

@@ -84,7 +84,7 @@ class RecordingVerb(Verb):
             return self._several(ctx, files)
 
     def _several(self, ctx: click.Context, files: Sequence[Path]) -> int:
-        from specan.errors import NoSignalError, RequestError, SpecanError, unforeseen
+        from specan.errors import NoSignalError, RequestError
 
         for name in ("output", "plot"):
             if ctx.params.get(name) is not None:
@@ -92,40 +92,42 @@ class RecordingVerb(Verb):
                     f"--{name} writes one recording, and there are {len(files)}",
                     remedy="name one, or take --json or specan batch",
                 )
-        done, failures, faults, code = [], list[dict[str, str]](), list[Exception](), 0
+        done, faults, code = [], dict[str, Exception](), 0
         for path in files:
             ctx.params["file"] = path
-            try:
-                with collecting(ctx) as content:
-                    code = max(code, super().invoke(ctx) or 0)
-            except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
-                raise
-            except Exception as fault:  # that of one file costs no other its result
-                reason = str(fault) if isinstance(fault, SpecanError) else f"{path.name}: {unforeseen(fault)}"
-                faults.append(fault)
-                failures.append({"file": str(path), "reason": reason})
-                say(f"Left out: {reason}")
-                continue
-            done.append({**(content[0] if content else {}), "path": str(path)})
+            with left_out(str(path), faults), collecting(ctx) as content:
+                code = max(code, super().invoke(ctx) or 0)
+                done.append({**(content[0] if content else {}), "path": str(path)})
         if not done:
-            raise faults[0]
+            raise next(iter(faults.values()))
         if ctx.params.get("as_json"):
-            emit_json({"files": done, "failures": failures})
-        return 1 if any(not isinstance(fault, NoSignalError) for fault in faults) else code
+            emit_json({"files": done, "failures": failures(faults)})
+        return 1 if any(not isinstance(fault, NoSignalError) for fault in faults.values()) else code
 
 
 @contextmanager
-def left_out(file: str, failures: list[dict[str, str]], several: bool) -> Iterator[None]:
-    """What cannot be read is named and left out where there are several files."""
-    from specan.errors import InputError
-
+def left_out(file: str, faults: dict[str, Exception], several: bool = True) -> Iterator[None]:
+    """What goes wrong with one of several files is said, and costs no other its result."""
     try:
         yield
-    except InputError as fault:
+    except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
+        raise
+    except Exception as fault:
         if not several:
             raise
-        failures.append({"file": file, "reason": str(fault)})
-        say(f"Left out: {fault}")
+        faults[file] = fault
+        say(f"Left out: {_reason(file, fault)}")
+
+
+def failures(faults: Mapping[str, Exception]) -> list[dict[str, str]]:
+    """Files that were left out, and why, for JSON."""
+    return [{"file": file, "reason": _reason(file, fault)} for file, fault in faults.items()]
+
+
+def _reason(file: str, fault: Exception) -> str:
+    from specan.errors import SpecanError, unforeseen
+
+    return str(fault) if isinstance(fault, SpecanError) else f"{Path(file).name}: {unforeseen(fault)}"
 
 
 def expand(paths: Sequence[Path]) -> list[Found]:
