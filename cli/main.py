@@ -96,6 +96,9 @@ class Program(LazyGroup):
         try:
             return super().invoke(ctx)
         except OSError as fault:
+            if fault.errno == errno.ENAMETOOLONG:
+                name = str(fault.filename)[:40]
+                raise click.ClickException(f"the name {name}... is too long for a file; shorten it") from None
             if fault.errno not in (errno.EPIPE, errno.ENOSPC):
                 raise
             # What is left in the buffer has nowhere to go; Python would complain about it at its end.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import pkgutil
 import sys
 import traceback
@@ -290,7 +291,7 @@ def _naming_files(content: dict[str, Any], folder: Path) -> list[tuple[dict[str,
     for key, value in content.items():
         if isinstance(value, dict):
             found += _naming_files(value, folder)
-        elif isinstance(value, str) and (folder / value).is_file():
+        elif isinstance(value, str) and os.path.isfile(folder / value):  # is_file raises over a long text
             found.append((content, key, (folder / value).resolve()))
     return found
 

@@ -4,6 +4,7 @@ import json
 import sys
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -161,8 +162,11 @@ def test_time_stamps_of_properties_are_text(tmp_path):
     assert content["files"][0]["channels"][0]["properties"]["wf_start_time"].startswith("2012-03-14T09:30:00")
 
 
-@pytest.mark.parametrize("verb", [("info",), ("batch", "-o", "out")])
-def test_a_name_too_long_for_the_file_system_is_no_fault_of_specan(verb, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "words",
+    [["info", "{}.tdms"], ["batch", "{}.tdms", "-o", "out"], ["inspect", "{}"], ["model", "new", "{}.py"]],
+)
+def test_a_name_too_long_for_the_file_system_is_no_fault_of_specan(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    found = CliRunner().invoke(main, [verb[0], "a" * 300 + ".tdms", *verb[1:]])
-    assert isinstance(found.exception, InputError | RequestError)
+    found = CliRunner().invoke(main, [word.format("a" * 300) for word in words], standalone_mode=False)
+    assert isinstance(found.exception, InputError | RequestError | click.ClickException)

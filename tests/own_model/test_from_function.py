@@ -148,3 +148,10 @@ def test_a_table_of_a_rig_that_nothing_reads_is_refused(table):
 def test_a_loaded_model_is_no_name():
     with pytest.raises(RequestError, match=r"no name of a model.*load_model\(NAME, rig\)"):
         load_model(Model.from_function(outlet, ua, **HEAT), rig={})
+
+
+def test_a_long_text_in_a_rig_file_names_no_file(tmp_path):
+    from specan.models.catalogue import read_rig_file
+
+    (tmp_path / "rig.toml").write_text(f'[about]\nwhat = "{"word " * 80}"\n', encoding="utf-8")
+    assert read_rig_file(tmp_path / "rig.toml") == {"about": {"what": "word " * 80}}
