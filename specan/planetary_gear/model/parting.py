@@ -3,7 +3,7 @@
 import numpy as np
 
 HARMONICS = 12  # of the mesh that are followed: 25 places within a pitch
-ROUNDS = 40  # of the active set; three to eight are usual
+ROUNDS = 20  # of the active set; three to eight are usual
 
 
 def parting(load, beyond, moment, dynamics):
@@ -11,7 +11,8 @@ def parting(load, beyond, moment, dynamics):
 
     With u the force of a mesh's spring and damper its force is max(u, 0). Forces n that undo the pull act on the set as
     any others do: f = f0 + G n with f >= 0, n >= 0, f n = 0, a linear complementarity problem at places within a pitch,
-    solved by its active set (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, chapter 4).
+    solved by its active set (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, chapter 4). Where it does
+    not settle, teeth bounce with another period than a pitch: nothing is added then, rather than what rounding decides.
 
     Parameters
     ----------
@@ -40,13 +41,15 @@ def parting(load, beyond, moment, dynamics):
     both = np.tensordot(inside, wave.conj(), axes=(2, 1)).real.swapaxes(0, 1) / orders
     size = orders * meshes
     both, force = both.reshape(size, size) + np.eye(size), force.ravel()
-    push, pulled = np.zeros(size), force < 0
+    pulled = force < 0
     for _ in range(ROUNDS):
         push = np.zeros(size)
         push[pulled] = np.linalg.solve(both[np.ix_(pulled, pulled)], -force[pulled])
         before, pulled = pulled, force + both @ push - push < 0
         if np.array_equal(before, pulled) or not pulled.any():
             break
+    else:
+        return np.zeros_like(beyond)
     added = ((both @ push).reshape(meshes, orders) @ wave.conj() / orders).T
     return added[near]
 

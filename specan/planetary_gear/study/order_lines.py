@@ -307,45 +307,53 @@ class OrderLinesObservation(KeptLines):
         """
         predicted, _ = self._with_gains(self._model_lines(assembly, values)[self.kept])
         size = np.minimum(np.abs(self.amplitude[self.kept]), MOST * np.abs(predicted))
-        there, root = self._root(predicted, size)
-        return -2 * float(np.sum(np.log(np.diag(root) / self.noise[self.kept][there])))
+        roots = self._roots(predicted, size)
+        return -2 * sum(float(np.sum(np.log(np.diag(root) / self.noise[self.kept][own]))) for own, root in roots)
 
-    def _root(self, predicted: Complex, size: Array) -> tuple[NDArray[np.intp], Array]:
+    def _roots(self, predicted: Complex, size: Array) -> list[tuple[NDArray[np.intp], Array]]:
         """Lines that are predicted, and the lower Cholesky factor of their V where lines have these sizes.
 
-        In the phases of the prediction V is real. Other lines have their noise alone.
+        One part after the other of those that share errors. In the phases of the prediction V is real. Other lines have
+        their noise alone.
         """
         from scipy.linalg.lapack import dpotrf
 
-        there = np.flatnonzero(predicted)
-        size = size[there]
-        covariance = self._relative_covariance[np.ix_(there, there)] * (size[:, None] * size)
-        covariance.flat[:: size.size + 1] += self.noise[self.kept][there] ** 2
-        root, failed = dpotrf(covariance, lower=1)
-        if failed:
-            raise FloatingPointError("the covariance of order lines is not positive definite")
-        return there, np.asarray(root)
+        roots = []
+        for lines, relative in self._relative_covariance:
+            there = predicted[lines] != 0
+            own, covariance = lines[there], relative[np.ix_(there, there)]
+            covariance *= size[own, None] * size[own]
+            covariance.flat[:: own.size + 1] += self.noise[self.kept][own] ** 2
+            root, failed = dpotrf(covariance, lower=1)
+            if failed:
+                raise FloatingPointError("the covariance of order lines is not positive definite")
+            roots.append((own, np.asarray(root)))
+        return roots
 
     def _whitening(self, predicted: Complex) -> Callable[[Complex], Complex]:
         """V^(-1/2) of the lines in use: noise, and relative errors about these predictions."""
         from scipy.linalg.lapack import dtrtrs
 
-        there, root = self._root(predicted, _between(predicted, self.amplitude[self.kept]))
-        phase = (predicted[there] / np.abs(predicted[there]))[:, None]
+        roots = self._roots(predicted, _between(predicted, self.amplitude[self.kept]))
         noise = self.noise[self.kept][:, None]
 
         def white(lines: Complex) -> Complex:
             found = lines.reshape(predicted.size, -1) / noise
-            turned = lines.reshape(predicted.size, -1)[there] * phase.conj()
-            both = np.concatenate([turned.real, turned.imag], axis=1)
-            real, imaginary = np.split(dtrtrs(root, both, lower=1)[0], 2, axis=1)
-            found[there] = (real + 1j * imaginary) * phase
+            for own, root in roots:
+                phase = (predicted[own] / np.abs(predicted[own]))[:, None]
+                turned = lines.reshape(predicted.size, -1)[own] * phase.conj()
+                both = np.concatenate([turned.real, turned.imag], axis=1)
+                real, imaginary = np.split(dtrtrs(root, both, lower=1)[0], 2, axis=1)
+                found[own] = (real + 1j * imaginary) * phase
             return found.reshape(lines.shape)
 
         return white
 
     @cached_property
-    def _relative_covariance(self) -> Array:
+    def _relative_covariance(self) -> list[tuple[NDArray[np.intp], Array]]:
+        """Lines in use that share errors with each other, and the covariance of these."""
+        from scipy.sparse.csgraph import connected_components
+
         row, line = np.nonzero(self.kept)
         own = self.errors.near**2 * _smooth(self.order)[np.ix_(line, line)] * (row[:, None] == row)
         passes, path = self.passages[line], self.path[row]
@@ -359,7 +367,9 @@ class OrderLinesObservation(KeptLines):
         beyond, apart = self.beyond[self.kept], np.subtract.outer(*2 * [np.log(self.order[line])])
         alike = alike & beyond & beyond[:, None]
         response = self.errors.response * np.array(UNLIKE)[self.harmonic[line] - 1]
-        return own + response**2 * alike * np.exp(-0.5 * (apart / BANDWIDTH) ** 2)
+        own += response**2 * alike * np.exp(-0.5 * (apart / BANDWIDTH) ** 2)
+        count, part = connected_components(own > 0)
+        return [(lines, own[np.ix_(lines, lines)]) for k in range(count) for lines in np.nonzero(part == k)]
 
     @cached_property
     def _gain_of_line(self) -> NDArray[np.intp]:

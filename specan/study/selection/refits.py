@@ -270,6 +270,7 @@ class Refits:
         """
         found: list[tuple[float, Minimum]] = []
         thetas, many = [problem.start(values) for values in starts], problem.strategy.many_minima
+        hopeless = PRUNING_FACTOR * min(r.fit.chi2 for r in self.done.values()) if many else np.inf
         if not many:  # most of several starts lead astray slowly
             try:
                 thetas = [best_screened(problem, thetas)]
@@ -277,7 +278,7 @@ class Refits:
                 return None
         for theta in thetas:
             # Where there are many minima, starts that stay far above another are not followed to theirs.
-            least = min((m.chi2 for _, m in found), default=np.inf) if many else np.inf
+            least = min((hopeless, *(m.chi2 for _, m in found))) if many else np.inf
             try:
                 one = (
                     _some_steps(problem, theta)
@@ -290,7 +291,8 @@ class Refits:
                 continue
             found.append((_level(problem, one), one))
             found.sort(key=lambda item: item[0])
-            if len(found) >= FEWEST and found[1][0] - found[0][0] < THE_SAME:
+            again = len(found) >= FEWEST and found[1][0] - found[0][0] < THE_SAME
+            if again or (len(found) >= FEWEST and min(m.chi2 for _, m in found) > hopeless):
                 break
         return found[0][1] if found else None
 
