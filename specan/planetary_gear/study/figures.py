@@ -50,7 +50,7 @@ def figure_compare_orders(study: Study, channel: str | None = None) -> Figure:
         near = kept & (observation.harmonic == harmonic)
         for axes in (top, bottom):
             axes.fill_between(observation.order[near], floor, noise[near], color="0.88", lw=0, step="mid")
-        for part, colour in zip(dict.fromkeys(parts.tolist()), COLOURS, strict=False):
+        for part, colour in zip(dict.fromkeys(parts[kept].tolist()), COLOURS, strict=False):
             mine = near & (parts == part)
             order = observation.order[mine]
             top.vlines(order, floor, measured[mine], color=colour, lw=2.0, label=part)

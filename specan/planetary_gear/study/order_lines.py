@@ -308,7 +308,9 @@ class OrderLinesObservation(KeptLines):
         predicted, _ = self._with_gains(self._model_lines(assembly, values)[self.kept])
         size = np.minimum(np.abs(self.amplitude[self.kept]), MOST * np.abs(predicted))
         roots = self._roots(predicted, size)
-        return -2 * sum(float(np.sum(np.log(np.diag(root) / self.noise[self.kept][own]))) for own, root in roots)
+        return -2 * sum(
+            float(np.sum(np.log(np.diag(root) / self.noise[self.kept][own]))) for own, root in roots
+        )
 
     def _roots(self, predicted: Complex, size: Array) -> list[tuple[NDArray[np.intp], Array]]:
         """Lines that are predicted, and the lower Cholesky factor of their V where lines have these sizes.

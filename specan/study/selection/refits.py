@@ -153,7 +153,9 @@ class Refits:
         near = self._nearer(problem, start, starts)
         far = not start.uses or self._whole(start).reduced > POOR_FIT
         if problem.strategy.many_minima and far:
+            # beside an effect the rest of the machine is known better than from afar
             scattered = scattered_starts(problem, start.fit.values, uses - start.uses)
+            scattered = scattered[:FEWEST] if start.uses else scattered
             near = [*near, *map(problem.values_at, scattered)]
         best = self._pruned_minimum(uses, problem, near)
         if best is None:
@@ -270,20 +272,21 @@ class Refits:
         """
         found: list[tuple[float, Minimum]] = []
         thetas, many = [problem.start(values) for values in starts], problem.strategy.many_minima
-        hopeless = PRUNING_FACTOR * min(r.fit.chi2 for r in self.done.values()) if many else np.inf
+        least = min(r.fit.chi2 for r in self.done.values())
         if not many:  # most of several starts lead astray slowly
             try:
                 thetas = [best_screened(problem, thetas)]
             except ComputationError:
                 return None
         for theta in thetas:
-            # Where there are many minima, starts that stay far above another are not followed to theirs.
-            least = min((hopeless, *(m.chi2 for _, m in found))) if many else np.inf
+            # Where there are many minima, starts that stay far above another, or another set, are not followed.
+            least = min((least, *(m.chi2 for _, m in found)))
+            hopeless = PRUNING_FACTOR * least if many else np.inf
             try:
                 one = (
                     _some_steps(problem, theta)
                     if self.rough
-                    else descend(problem, theta, _slopes(fewer, problem, theta), least)
+                    else descend(problem, theta, _slopes(fewer, problem, theta), hopeless)
                 )
             except NotSettledError as fault:
                 one = fault.reached
@@ -291,8 +294,8 @@ class Refits:
                 continue
             found.append((_level(problem, one), one))
             found.sort(key=lambda item: item[0])
-            again = len(found) >= FEWEST and found[1][0] - found[0][0] < THE_SAME
-            if again or (len(found) >= FEWEST and min(m.chi2 for _, m in found) > hopeless):
+            far = found[0][1].chi2 > hopeless
+            if len(found) >= FEWEST and (far or found[1][0] - found[0][0] < THE_SAME):
                 break
         return found[0][1] if found else None
 
