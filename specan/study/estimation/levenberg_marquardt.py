@@ -199,7 +199,7 @@ class _Descent(_Place):
 
     def follow(self, jacobian: Array, guessed: bool) -> Minimum | None:
         """Steps by secants from one Jacobian; the minimum if it, or a guess kept current, promises no more."""
-        slope = jacobian * self.size
+        slope, start = jacobian * self.size, self.theta
         # 12: steps between two exact Jacobians
         for secant in range(12):
             step, promised = self._step(slope, self.damping)
@@ -219,8 +219,8 @@ class _Descent(_Place):
             gained = -np.inf if there is None else float(residual @ residual - there @ there)
             if there is None or gained <= 0:
                 self.damping = min(max(self.damping * 10, 1e-6), 1e10)
-                if secant > 0:
-                    return None
+                if secant > 0 and (guessed or self.theta is not start):
+                    return None  # a new Jacobian tells more; where nothing has moved it would be the same
                 slope = jacobian * self.size  # the exact one is better than a secant over a step that failed
                 continue
             if gained > 0.5 * promised and self.damping > 1e-7:

@@ -272,21 +272,20 @@ class Refits:
         """
         found: list[tuple[float, Minimum]] = []
         thetas, many = [problem.start(values) for values in starts], problem.strategy.many_minima
-        least = min(r.fit.chi2 for r in self.done.values())
+        hopeless = PRUNING_FACTOR * min(r.fit.chi2 for r in self.done.values()) if many else np.inf
         if not many:  # most of several starts lead astray slowly
             try:
                 thetas = [best_screened(problem, thetas)]
             except ComputationError:
                 return None
         for theta in thetas:
-            # Where there are many minima, starts that stay far above another, or another set, are not followed.
-            least = min((least, *(m.chi2 for _, m in found)))
-            hopeless = PRUNING_FACTOR * least if many else np.inf
+            # Where there are many minima, starts that stay above another, or far above other sets, are not followed.
+            least = min((hopeless, *(m.chi2 for _, m in found))) if many else np.inf
             try:
                 one = (
                     _some_steps(problem, theta)
                     if self.rough
-                    else descend(problem, theta, _slopes(fewer, problem, theta), hopeless)
+                    else descend(problem, theta, _slopes(fewer, problem, theta), least)
                 )
             except NotSettledError as fault:
                 one = fault.reached
