@@ -11,8 +11,9 @@ def parting(load, beyond, moment, dynamics):
 
     With u the force of a mesh's spring and damper its force is max(u, 0). Forces n that undo the pull act on the set as
     any others do: f = f0 + G n with f >= 0, n >= 0, f n = 0, a linear complementarity problem at places within a pitch,
-    solved by its active set (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, chapter 4). Where it does
-    not settle, teeth bounce with another period than a pitch: nothing is added then, rather than what rounding decides.
+    solved by its active set (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, chapter 4). Where it
+    does not settle, teeth bounce with another period than a pitch: nothing is added then, rather than what rounding
+    decides.
 
     Parameters
     ----------

@@ -317,8 +317,12 @@ def _some_steps(problem: Problem, theta: Real) -> Minimum:
 
 
 def _slopes(fewer: Refit | None, problem: Problem, theta: Real) -> Real | None:
-    """First Jacobian where an exact one is expensive: of a fit with fewer effects, and slopes of new parameters."""
-    if fewer is None or problem.strategy.exact_minimum or fewer.poor_fit:
+    """First Jacobian where an exact one is expensive: of a fit with fewer effects, and slopes of new parameters.
+
+    Where starts are scattered, those of the fit are of another place.
+    """
+    strategy = problem.strategy
+    if fewer is None or strategy.exact_minimum or strategy.many_minima or fewer.poor_fit:
         return None
     known = {name: fewer.fit.jacobian[:, k] for k, name in enumerate(fewer.fit.names)}
     here = problem.residual(theta)
