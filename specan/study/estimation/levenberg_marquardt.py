@@ -41,12 +41,13 @@ REACH = 0.1  # of a step, at which its acceleration is measured
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a descent ended."""
+    """Where a descent ended; `once` where others from elsewhere ended higher up."""
 
     theta: Array
     residual: Array
     jacobian: Array
     chi2: float
+    once: bool = False
 
 
 class NotSettledError(ComputationError):

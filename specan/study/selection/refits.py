@@ -57,12 +57,15 @@ class Refit:
         What was added to the base.
     count : int
         Parameters that were added, those whose prior is removed included.
+    once : bool
+        Of several starts one led to its minimum: there may be a lower one.
     """
 
     uses: EffectSet
     problem: Problem
     fit: Fit
     count: int = 0
+    once: bool = False
 
     @cached_property
     def linear(self) -> Projection:
@@ -168,7 +171,7 @@ class Refits:
         fitted = describe(problem, best.theta, best.residual, best.jacobian)
         names = {str(use) for use in uses}
         count = sum(name.owner in names for name in problem.names)
-        self.done[uses] = Refit(uses, problem, fitted, count)
+        self.done[uses] = Refit(uses, problem, fitted, count, best.once)
         return self.done[uses]
 
     def lowered(self, uses: EffectSet) -> list[EffectSet]:
@@ -296,7 +299,8 @@ class Refits:
             far = found[0][1].chi2 > hopeless
             if len(found) >= FEWEST and (far or found[1][0] - found[0][0] < THE_SAME):
                 break
-        return found[0][1] if found else None
+        once = many and len(found) > 1 and found[1][0] - found[0][0] >= THE_SAME
+        return replace(found[0][1], once=once) if found else None
 
     def _best_within(self, uses: EffectSet) -> Refit:
         """The best fit so far that a set contains: with the other effects at nothing the set is as good."""
