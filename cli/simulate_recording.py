@@ -6,10 +6,24 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from specan.errors import RequestError
 from specan_cli.output import emit_json, table
 
 if TYPE_CHECKING:
     from specan.models.simulated_channel import SimulatedChannel
+
+
+def output_path(path: Path | None, *suffixes: str) -> Path:
+    """A path whose suffix says what is to be written, in a directory that exists."""
+    from specan.io.output_file import check_directory
+
+    if path is None or path.suffix.lower() not in suffixes:
+        raise RequestError(
+            f"{path.name} cannot be written here" if path else "the simulated run has no output file",
+            expected="-o with a name that ends in " + " or ".join(suffixes),
+        )
+    check_directory(path)
+    return path
 
 
 def write_recording(

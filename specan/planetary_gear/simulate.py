@@ -10,7 +10,7 @@ import click
 
 from specan.errors import RequestError
 from specan_cli.output import emit_json, say
-from specan_cli.simulate_recording import show_recording, write_recording
+from specan_cli.simulate_recording import output_path, show_recording, write_recording
 
 if TYPE_CHECKING:
     from specan.models.model import Model
@@ -32,24 +32,12 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     \b
     specan simulate planetary-gear sample_data/planetary_gear/rig.toml -e planet-position-error@P2=5 -o lines.csv
     """
-    path = options["output"]
-    if path is None:
-        raise RequestError(
-            "the simulated run has no output file",
-            remedy="name a file with -o: run.tdms, or lines.csv for order lines",
-        )
-    elif path.suffix.lower() == ".csv":
-        _lines(model, path, options)
-    elif path.suffix.lower() == ".tdms":
-        _record(model, path, options)
-    else:
-        raise RequestError(
-            f"{path.name} cannot be written here", expected="a name that ends in .tdms or .csv"
-        )
+    path = output_path(options["output"], ".tdms", ".csv")
+    write = _lines if path.suffix.lower() == ".csv" else _record
+    write(model, path, options)
 
 
 def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
-    from specan.io.output_file import check_directory
     from specan.planetary_gear.model.compiled import HAS_NUMBA
     from specan.planetary_gear.model.dynamics import simulate, system_of
     from specan.planetary_gear.model.simulated_recording import recorded_channels
@@ -60,7 +48,6 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     if options["effects"] or options["without"]:
         _record_lines(model, path, options)
         return
-    check_directory(path)
     if not HAS_NUMBA:
         say("A simulated second takes about 40 s; with specan[fast] (numba) about 1 s.")
     motion = simulate(system_of(rig), duration, sampling_rate=RATE)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from specan.errors import RequestError
 from specan_cli.output import emit_json, say
-from specan_cli.simulate_recording import show_recording, write_recording
+from specan_cli.simulate_recording import output_path, show_recording, write_recording
 
 if TYPE_CHECKING:
     from specan.models.chosen_model import ChosenModel
@@ -36,11 +35,6 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     """
     from specan.models.chosen_model import choose_model
 
-    if not options["output"]:
-        raise RequestError(
-            "the simulated room has no output file",
-            remedy="name a file with -o: recording.tdms, or field.csv or field.png with --field",
-        )
     chosen = choose_model(model, options["effects"], options["without"])
     if options["plane"]:
         _map(chosen, options)
@@ -54,7 +48,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 def _record(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     from specan.room.model.simulated_recording import simulated_recording
 
-    path = _checked(options["output"], (".tdms",))
+    path = output_path(options["output"], ".tdms")
     frequency = options["frequency"]
     channels, rate = simulated_recording(
         chosen,
@@ -81,7 +75,7 @@ def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     from specan.io.output_file import write_csv
     from specan.room.model.field_map import field_map, of_microphones, read_plane
 
-    path = _checked(options["output"], (".csv", ".png", ".svg", ".pdf"))
+    path = output_path(options["output"], ".csv", ".png", ".svg", ".pdf")
     if options["frequency"] is None:
         raise RequestError("--field needs a frequency", remedy="give one with --frequency HZ")
     if left_out := [str(use) for use in of_microphones(chosen)]:
@@ -108,15 +102,3 @@ def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
                 "reference": "20 uPa, diaphragm at 1 mm/s RMS",
             }
         )
-
-
-def _checked(path: Path, suffixes: tuple[str, ...]) -> Path:
-    """A path whose suffix says what is to be written, in a directory that exists."""
-    from specan.io.output_file import check_directory
-
-    if path.suffix.lower() not in suffixes:
-        raise RequestError(
-            f"{path.name} cannot be written here", expected="a name that ends in " + " or ".join(suffixes)
-        )
-    check_directory(path)
-    return path
