@@ -23,6 +23,7 @@ from specan.study.estimation.prediction_error import held_out_error, observable_
 from specan.study.localisation.localise import localise
 from specan.study.observation import Observation
 from specan.study.selection.candidates import base_problem
+from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.scattered_starts import scattered_starts
 
 ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
@@ -377,8 +378,8 @@ def bent_lines(place):
     return np.where(BEYOND, place**2 * np.exp(0.15j * place), 1.0)
 
 
-def test_a_size_of_the_other_sign_is_found() -> None:
-    """The minimum that a descent from the usual size reaches is far above that of the true size, -1."""
+def comb():
+    """A problem with lines of a pin that is off by -1, and the effect that it lacks."""
     model = Model(
         name="comb",
         title="A comb",
@@ -395,12 +396,31 @@ def test_a_size_of_the_other_sign_is_found() -> None:
     )
     amplitude = np.where(BEYOND, np.exp(-0.15j), 1.0)
     base = base_problem(model, [observed(amplitude, 0.003, near=0.01, path=0.01, response=0.01)])
-    use = Use("pin")
+    return base, Use("pin")
+
+
+def test_a_size_of_the_other_sign_is_found() -> None:
+    """The minimum that a descent from the usual size reaches is far above that of the true size, -1."""
+    base, use = comb()
     problem = base.with_uses([use])
     found = descend(problem, scattered_starts(problem, {}, [use])[0])
     from_usual = descend(problem, problem.start({"pin.error": 2.0}))
     assert problem.values_at(found.theta)["pin.error"] == pytest.approx(-1.0, abs=0.05)
     assert found.chi2 < 1e-3 < 100 < from_usual.chi2
+
+
+@pytest.mark.parametrize(("near", "once"), [([-1.2, -0.8], False), ([-1.2, 2.0], True)])
+def test_a_minimum_that_one_start_alone_reaches_is_told(near, once, monkeypatch) -> None:
+    """From 2.0 a descent ends elsewhere, so that nothing says that there is no third minimum."""
+    base, use = comb()
+    refits = Refits(Refit(frozenset(), base, fit(base)))
+    monkeypatch.setattr(
+        "specan.study.selection.refits.scattered_starts",
+        lambda problem, values, new: [problem.start({"pin.error": size}) for size in near],
+    )
+    found = refits.fit(refits.base, frozenset({use}), [{"pin.error": 2.0}])
+    assert found.fit.values["pin.error"] == pytest.approx(-1.0, abs=0.05)
+    assert found.once == once
 
 
 def test_a_contact_that_stiffens_mixes_the_lines_of_a_fault():

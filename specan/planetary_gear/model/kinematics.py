@@ -117,7 +117,7 @@ def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDAr
         middle = h * gear.z_ring
         uneven = [sign * family for family in (sun, planet - 1.0, planet, planet + 1.0) for sign in (-1, 1)]
         uneven += [sign * m * sun + n for m in MULTIPLES for sign in (-1, 1) for n in HEARD
-                   if _all_planets_show(gear, middle - sign * m + n)]  # fmt: skip
+                   if _any_path_shows(gear, middle - sign * m + n)]  # fmt: skip
         further = {round(middle + offset, 9) for offset in uneven}
         further = {o for o in further if abs(o - middle) < sidebands or not _any_path_shows(gear, o)}
         found |= {float(middle + k) for k in range(-sidebands, sidebands + 1)} | further
@@ -125,15 +125,10 @@ def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDAr
     return np.array(sorted(found))
 
 
-def _all_planets_show(gear: Gear, number: int) -> bool:
-    """Whether exp(j n psi_i) adds up over the planets."""
-    return bool(mesh_line_strength(gear, np.array([number]))[0] > 1e-9)
-
-
 def _any_path_shows(gear: Gear, order: float) -> bool:
     """Whether the ideal set has a line there by some path to the sensor: no evidence, where this one gives none."""
     whole = round(order)
-    return abs(order - whole) < 1e-9 and _all_planets_show(gear, whole)
+    return abs(order - whole) < 1e-9 and bool(mesh_line_strength(gear, np.array([whole]))[0] > 1e-9)
 
 
 def line_conditions(model: Model, **settings: Any) -> dict[str, NDArray[np.float64]]:
