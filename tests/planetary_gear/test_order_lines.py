@@ -378,7 +378,7 @@ def bent_lines(place):
     return np.where(BEYOND, place**2 * np.exp(0.15j * place), 1.0)
 
 
-def comb():
+def without_its_pin():
     """A problem with lines of a pin that is off by -1, and the effect that it lacks."""
     model = Model(
         name="comb",
@@ -401,7 +401,7 @@ def comb():
 
 def test_a_size_of_the_other_sign_is_found() -> None:
     """The minimum that a descent from the usual size reaches is far above that of the true size, -1."""
-    base, use = comb()
+    base, use = without_its_pin()
     problem = base.with_uses([use])
     found = descend(problem, scattered_starts(problem, {}, [use])[0])
     from_usual = descend(problem, problem.start({"pin.error": 2.0}))
@@ -412,7 +412,7 @@ def test_a_size_of_the_other_sign_is_found() -> None:
 @pytest.mark.parametrize(("near", "once"), [([-1.2, -0.8], False), ([-1.2, 2.0], True)])
 def test_a_minimum_that_one_start_alone_reaches_is_told(near, once, monkeypatch) -> None:
     """From 2.0 a descent ends elsewhere, so that nothing says that there is no third minimum."""
-    base, use = comb()
+    base, use = without_its_pin()
     refits = Refits(Refit(frozenset(), base, fit(base)))
     monkeypatch.setattr(
         "specan.study.selection.refits.scattered_starts",
