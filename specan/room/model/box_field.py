@@ -28,9 +28,7 @@ from specan.room.model.port import Port, beyond, point
 from specan.room.model.resonances import Resonances, resonances
 from specan.room.model.static_correction import corrections_at, static_correction
 
-PLANE_WAVES = (
-    3  # of a leaning wall, beside those that travel: the answer of the next is a thousandth of its lean's
-)
+PLANE_WAVES = 2  # of a leaning wall, beside those that travel along it
 NEAR = 1.25  # times the largest wave number, up to which modes may resonate in the band
 
 
