@@ -55,13 +55,13 @@ def diagnose(
     start = Refit(frozenset(), problem, base or fit(problem, starts=3))
     why = untestable(start)
     if why:
-        return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
+        return Diagnosis("cannot-tell", why)
     progress = progress or unheard
     progress("explanations of the data", 0.0)
     if all(isinstance(o, TableObservation) for o in problem.observations):
         problem, fitted, why = with_noise_of_largest(problem, start.fit)
         if why:
-            return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
+            return Diagnosis("cannot-tell", why)
         return told(Explanations(problem, fitted, progress))
     near = InitialFit(start)
     if start.poor_fit:
@@ -75,7 +75,6 @@ def diagnose(
                 "cannot-tell",
                 f"{mistake.sentence}; correct it, and begin the study again",
                 lack_of_fit=LackOfFit(start.reduced, start.fit.p_value, problem.n_effective),
-                model_discrepancy_percent=_discrepancy(problem),
             )
     return told(OfResponses(near, progress), start)
 
@@ -108,7 +107,3 @@ def untestable(start: Refit) -> str:
             f"hold some of them fixed or measure more conditions"
         )
     return ""
-
-
-def _discrepancy(problem: Problem) -> float:
-    return float(problem.assembly.model.rig.discrepancy_percent)

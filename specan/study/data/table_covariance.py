@@ -95,7 +95,6 @@ class Uncertainty:
             noise_dof=self._dof(rows),
             pure_error_dof=sum(noise.pure_error_dof for noise in self.noise.values()),
             parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(part)},
-            known=self.known,
         )
 
     def _variances(self, rows: Rows) -> tuple[Array, Array]:

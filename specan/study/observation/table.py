@@ -29,8 +29,6 @@ class TableObservation(Observation):
         Standard uncertainty of each row by origin (``reading``, ``setting``, ``discrepancy``).
     recording : array of int, shape (n,)
         Index into `recordings`.
-    known : bool
-        False where the uncertainty is unknown: residuals can be shown, but nothing be concluded.
     series, position
         Conditions of the lines of the whole table that these rows were taken from with the recording of each, and the
         places of the rows among them: effects may look at readings before.
@@ -53,7 +51,6 @@ class TableObservation(Observation):
     pure_error_dof: float = 0.0
     parts: Mapping[str, Array] = field(default_factory=dict)
     available: frozenset[str] = frozenset()
-    known: bool = True
     series: tuple[Mapping[str, Array], NDArray[np.intp]] | None = None
     position: NDArray[np.intp] | None = None
     lines: NDArray[np.int_] | None = None
