@@ -42,7 +42,7 @@ def test_each_explanation_is_counted_once_where_the_model_is_far_off(promising, 
         monkeypatch.setattr(OfResponses, "_promises", lambda self, one: iter(()))
     found = OfResponses(InitialFit(start)).found
     assert any(one.kind == "effects" for one in found) == promising
-    counts = Counter((one.kind, one.uses, one.follows_itself) for one in found)
+    counts = Counter((one.kind, one.uses, one.noise) for one in found)
     assert set(counts.values()) == {1}
 
 

@@ -256,9 +256,7 @@ class _Telling:
     @property
     def _nothing(self) -> float:
         """ln of the evidence of the model as it is, in its likeliest form."""
-        return max(
-            e.ln_evidence for e in self.explanations.found if e.kind == "nothing" and not e.follows_itself
-        )
+        return max(e.ln_evidence for e in self.explanations.found if e.kind == "nothing" and e.noise is None)
 
     def _next(self, kind: str, fails_at: Sequence[Any]) -> Sequence[Proposal]:
         if kind == "faulty-data":
@@ -281,8 +279,8 @@ class _Telling:
             ("the fit of the base", lambda: not_settled(base)),
             ("shifts of modes", self._undeclared_shifts),
         ]
-        if best.follows_itself:
-            remarks.append(("noise", lambda: "the noise is correlated in time: rows are not independent"))
+        if (noise := best.noise) is not None:
+            remarks.append(("noise", lambda: noise.text))
         return [text for what, find in remarks if (text := self.try_to(what, find, ""))]
 
     def _undeclared_shifts(self) -> str:

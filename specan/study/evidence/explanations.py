@@ -31,7 +31,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import Fault, Faults
 from specan.study.evidence.form_errors import FORMS, FormErrors, OverConditions
 from specan.study.evidence.marginal import Columns, Marginal, Tangent
-from specan.study.evidence.noise import Autoregression, autoregressions, chains_of
+from specan.study.evidence.noise import Autoregression, Rough, autoregressions, chains_of, scatter
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array
 from specan.study.progress import Progress, unheard
@@ -43,7 +43,7 @@ EffectSet = frozenset[Use]
 # Beforehand: half that nothing is missing, the rest by how often each is met; sets of one and of two effects.
 NOTHING, OF_SIZE, UNKNOWN, FAULT = 0.5, (0.3, 0.1), 0.05, 0.05
 SURE = 0.95  # probability from which something is missing, the data are faulty, or nothing is left to decide
-FOLLOWS_ITSELF = 0.05  # of each autoregressive form of the noise
+OTHER_NOISE = 0.05  # of each further form of the noise
 BEYOND = 0.01  # that a value lies beyond what is known of it: what a range is declared for
 PULLED = 1.0  # standard deviations outside of what is known, from which a value is also fitted without that
 SETS = 0.7  # share of a diagnosis that is over when sets are fitted
@@ -53,7 +53,12 @@ SLACK = 1.5  # ln by which a linear promise may fall short of a fit, or more whe
 AS_GOOD = 1.0  # ln of the best probability over that of something else, from where every effect is fitted
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to a promise
 LISTED = 9.0  # ln of the best probability over that of what counts at all
+# Likeliest effects whose pairs are all fitted where something else is likelier than every set; of integrated models.
+PAIRED, PAIRED_RATES = 8, 4
 STARTS = 2  # of another form of the base
+SCATTER = tuple(
+    0.5**k for k in range(12)
+)  # of what an explanation leaves, that may be scatter of the readings
 BY_CHANCE = 3.0  # standard deviations of chi-square (2 n its variance)
 BESIDE = 4  # sets beside which something else is looked for
 
@@ -74,8 +79,8 @@ class Explanation:
         Of the base with the effects, at the minimum.
     ln_prior, ln_evidence : float
     fault : Fault or None
-    follows_itself : bool
-        Under an autoregressive form of the noise.
+    noise : Autoregression, Rough or None
+        A further form of the noise.
     fitted : bool
         False where its evidence is what was promised, too small to be worth a fit; the tangent is that of the base.
     """
@@ -87,7 +92,7 @@ class Explanation:
     ln_prior: float
     ln_evidence: float
     fault: Fault | None = None
-    follows_itself: bool = False
+    noise: Autoregression | Rough | None = None
     fitted: bool = True
 
     @property
@@ -171,7 +176,7 @@ class Explanations:
     found : list of Explanation
     """
 
-    fitted_anyway = 5  # sets of one effect, and of two, that are fitted whatever they promise
+    fitted_anyway = 5  # effects that are fitted whatever they promise
     # Every effect is fitted from its default too, which one needs whose slope is nothing where it vanishes; and more is
     # expected beside a set as soon as it is fitted.
     cheap = True
@@ -182,10 +187,11 @@ class Explanations:
         # By the parameters of a fit: the likeliest errors of its form, and the probability that they are the largest.
         self.likeliest: dict[bytes, int] = {}
         self._largest: dict[bytes, float] = {}
-        self._weighed: dict[tuple[Tangent, Autoregression | None], tuple[Marginal, float]] = {}
+        self._weighed: dict[tuple[Tangent, Autoregression | Rough | None], tuple[Marginal, float]] = {}
         self._waiting: list[tuple[float, int, Form, EffectSet, Promise]] = []
         self._order = count()
         self._slack: dict[int, float] = {}
+        self._left: dict[tuple[int, EffectSet], tuple[float, Form, Promise]] = {}
         self.set_up()
         self._search()
         progress("unknown effects, implausible values, noise, faults of the data", SETS)
@@ -213,18 +219,18 @@ class Explanations:
         for one in [e for e in self.found if e.kind == "nothing" and e.form in in_reach]:
             self._expect(one)
         fitted: set[tuple[int, EffectSet]] = set()
-        left: dict[tuple[int, EffectSet], tuple[float, Form, Promise]] = {}
         while self._waiting or self._grow():
             promised, _, form, uses, promise = heapq.heappop(self._waiting)
             key = id(form), uses
             if key in fitted:
                 continue
-            alike = sum(len(other) == len(uses) for _, other in fitted)
-            anyway = not form.parts and self._fitted_anyway(uses, alike)
+            singles = sum(len(other) == 1 for _, other in fitted)
+            anyway = not form.parts and len(uses) == 1 and (self._bends or singles < self.fitted_anyway)
             if not (anyway or self._worth_a_fit(uses, -promised)):
-                left.setdefault(key, (-promised, form, promise))
+                self._left.setdefault(key, (-promised, form, promise))
                 continue
             fitted.add(key)
+            self._left.pop(key, None)
             self.progress(
                 f"fitting with {' and '.join(map(str, sorted(uses)))}", SETS * (1 - 0.9 ** len(fitted))
             )
@@ -233,13 +239,7 @@ class Explanations:
                 # What is much like the best has as much to gain by a fit.
                 self._slack[self._alike(uses)] = max(SLACK, new.ln_joint + promised)
         self._fit_parts()
-        self._list({key: found for key, found in left.items() if key not in fitted})
-
-    def _fitted_anyway(self, uses: EffectSet, alike: int) -> bool:
-        """Whether a set is fitted whatever it promises, after so many of its size; pairs where something is left."""
-        if len(uses) == 1:
-            return self._bends or alike < self.fitted_anyway
-        return self.cheap and alike < self.fitted_anyway and self._something_is_left
+        self._list()
 
     def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
         """Whether a promise comes near the best; where something is left a straight line tells little."""
@@ -266,12 +266,20 @@ class Explanations:
             yield beside.ln_evidence + promise.ln_gain, promise
 
     def _grow(self) -> bool:
-        """Whether there is more to expect beside the sets that were fitted."""
-        return False
+        """Whether there is more to expect: pairs of the likeliest effects, where something is left beside all sets."""
+        if not self._something_is_left:
+            return False
+        singles = [e for e in self.found if e.kind == "effects" and len(e.uses) == 1 and not e.form.parts]
+        singles.sort(key=lambda e: -e.ln_joint)
+        likeliest = frozenset().union(*(e.uses for e in singles[: PAIRED_RATES if self._bends else PAIRED]))
+        for (_, uses), (_, form, promise) in list(self._left.items()):
+            if len(uses) == 2 and uses <= likeliest and not form.parts:
+                self._wait(np.inf, form, uses, promise)
+        return bool(self._waiting)
 
-    def _list(self, left: Mapping[tuple[int, EffectSet], tuple[float, Form, Promise]]) -> None:
+    def _list(self) -> None:
         """Keep what promises too little for a fit, where it counts at all."""
-        for (_, uses), (promised, form, _) in left.items():
+        for (_, uses), (promised, form, _) in self._left.items():
             if promised > self.best - LISTED:
                 ln_prior = self._ln_prior(form, uses)
                 self.found.append(
@@ -373,7 +381,7 @@ class Explanations:
         return form.ln_prior + float(np.log(OF_SIZE[min(size, len(OF_SIZE)) - 1] * several / shared))
 
     def weighed(
-        self, form: Form, tangent: Tangent, noise: Autoregression | None = None
+        self, form: Form, tangent: Tangent, noise: Autoregression | Rough | None = None
     ) -> tuple[Marginal, float]:
         """An explanation with errors of form of the likeliest size and length, and ln of the evidence of all of them.
 
@@ -384,7 +392,9 @@ class Explanations:
             self._weighed[key] = self._weigh(form, tangent, noise)
         return self._weighed[key]
 
-    def _weigh(self, form: Form, tangent: Tangent, noise: Autoregression | None) -> tuple[Marginal, float]:
+    def _weigh(
+        self, form: Form, tangent: Tangent, noise: Autoregression | Rough | None
+    ) -> tuple[Marginal, float]:
         own, there = tangent.problem is form.problem, tangent
         tangent = tangent.with_noise(noise)
         if own:
@@ -473,24 +483,48 @@ class Explanations:
     # --- noise and data -----------------------------------------------------------------------------
 
     def _noise(self) -> None:
-        """The same explanations under noise that follows itself in time."""
+        """The same explanations under other forms of the noise."""
         top, chains = self._top(20), chains_of(self.problem)
         largest = max(top, key=lambda e: e.tangent.theta.size)
-        for one in top:
+        unknown = [e for e in self.found if e.kind == "unknown" and not e.uses]
+        for one in [*top, *unknown]:
             # of recordings each explanation's own: samples that follow each other closely foretell what is missing
             of = one if self._bends else largest
-            for noise in autoregressions(chains, of.tangent.residual, self._bends):
-                tangent = one.tangent.with_noise(noise)
-                _, ln_evidence = self.weighed(one.form, one.tangent, noise)
-                self.found.append(
-                    replace(
-                        one,
-                        tangent=tangent,
-                        ln_evidence=ln_evidence,
-                        follows_itself=True,
-                        ln_prior=one.ln_prior + np.log(FOLLOWS_ITSELF),
-                    )
-                )
+            forms: list[Autoregression | Rough] = []
+            if one.kind != "unknown":
+                forms += autoregressions(chains, of.tangent.residual, self._bends)
+            self.found += [self._under(one, noise) for noise in forms]
+            self.found += self._scattered(one)
+
+    def _scattered(self, one: Explanation) -> Iterator[Explanation]:
+        """An explanation of tables where the readings scatter more than declared, of the likeliest sizes."""
+        if self._bends or not self.cheap:
+            return
+        best: dict[int, Explanation] = {}
+        for times in SCATTER:
+            better = False
+            for k, noise in enumerate(
+                scatter(one.tangent.problem, one.tangent.residual, one.form.predicted, times)
+            ):
+                found = self._under(one, noise)
+                if k not in best or found.ln_evidence > best[k].ln_evidence:
+                    best[k], better = found, True
+            if not better:
+                break
+        yield from best.values()
+
+    def _under(self, one: Explanation, noise: Autoregression | Rough) -> Explanation:
+        """An explanation under a further form of the noise."""
+        beside, ln_evidence = self.weighed(one.form, one.tangent, noise)
+        if one.kind == "unknown":
+            ln_evidence += self._gain_of_unknown(one.form, beside)
+        return replace(
+            one,
+            tangent=one.tangent.with_noise(noise),
+            ln_evidence=ln_evidence,
+            noise=noise,
+            ln_prior=one.ln_prior + np.log(OTHER_NOISE),
+        )
 
     def _faults(self) -> None:
         """A fault of the data beside the likeliest of the others."""

@@ -109,17 +109,17 @@ class Faults:
             gains, coefficients = marginal.one_by_one(self._white[sizes], np.array(sizes))
             likeliest, means = np.argmax(gains, axis=0), _mean(gains)
             for j, k in enumerate(own):
-                found[k] = means[j], coefficients[[likeliest[j]], j]
+                found[k] = float(means[j]), coefficients[[likeliest[j]], j]
         for k, white in self._several.items():
             gains, each = marginal.beside(white, np.array(self.all[k].sizes))
-            found[k] = _mean(gains), each[int(np.argmax(gains))]
+            found[k] = float(_mean(gains)), each[int(np.argmax(gains))]
         by_name: dict[str, list[int]] = {}
         for k, one in enumerate(self.all):
             by_name.setdefault(one.name, []).append(k)
         told = []
         for own in by_name.values():
             best = max(own, key=lambda k: found[k][0])
-            gain = _mean(np.array([found[k][0] for k in own]))
+            gain = float(_mean(np.array([found[k][0] for k in own])))
             told.append((gain, self.all[best].of_size(self.problem, found[best][1])))
         return told
 
@@ -261,7 +261,7 @@ def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array
         return
 
     def fault(kind: str, text: str, course: Array | Flags) -> Fault:
-        course = course.reshape(o.n, -1)
+        course = np.asarray(course, dtype=float).reshape(o.n, -1)
 
         def in_words(coefficients: Array) -> str:
             off = scale * (course @ coefficients)

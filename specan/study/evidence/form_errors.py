@@ -30,6 +30,8 @@ from specan.study.observation.time import TimeObservation
 FORMS = (0.01, 0.03, 0.1, 0.3)
 FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of form changes
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
+LEVELS_APART = 1 / 16  # the same of what changes from level to level, where levels come again
+UNKNOWN_SIZES = (*SIZES, 1.0)  # of it, up to the whole prediction
 SMOOTH = 0.8  # of unknown functions; the others act at one level of a variable, or from one on
 ROUGH = (0.0, 0.01, 0.03, 0.3)  # shares to which it may be wrong in each line by itself
 DELAYS = 30  # samples over which what is left may answer to the inputs, as many as noise may follow itself
@@ -79,7 +81,9 @@ class OverConditions:
         if any(isinstance(o, TimeObservation) for o in problem.observations):
             functions_of = [(1.0, delayed_functions)]
         for share, functions in functions_of:
-            gains = [beside.beside(white, np.array(SIZES))[0] for white in functions(problem, predicted)]
+            gains = [
+                beside.beside(white, np.array(UNKNOWN_SIZES))[0] for white in functions(problem, predicted)
+            ]
             if gains:
                 kinds.append(float(logsumexp(gains) + np.log(share / np.size(gains))))
         return float(logsumexp(kinds))
@@ -91,8 +95,11 @@ class OverConditions:
         """
         sizes = sizes_of(problem, predicted)
         for variables in choices(self.points.shape[1]):
-            for length in UNKNOWN_LENGTHS:
-                for root in _alike_or_not(problem, kernel_root(self.points[:, variables], length)):
+            points = self.points[:, variables]
+            distinct = np.unique(np.round(points / LEVELS_APART), axis=0).shape[0]
+            again = 2 * distinct <= points.shape[0]  # what every row has for itself is scatter
+            for length in (LEVELS_APART, *UNKNOWN_LENGTHS) if again else UNKNOWN_LENGTHS:
+                for root in _alike_or_not(problem, kernel_root(points, length)):
                     for size in sizes:
                         yield problem.whiten(size[:, None] * root)
 
@@ -154,7 +161,7 @@ class AlongLines:
         found = []
         for usual in zip(*(o.usual_sizes for o in lines), strict=True):
             sizes = np.concatenate([size / o.unshared for o, size in zip(lines, usual, strict=True)])
-            for share in (*SIZES, 1.0):  # a whole line where nothing is predicted
+            for share in UNKNOWN_SIZES:
                 noise = Rough(share * sizes * counts)
                 found.append(Marginal(beside.tangent.with_noise(noise), beside.columns).ln_evidence)
         return float(logsumexp(found) - np.log(len(found))) - beside.ln_evidence

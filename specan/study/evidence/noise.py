@@ -1,14 +1,17 @@
-"""Forms of the noise beside the declared one: noise that follows itself in time, and errors of each row by itself.
+"""Forms of the noise beside the declared one: correlated in time, larger than declared, errors of each row by itself.
 
 The whitened residuals of one recording and observable, in the order in which they were read, follow
 r_t = a_1 r_(t-1) + ... + a_p r_(t-p) + e_t with unit variance of r: the size of the noise stays as declared, so that no
 missing effect hides in it. The coefficients are those of Burg's recursion (1975) on the residual of a fit.
+
+Readings that scatter more than their declared uncertainty are a form of its own. It costs ln det of the covariance, so
+that what goes with the operating variables is no noise.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +20,11 @@ from specan.study.data.setpoints import TIME
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.autoregression import burg, innovations, ln_volume, of_likely_order
+from specan.study.observation.table import TableObservation
 
 ORDER = 2  # most coefficients: an oscillation of what is not measured has two
 LEAST_ROWS = 30  # of a chain, from which it is looked at
+LEAST_SCATTER = 1.4  # times the declared variance, from which a larger one is looked for
 
 
 class Noise(Protocol):
@@ -35,29 +40,93 @@ class Noise(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Rough:
-    """Errors that no row shares with another, beside the declared noise.
+    """Errors beside the declared noise that no row shares with another, or only with the other repeats of its setting.
 
     Attributes
     ----------
-    sizes : array, shape (n,)
+    sizes : array, shape (n,), or one of each group
         Standard deviation of each row's, in units of the noise that the row does not share.
+    groups : int array, shape (n,), optional
+        Of each row; every row is one of its own without.
+    text : str
+        What a person has to know.
+    price : float
+        ln that it costs to estimate the sizes.
     """
 
     sizes: Array
+    groups: NDArray[np.intp] | None = None
+    text: str = ""
+    price: float = 0.0
 
     @property
-    def weights(self) -> Array:
-        """Of each row."""
-        return np.asarray(1 / np.sqrt(1 + self.sizes**2))
+    def _spread(self) -> Array:
+        """Standard deviation of each group's mean with such errors over that without."""
+        count = 1 if self.groups is None else np.bincount(self.groups)
+        return np.asarray(np.sqrt(1 + count * self.sizes**2))
 
     def innovations(self, columns: Array) -> Array:
         """Rows that such errors widen count for less."""
-        return columns * self.weights[:, None]
+        if self.groups is None:
+            return columns / self._spread[:, None]
+        return columns - ((1 - 1 / self._spread)[:, None] * means(columns, self.groups))[self.groups]
 
     @property
     def ln_volume(self) -> float:
-        """-1/2 ln det of the covariance."""
-        return float(np.sum(np.log(self.weights)))
+        """-1/2 ln det of the covariance, less the price."""
+        return -float(np.sum(np.log(self._spread))) - self.price
+
+
+def means(columns: Array, groups: NDArray[np.intp]) -> Array:
+    """Of the rows of each group."""
+    sums = np.zeros((groups.max() + 1, columns.shape[1]))
+    np.add.at(sums, groups, columns)
+    return sums / np.bincount(groups)[:, None]
+
+
+def scatter(problem: Problem, residual: Array, predicted: Array, times: float) -> list[Rough]:
+    """Readings, or settings beside their repeats, that scatter more than known: all alike, or as the prediction.
+
+    Their variance is `times` that of a whitened residual; half ln of their number is the price for each observable
+    (Schwarz 1978).
+    """
+    groups, repeats = _settings(problem), np.isfinite(problem.noise_dof)
+    count = np.bincount(groups)
+    variance = times * count * means(residual[:, None], groups)[:, 0] ** 2
+    sigma = np.concatenate([o.sigma for o in problem.observations])
+    found = []
+    for course, how in (
+        (np.ones(sigma.size), ""),
+        (np.abs(predicted) / sigma, ", in proportion to what is read"),
+    ):
+        sizes, price, told = means(course[:, None], groups)[:, 0], 0.0, []
+        for name, rows in problem.observable_rows.items():
+            own = np.unique(groups[rows])
+            known = float(np.mean(variance[own]))
+            sizes[own] *= np.sqrt(max(known - 1, 0.0) / np.mean(count[own] * sizes[own] ** 2))
+            price += 0.5 * np.log(own.size)
+            told += [f"{name} {np.sqrt(known):.2g} times"] if known > LEAST_SCATTER else []
+        if told:
+            text = (
+                f"settings scatter more than their repeats ({', '.join(told)}{how}): declare how well they are set"
+                if repeats
+                else f"the readings scatter more than declared ({', '.join(told)}{how}): correct their uncertainty"
+            )
+            found.append(Rough(sizes, groups, text, price))
+    return found
+
+
+def _settings(problem: Problem) -> NDArray[np.intp]:
+    """Rows of one observable that repeat each other, where repeats told the noise; else each by itself."""
+    found: list[tuple[int, Any]] = []
+    for k, o in enumerate(problem.observations):
+        repeats = o.replicate_group if isinstance(o, TableObservation) else None
+        if isinstance(o, TableObservation) and repeats is not None and np.isfinite(problem.noise_dof):
+            found += [(k, one) for one in zip(repeats.tolist(), o.observable.tolist(), strict=True)]
+        else:
+            found += [(k, row) for row in range(o.n)]
+    number = {one: place for place, one in enumerate(dict.fromkeys(found))}
+    return np.array([number[one] for one in found])
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +143,7 @@ class Autoregression:
 
     chains: tuple[NDArray[np.intp], ...]
     reflections: tuple[float, ...]
+    text = "the noise is correlated in time: rows are not independent"
 
     def innovations(self, columns: Array) -> Array:
         """Rows of whitened columns as independent innovations of unit variance (lattice filter)."""

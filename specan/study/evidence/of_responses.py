@@ -27,7 +27,7 @@ from specan.study.evidence.explanations import (
 )
 from specan.study.evidence.form_errors import FORMS, AlongLines
 from specan.study.evidence.marginal import Marginal, Tangent
-from specan.study.evidence.noise import Autoregression
+from specan.study.evidence.noise import Autoregression, Rough
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array
 from specan.study.progress import Progress, unheard
@@ -231,7 +231,9 @@ class OfResponses(Explanations):
             self._taken[beside].append(((fewer - more) / 2 - gain) / max(rest, 1.0))
         return one
 
-    def _weigh(self, form: Form, tangent: Tangent, noise: Autoregression | None) -> tuple[Marginal, float]:
+    def _weigh(
+        self, form: Form, tangent: Tangent, noise: Autoregression | Rough | None
+    ) -> tuple[Marginal, float]:
         """See `Explanations.weighed`; of many rows the columns of errors of form are not kept."""
         best, ln_evidence = super()._weigh(form, tangent, noise)
         return (Marginal(best.tangent) if self.problem.strategy.frugal else best), ln_evidence
