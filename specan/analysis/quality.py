@@ -32,18 +32,18 @@ class _Rail:
     here: bool = False  # whether the block at hand reaches it
     clipped: bool = False
 
-    def rise_to(self, top: float, full_scale: float | None) -> None:
+    def rise_to(self, top: float, full_scale: float) -> None:
         if top > self.extreme:
-            # A rail that is not known is the extreme of the whole record: an earlier, lower one was none.
-            self.extreme, self.clipped = top, self.clipped and full_scale is not None
+            # A rail below full scale is the extreme of the whole record: an earlier, lower one was none.
+            self.extreme, self.clipped = top, self.clipped and self.extreme >= full_scale
         self.here = top == self.extreme
 
 
 class QualityAccumulator:
     """Finds dead, clipped and non-finite channels in one pass over consecutive blocks.
 
-    A channel is *clipped* where two or more consecutive samples are at the converter's full scale.
-    If that is not known: where it rests on its extreme value as `specan.dsp.clipping.is_cut_off` says.
+    A channel is *clipped* where two or more consecutive samples are at the converter's full scale, or where it
+    rests on its extreme value as `specan.dsp.clipping.is_cut_off` says: an amplifier may overload at less.
 
     Parameters
     ----------
@@ -86,14 +86,15 @@ class QualityAccumulator:
             if not samples.size:
                 continue
             low, high = self._rails[row]
-            low.rise_to(-float(samples.min()), channel.full_scale)
-            high.rise_to(float(samples.max()), channel.full_scale)
+            full_scale = (channel.full_scale or np.inf) * (1.0 - _FULL_SCALE_TOLERANCE)
+            low.rise_to(-float(samples.min()), full_scale)
+            high.rise_to(float(samples.max()), full_scale)
             for sign, rail in ((-1.0, low), (1.0, high)):
-                if not rail.clipped and (rail.here or channel.full_scale is not None):
-                    span = low.extreme + high.extreme
-                    rail.clipped = _rests(
-                        sign * samples, sign * border, rail.extreme, span, channel.full_scale
-                    )
+                if rail.clipped or not (rail.here or rail.extreme >= full_scale):
+                    continue
+                rail.clipped = any(
+                    longest_run(sign * part >= full_scale) >= 2 for part in (samples, border)
+                ) or is_cut_off(sign * samples, rail.extreme, low.extreme + high.extreme)
         self._tail = np.concatenate([self._tail, block[:, -_HEAD:]], axis=1)[:, -_HEAD:]
 
     def result(self) -> tuple[Quality, ...]:
@@ -109,14 +110,6 @@ class QualityAccumulator:
             )
             for missing, (low, high) in zip(self._not_finite, self._rails)
         )
-
-
-def _rests(samples: Real, border: Real, top: float, span: float, full_scale: float | None) -> bool:
-    """Whether the signal rests on the rail at `top`, inside the block or across its beginning."""
-    if full_scale is None:
-        return is_cut_off(samples, top, span)
-    limit = full_scale * (1.0 - _FULL_SCALE_TOLERANCE)
-    return top >= limit and any(longest_run(part >= limit) >= 2 for part in (samples, border))
 
 
 def rms_and_quality(recording: Recording) -> dict[int, tuple[float, Quality]]:

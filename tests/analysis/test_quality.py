@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from specan.analysis.quality import QualityAccumulator
 from specan.data.recording import ArraySource, Channel, Recording
@@ -67,7 +68,7 @@ def test_a_square_wave_is_not_clipping() -> None:
     assert flags(np.sign(SINE + 1e-9)) == ()
 
 
-def test_a_full_scale_that_is_known_decides() -> None:
+def test_runs_at_a_full_scale_that_is_known() -> None:
     assert flags(SINE, full_scale=1.5) == ()
     assert flags(np.clip(1.6 * SINE, -1.5, 1.5), full_scale=1.5) == ("clipped",)
     # the largest positive code of a 16-bit converter
@@ -75,7 +76,23 @@ def test_a_full_scale_that_is_known_decides() -> None:
     assert flags(np.clip(1.6 * SINE, -1.4, top), full_scale=1.5) == ("clipped",)
     # one sample that touches the rail is a peak, not a run
     assert flags(np.concatenate([SINE, [1.5], SINE]), full_scale=1.5) == ()
-    assert flags(np.clip(1.4 * SINE, -1, 1), full_scale=1.5) == ()
+
+
+@pytest.mark.parametrize("step", [1e-12, 2.0**-20, 2.0**-12, 2.0**-8])  # of a standard deviation
+@pytest.mark.parametrize("sigmas", [1.5, 2.0, 2.5])
+def test_an_amplifier_that_overloads_below_full_scale(sigmas: float, step: float) -> None:
+    """Samples of white noise lie beyond with the probability of the normal distribution, hardly two in a row.
+
+    Without the overload the rounded ones near the extreme are ever fewer, and 10 000 of 1e-12 hardly ever equal.
+    """
+    rounded = step * np.round(NOISE[:10240] / step)
+    cut = np.clip(rounded, -step * np.round(sigmas / step), step * np.round(sigmas / step))
+    assert np.mean(np.abs(cut) == cut.max()) == pytest.approx(2 * norm.sf(sigmas - step / 2), rel=0.15)
+    for size in (10240, 1000):
+        assert flags(cut, size, full_scale=200.0) == ("clipped",)
+        assert flags(rounded, size, full_scale=200.0) == ()
+    # a larger value later: what came before it was no rail
+    assert flags(np.concatenate([cut, 2 * rounded]), 1000, full_scale=200.0) == ()
 
 
 def test_a_rail_that_is_known_has_a_tolerance_in_every_block() -> None:

@@ -12,7 +12,7 @@ RATE, SECONDS = 4000, 12
 T = np.arange(RATE * SECONDS) / RATE
 
 
-def said(change, seed=1):
+def said(change, seed=1, full_scale=None):
     rng = np.random.default_rng(seed)
     source = rng.standard_normal(T.size)
     # A mode at 100 Hz that rings for two seconds, as a room has one.
@@ -21,7 +21,13 @@ def said(change, seed=1):
     mic = ringing / ringing.std() + 0.3 * source + 0.01 * rng.standard_normal(T.size)
     samples = {"Mic 1": mic, "Mic 2": change(mic, source), "Vibrometer": source}
     channels = tuple(
-        Channel(name, unit="Pa" if "Mic" in name else "m/s", sampling_rate=RATE, n_samples=T.size)
+        Channel(
+            name,
+            unit="Pa" if "Mic" in name else "m/s",
+            sampling_rate=RATE,
+            n_samples=T.size,
+            full_scale=full_scale,
+        )
         for name in samples
     )
     recording = Recording("r", channels, ArraySource(list(samples.values())))
@@ -48,6 +54,11 @@ def test_each_is_told_of_its_channel(change, words):
     (found,) = said(change)
     assert words in found.replace("+2.1", "+2.0").replace("+1.9", "+2.0")
     assert "in Mic 2:" in found
+
+
+def test_a_microphone_that_overloads_below_the_range_of_the_converter():
+    (found,) = said(lambda y, x: np.clip(y, -2 * y.std(), 2 * y.std()), full_scale=200.0)
+    assert "clipped in Mic 2:" in found
 
 
 def test_steady_channels_are_left_alone():
