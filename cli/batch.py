@@ -11,7 +11,7 @@ import click
 
 from specan.divisions import DIVISIONS
 from specan_cli.options import Grouped, opt, weighting_option
-from specan_cli.output import decimal_option, emit_json, is_quiet, say, table
+from specan_cli.output import decimal_option, emit_json, is_quiet, note, say, table
 
 if TYPE_CHECKING:
     from specan.analysis.batch.run import BatchReport
@@ -80,7 +80,7 @@ def command(
 def _say(report: BatchReport, page: Path | None, settings: BatchSettings | None, output: Path) -> int:
     """What was done, as JSON where there are settings; the exit code."""
     if report.resumed:
-        say(f"{report.resumed} results of an earlier run are unchanged and were reused.")
+        note(f"{report.resumed} results of an earlier run are unchanged and were reused.")
     failed = report.of_kind("failed")
     for result in failed[:SHOWN]:
         say(f"Failed: {result.label}: {result.reason}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import json_option, opt
-from specan_cli.output import Delivery, OutputFile, plot_option, say, show_sheets, verb
+from specan_cli.output import Delivery, OutputFile, note, plot_option, show_sheets, verb
 from specan_cli.recording_verb import expand, failures, given, left_out
 
 if TYPE_CHECKING:
@@ -77,8 +77,8 @@ def command(
 
     def show() -> None:
         show_sheets(calibration.sheets(budget))
-        for note in calibration.notes:
-            say(f"Note: {note}.")
+        for text in calibration.notes:
+            note(f"Note: {text}.")
 
     deliver.put_out({**calibration.to_dict(), "failures": failures(faults), "output": str(output)}, show)
     failed = any(c.verdict == "failed" for c in calibration.channels)

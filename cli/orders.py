@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import QUANTITIES, opt, section_options
-from specan_cli.output import plot_option, say
+from specan_cli.output import note, plot_option
 from specan_cli.recording_verb import ResultDelivery, Source, given, recording_verb
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def command(
     shown = OrderMap(**vars(found)) if as_map else found
     code = deliver(shown, shown={"peaks": peaks, **more}, more=more, view="map" if as_map else "")
     if found.lines is not None and deliver.output is not None and not (deliver.wants_whole or as_map):
-        say("The table holds only the requested lines; omit them for the whole spectrum.")
+        note("The table holds only the requested lines; omit them for the whole spectrum.")
     return code
 
 

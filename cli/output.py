@@ -158,6 +158,12 @@ def say(text: str) -> None:
     click.echo(text, err=True)
 
 
+def note(text: str) -> None:
+    """A line that ``-q`` leaves out."""
+    if not is_quiet():
+        say(text)
+
+
 # --- how much a verb says on standard error -------------------------------------------------------------
 
 _QUIET, _VERBOSE = "specan_cli.quiet", "specan_cli.verbose"

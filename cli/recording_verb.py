@@ -5,6 +5,7 @@ Such a verb takes several recordings, one after the other.
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import sys
@@ -28,7 +29,7 @@ from specan_cli.output import (
     decimal_option,
     delivered,
     emit_json,
-    is_quiet,
+    note,
     say,
     show_sheets,
 )
@@ -56,8 +57,8 @@ def say_notes(notes: Sequence[str], flags: Mapping[str, Sequence[str]]) -> None:
     """Notes and flags, on standard error."""
     from specan.result import gathered
 
-    for note in () if is_quiet() else notes:
-        say(f"Note: {note}.")
+    for text in notes:
+        note(f"Note: {text}.")
     alike = gathered((", ".join(words), name) for name, words in flags.items() if words)
     for said, names in alike.items():
         whose = ", ".join(names) if len(names) <= 8 else f"{names[0]} ... {names[-1]} ({len(names)})"
@@ -113,7 +114,7 @@ def left_out(file: str, faults: dict[str, Exception], several: bool = True) -> I
     except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
         raise
     except Exception as fault:
-        if not several:
+        if not several or (isinstance(fault, OSError) and fault.errno == errno.ENOSPC):
             raise
         faults[file] = fault
         say(f"Left out: {_reason(file, fault)}")

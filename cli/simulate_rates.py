@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from specan_cli.output import SAMPLES, OutputFile, say
+from specan_cli.output import SAMPLES, OutputFile, note
 
 if TYPE_CHECKING:
     from specan.models.model import Model
@@ -47,7 +47,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
         write_excerpt(
             Excerpt(made, made.channels, 0, conditions["time"].size), options["output"], options["decimal"]
         )
-        say(f"{conditions['time'].size} samples written to {options['output']}")
+        note(f"{conditions['time'].size} samples written to {options['output']}")
     show_channels(
         [(c.name, c.unit, made.read([c])[0]) for c in made.channels], options["as_json"],
         effects=[str(use) for use in chosen.assembly.uses],

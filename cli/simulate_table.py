@@ -11,7 +11,7 @@ import numpy as np
 
 from specan.errors import RequestError
 from specan_cli.options import column_option, opt, together
-from specan_cli.output import TABLES, OutputFile, decimal_option, emit_json, say
+from specan_cli.output import TABLES, OutputFile, decimal_option, emit_json, note, say
 from specan_cli.output import table as print_table
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def simulate(
         rows[axis] = np.array(words, dtype=object)[rows[axis].astype(int)]
     if options["output"]:
         write(options["output"], rows, options["decimal"])
-        say(f"{length(rows)} rows written to {options['output']}")
+        note(f"{length(rows)} rows written to {options['output']}")
     if options["as_json"]:
         emit_json({"effects": [str(use) for use in chosen.assembly.uses], "rows": records(**rows)})
     elif not options["output"]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan.errors import RequestError
-from specan_cli.output import emit_json, say
+from specan_cli.output import emit_json, note
 from specan_cli.simulate_recording import output_path, show_recording, write_recording
 
 if TYPE_CHECKING:
@@ -49,12 +49,12 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
         _record_lines(model, path, options)
         return
     if not HAS_NUMBA:
-        say("A simulated second takes about 40 s; with specan[fast] (numba) about 1 s.")
+        note("A simulated second takes about 40 s; with specan[fast] (numba) about 1 s.")
     motion = simulate(system_of(rig), duration, sampling_rate=RATE)
     channels = recorded_channels(motion, RATE)
     write_recording(path, channels, RATE, _described(rig), noise=(options["noise"], options["seed"]))
-    say(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")
-    say(f"step {1e6 * motion.step_s:.3g} us")
+    note(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")
+    note(f"step {1e6 * motion.step_s:.3g} us")
     show_recording(channels, options["as_json"], step_s=motion.step_s)
 
 
@@ -81,7 +81,7 @@ def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     orders, lines, request = _order_lines(model, options)
     channels = channels_of_lines(rig, orders, lines, round(duration * LINES_RATE), LINES_RATE)
     write_recording(path, channels, LINES_RATE, _described(rig), noise=(options["noise"], options["seed"]))
-    say(f"{len(channels)} channels of {duration:g} s made of {orders.size} order lines written to {path}")
+    note(f"{len(channels)} channels of {duration:g} s made of {orders.size} order lines written to {path}")
     _say_resonances(model)
     show_recording(channels, options["as_json"], effects=[str(u) for u in request.assembly.uses])
 
@@ -96,11 +96,13 @@ def _say_resonances(model: Model) -> None:
     rig = model.settings["parsed_rig"]
     mesh = rig.operation.sun_speed_hz * carrier_speed_ratio(rig.gear) * rig.gear.z_ring
     natural = np.unique(torsional_frequencies(model).round(1))
-    say(f"natural frequencies of the set: {', '.join(f'{f:.0f}' for f in natural)} Hz; mesh at {mesh:.0f} Hz")
+    note(
+        f"natural frequencies of the set: {', '.join(f'{f:.0f}' for f in natural)} Hz; mesh at {mesh:.0f} Hz"
+    )
     for frequency in natural:
         harmonic = max(round(frequency / mesh), 1)
         if abs(harmonic * mesh / frequency - 1) < _NEAR and harmonic <= len(model.axes["harmonic"]):
-            say(
+            note(
                 f"harmonic {harmonic} of the mesh, at {harmonic * mesh:.0f} Hz, meets that at {frequency:.0f} Hz"
             )
 
@@ -119,7 +121,7 @@ def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     ]
     header = ["channel", "order", "amplitude_m_per_s2", "phase_deg"]
     write_csv(path, header, rows)
-    say(f"{len(rows)} order lines written to {path}")
+    note(f"{len(rows)} order lines written to {path}")
     _say_resonances(model)
     if options["as_json"]:
         emit_json(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan.errors import RequestError
-from specan_cli.output import emit_json, say
+from specan_cli.output import emit_json, note, say
 from specan_cli.simulate_recording import output_path, show_recording, write_recording
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def _record(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     # 24 bits, as the laboratory's program writes
     write_recording(path, channels, rate, group, samples="int32")
     length = channels[0].samples.size / rate
-    say(f"{len(channels)} channels of {length:g} s at {rate:g} samples a second written to {path}")
+    note(f"{len(channels)} channels of {length:g} s at {rate:g} samples a second written to {path}")
     effects = [str(use) for use in chosen.assembly.uses]
     show_recording(channels, options["as_json"], effects=effects, sampling_rate_hz=rate)
 
@@ -91,7 +91,7 @@ def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
 
         save_figure(field_figure(found), path)
     level = found.level_dB
-    say(f"the field on {found.axis} = {found.at_m:g} m at {found.frequency_hz:g} Hz written to {path}")
+    note(f"the field on {found.axis} = {found.at_m:g} m at {found.frequency_hz:g} Hz written to {path}")
     if options["as_json"]:
         emit_json(
             {

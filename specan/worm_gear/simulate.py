@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import OutputFile, say
+from specan_cli.output import OutputFile, note
 from specan_cli.simulate_table import length, over_limits, simulate, table_options, write
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
         from specan.worm_gear.figures import efficiency_map
 
         save_figure(efficiency_map(chosen), options["plot"])
-        say(f"efficiency map written to {options['plot']}")
+        note(f"efficiency map written to {options['plot']}")
     if options["lookup"]:
         _look_up(chosen, options["lookup"])
     if options["output"] or not (options["plot"] or options["lookup"]):
@@ -58,4 +58,4 @@ def _look_up(chosen: ChosenModel, path: Path) -> None:
     model = chosen.assembly.model
     rows = simulated_table(chosen, grid(model, over_limits(model, LOOKUP_POINTS)))
     write(path, {name: rows[name] for name in LOOKUP_COLUMNS})
-    say(f"{length(rows)} rows written to {path}")
+    note(f"{length(rows)} rows written to {path}")

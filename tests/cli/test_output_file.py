@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -169,8 +170,10 @@ def test_a_device_is_written_to_and_not_replaced(recording) -> None:
 @pytest.mark.skipif(
     not Path("/dev/full").exists(), reason="left out: this system has no device that is always full"
 )
-@pytest.mark.parametrize("output", [("-o", "/dev/full"), ("-o", "-"), ()])
+@pytest.mark.parametrize("output", [("-o", "/dev/full"), ("-o", "-"), (), "several"])
 def test_a_full_disk_is_said(recording, tmp_path, output) -> None:
+    if output == "several":
+        output = (shutil.copy(recording, tmp_path / "second.tdms"),)
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
             [sys.executable, "-m", "specan_cli", "rms", str(recording), *output],

@@ -79,6 +79,21 @@ def test_quiet_leaves_notes_out_and_verbose_says_what_is_read():
     assert "s of processor time" in verbose.stderr
 
 
+@pytest.mark.parametrize(
+    ("model", "file"), [("worm-gear", "made.csv"), ("planetary-gear", "made.csv"), ("room", "made.tdms")]
+)
+def test_a_quiet_simulation_says_nothing_on_standard_error(model, file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("rig.toml").write_text(run("model", "rig", model).stdout, encoding="utf-8")
+    words = ["simulate", model, "rig.toml", "-o", file]
+    usual = run(*words)
+    Path(file).unlink()
+    quiet = run(*words, "-q")
+    assert f"written to {file}" in usual.stderr
+    assert quiet.stderr == ""
+    assert quiet.stdout == usual.stdout
+
+
 def test_many_options_stand_in_groups():
     said = run("octave", "--help").output
     places = [
