@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import Any
 
 from specan.errors import RequestError, nearest
-from specan.units import convert
+from specan.units import base_unit, convert
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,11 @@ class Parameter:
         float
             In SI, unless the parameter is `as_declared`.
         """
-        return value if self._plain or math.isinf(value) else float(convert(value, self.unit, _si(self.unit)))
+        return (
+            value
+            if self._plain or math.isinf(value)
+            else float(convert(value, self.unit, self.received_unit))
+        )
 
     def from_si(self, value: float) -> float:
         """A value as the function receives it in `unit`.
@@ -121,12 +125,16 @@ class Parameter:
         float
             In `unit`.
         """
-        return value if self._plain or math.isinf(value) else float(convert(value, _si(self.unit), self.unit))
+        return (
+            value
+            if self._plain or math.isinf(value)
+            else float(convert(value, self.received_unit, self.unit))
+        )
 
     @property
     def received_unit(self) -> str:
         """Unit in which the function that owns the parameter receives it."""
-        return self.unit if self._plain else _si(self.unit)
+        return self.unit if self._plain else base_unit(self.unit)
 
     @property
     def _plain(self) -> bool:
@@ -142,12 +150,6 @@ class SiRange:
     max: float
     lower: float
     upper: float
-
-
-def _si(unit: str) -> str:
-    from specan.units import base_unit
-
-    return base_unit(unit)
 
 
 class ParameterName(str):

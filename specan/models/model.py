@@ -143,10 +143,7 @@ class Model:
                     f"the effect {effect.name!r} acts at one {effect.at}, an axis that {self.name} lacks",
                     remedy=nearest(effect.at, self.axes),
                 )
-        self._check_observables()
         self.base_order  # noqa: B018 - says which quantities read each other in a circle
-
-    def _check_observables(self) -> None:
         for observable in self.observables.values():
             _require_known(observable.name, (observable.quantity,), set(self.quantities))
             node = self.quantities[observable.quantity]

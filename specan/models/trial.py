@@ -20,7 +20,7 @@ from specan.models.effect import Parameter
 from specan.models.evaluation import Evaluation
 from specan.models.from_function import PREFIX, place_of
 from specan.models.model import Assembly, Model
-from specan.units import base_unit, convert, same_dimension, with_unit
+from specan.units import convert, same_dimension, with_unit
 
 LIMIT_S = 20.0  # of one evaluation: a diagnosis takes hundreds
 
@@ -210,13 +210,6 @@ def _with_units(
     return {n: with_unit(found[n], unit) for n, unit in units.items()}, units
 
 
-def _own(parameters: Mapping[str, Parameter]) -> dict[str, Any]:
-    return {
-        n: with_unit(p.si.default, p.unit if p.as_declared or p.unit == "1" else base_unit(p.unit))
-        for n, p in parameters.items()
-    }
-
-
 def _judge(
     name: str,
     function: Any,
@@ -228,7 +221,8 @@ def _judge(
     """Refuse what contradicts its units; note what may hide one."""
     plain = getattr(function, "function", function)
     try:
-        given = function(*arguments, **_own(parameters))
+        own = {n: with_unit(p.si.default, p.received_unit) for n, p in parameters.items()}
+        given = function(*arguments, **own)
         parts = given if isinstance(given, dict) else dict.fromkeys(wanted, given)
         wrong = [(q, same_dimension(parts[q], unit)) for q, unit in wanted.items()]
         found = next((f"{q!r} in {said}, declared is {wanted[q] or '1'}" for q, said in wrong if said), "")

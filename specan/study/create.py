@@ -140,10 +140,8 @@ def _data_entry(directory: Path, path: Path, model: Model, sheet: str) -> dict[s
 
 def _effects(model: Model, names: Sequence[str], recordings: int) -> list[dict[str, Any]]:
     """Entries of the effects to begin with, and of the instrument errors that have a prior."""
-    entries: list[dict[str, Any]] = []
     uses = model.assemble(names).uses
-    for use in uses:
-        entries.append(effect_entry(use))
+    entries = [effect_entry(use) for use in uses]
     held: dict[Use, list[Nuisance]] = {}
     for nuisance in model.nuisances:
         use = Use.parse(nuisance.effect)

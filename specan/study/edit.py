@@ -20,7 +20,7 @@ from specan.study.estimation.fit import fit, intervals_95, profile_interval
 from specan.study.history import History, Step, changing, commit, error_pairs
 from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
-from specan.study.study_file import NAME, StudyText, read_study_file
+from specan.study.study_file import NAME, StudyText, read_study_file, use_of
 from specan.study.user_effects import rival_laws
 
 # What JSON says of the steps before and after a change.
@@ -126,7 +126,7 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
         if use in study.problem.nuisances:
             text.set_role(use, "model")
         else:
-            text.add_effect(effect_entry(use))
+            text.append("effect", effect_entry(use))
         changed, held = hold_undetermined(Study(study.directory, draft=text))
         after = changed.step("add", str(use), because, study.diagnosed)
         intervals = _intervals(changed, use)
@@ -148,7 +148,7 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
         if has_prior:
             text.set_role(use, "nuisance")
         else:
-            text.drop_effect(use)
+            text.drop("effect", lambda entry: use_of(entry) == use)
         changed = Study(study.directory, draft=text)
         after = changed.step("drop", str(use), because, study.diagnosed)
         changed.keep(after)
@@ -196,7 +196,7 @@ def drop_effect_file(directory: Path, name: str) -> str:
         held = [e.use.name for e in content.effect if e.use.name in declared]
         if held:
             raise RequestError(f"the model holds {held[0]!r} of {wanted}", remedy="drop that effect first")
-        text.drop_effect_file(wanted)
+        text.drop("effect_file", lambda entry: entry["file"] == wanted)
         commit(directory, text.text, "")
     return wanted
 
@@ -303,11 +303,7 @@ def _on_errors(before: Step, after: Step, expected_to_fall: bool) -> list[str]:
 
 def _superfluous(old: Study, new: Study) -> list[str]:
     """Effects that the model can do without now, and could not before."""
-    found = []
-    for name in old.model_effects:
-        if _can_go(new, name) and not _can_go(old, name):
-            found.append(name)
-    return found
+    return [name for name in old.model_effects if _can_go(new, name) and not _can_go(old, name)]
 
 
 def _can_go(study: Study, name: str) -> bool:

@@ -156,10 +156,6 @@ class History(Result):
         """The latest step."""
         return self.steps[-1] if self.steps else None
 
-    def append(self, step: Step) -> None:
-        """Take in a step that `specan.study.history` writes."""
-        self.steps.append(step)
-
     def _read(self) -> list[Step]:
         if not self.path.exists():
             return []

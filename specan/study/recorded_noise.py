@@ -85,11 +85,8 @@ def _fits_with(promise: Promise, problem: Problem, reached: Fit) -> Iterator[tup
 
 def _responses(o: TimeObservation, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Array]:
     """Change of all rows after an impulse in the rate of each state, when a recording begins."""
-    model, rates = assembly.model, assembly.model.rates
-    if rates is None:
-        return {}
-    plain, found = o.predict(assembly, values), {}
-    for name in rates.states:
+    model, plain, found = assembly.model, o.predict(assembly, values), {}
+    for name in model.rates.states:
         start = model.quantities[f"{name}_start"]
         size = IMPULSE * o.spread(assembly, values, name)
         moved = replace(start, function=lambda *given, of=start, by=size, **own: of(*given, **own) + by)

@@ -473,7 +473,7 @@ class Study:
     def keep(self, step: Step) -> None:
         """Write a step, and the study as it is then; the caller holds it by `changing`."""
         commit(self.directory, self.text().text if self.draft else None, line_of(step))
-        self.history.append(step)
+        self.history.steps.append(step)
 
     def unrecorded(self) -> Step | None:
         """What a person changed by hand since the last step, as a step that is not kept yet."""

@@ -127,17 +127,14 @@ def file_hash(path: Path) -> str:
     RequestError
         It cannot be read.
     """
-    digest = hashlib.sha256()
     try:
         with regular(path).open("rb") as stream:
-            while block := stream.read(1 << 20):
-                digest.update(block)
+            return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as fault:
         raise RequestError(
             f"{path} cannot be read ({fault.strerror})",
             remedy="put it back, or correct its place in study.toml",
         ) from None
-    return digest.hexdigest()
 
 
 def rig_hash(path: Path) -> str:
@@ -177,24 +174,12 @@ class StudyText:
         document.add(tomlkit.nl())
         for key, value in content.items():
             for entry in value if _are_tables(value) else ():
-                text._append(key, entry)
+                text.append(key, entry)
         tidy = re.sub(r"\n{3,}", "\n\n", tomlkit.dumps(document))
         return cls(path, tomlkit.parse(tidy))
 
-    def add_effect(self, entry: Mapping[str, Any]) -> None:
-        """Append an effect."""
-        self._append("effect", entry)
-
-    def drop_effect(self, use: Use) -> None:
-        """Remove an effect."""
-        self._drop("effect", lambda entry: _use_of(entry) == use)
-
-    def drop_effect_file(self, file: str) -> None:
-        """Take a user's effect file out."""
-        self._drop("effect_file", lambda entry: entry["file"] == file)
-
-    def _drop(self, key: str, wanted: Callable[[Any], bool]) -> None:
-        """Remove the first entry that is wanted, and the key with the last one."""
+    def drop(self, key: str, wanted: Callable[[Any], bool]) -> None:
+        """Remove the first entry of ``effect`` or ``effect_file`` that is wanted, and the key with the last one."""
         entries = self.document[key]
         place = next((k for k, entry in enumerate(entries) if wanted(entry)), None)
         if place is not None:
@@ -208,12 +193,12 @@ class StudyText:
             if known["file"] == entry["file"]:
                 known["sha256"] = entry["sha256"]
                 return
-        self._append("effect_file", entry)
+        self.append("effect_file", entry)
 
     def set_role(self, use: Use, role: str) -> None:
         """Make a nuisance a part of the model, or the reverse."""
         for entry in self.document["effect"]:
-            if _use_of(entry) == use:
+            if use_of(entry) == use:
                 entry["role"] = role
 
     def fix_parameter(self, full_name: str) -> None:
@@ -223,7 +208,7 @@ class StudyText:
         owner, name = ParameterName(full_name).owner, ParameterName(full_name).own
         place = self.document
         for entry in self.document.get("effect", []):
-            if str(_use_of(entry)) == owner:
+            if str(use_of(entry)) == owner:
                 place = entry
         name = full_name if place is self.document else name
         if "parameters" not in place:
@@ -263,7 +248,8 @@ class StudyText:
         """
         return parse(StudyFile, self.document.unwrap(), str(self.path))
 
-    def _append(self, key: str, entry: Mapping[str, Any]) -> None:
+    def append(self, key: str, entry: Mapping[str, Any]) -> None:
+        """Add an entry behind the others of ``effect``, ``measurement`` or the like."""
         import tomlkit
 
         made = tomlkit.table()
@@ -275,7 +261,8 @@ class StudyText:
         self.document[key].append(made)
 
 
-def _use_of(entry: Any) -> Use:
+def use_of(entry: Any) -> Use:
+    """The effect of an entry of the text."""
     return EffectEntry.model_validate(entry.unwrap()).use
 
 

@@ -119,10 +119,10 @@ def test_a_model_without_candidates_has_a_verdict(tmp_path) -> None:
 
 def test_a_fit_that_does_not_settle_is_a_remark(tmp_path, monkeypatch) -> None:
     from specan.study.estimation import fit as fitting
-    from specan.study.estimation.levenberg_marquardt import descend, not_settled
+    from specan.study.estimation.levenberg_marquardt import NotSettledError, descend
 
     def given_up(problem, start):
-        raise not_settled(descend(problem, start), 25)
+        raise NotSettledError(descend(problem, start), 25)
 
     x = np.repeat(np.linspace(1, 10, 10), 3)
     asked = problem(tmp_path, model(offset), x, 2 * x + 1.5)

@@ -36,7 +36,7 @@ def test_a_left_out_block_is_what_a_refit_without_it_says(toy):
 def test_the_direction_is_the_mean_relative_error_that_a_refit_finds(toy):
     problem = toy.problem(lambda x, z: 1.0 * (2 + 3 * x) * (z > 1.0), [], noise=0.01)
     rows = toy.z > 1.0
-    error, z = LeftOut(problem, fit(problem)).direction(rows)
+    error, z = LeftOut(problem, fit(problem)).directions([rows])[0]
     whole = 1 + 1 / 6  # what the fit makes of five sixths at one and a sixth at two
     assert error == pytest.approx((1 - 2) / whole, rel=0.05)
     assert z < -10
@@ -71,8 +71,8 @@ def test_a_true_model_is_left_alone(toy):
 def test_parameters_cannot_run_out_of_their_domain_without_a_block(toy):
     problem = toy.problem(lambda x, z: 3.0 * (x > 1.9), [])
     tight = replace(problem, domains={"line.slope": (2.9, 3.1), "line.offset": (1.9, 2.1)})
-    free = LeftOut(problem, fit(problem)).direction(toy.x > 1.9)
-    held = LeftOut(tight, fit(tight)).direction(toy.x > 1.9)
+    free = LeftOut(problem, fit(problem)).directions([toy.x > 1.9])[0]
+    held = LeftOut(tight, fit(tight)).directions([toy.x > 1.9])[0]
     assert abs(held[1]) > abs(free[1])
 
 

@@ -228,21 +228,15 @@ class Reference:
     assembly: Assembly
     values: Mapping[str, Any]
 
-    def predict(self, rows: Rows) -> Array:
-        """What the reference expects in every row."""
-        return self._predict(rows, rows.conditions)
-
-    def _predict(self, rows: Rows, conditions: Mapping[str, Array]) -> Array:
+    def predict(self, rows: Rows, conditions: Mapping[str, Array] | None = None) -> Array:
+        """What the reference expects in every row, at other conditions if need be."""
         return rows.observed(np.ones(rows.n), conditions).predict(self.assembly, self.values)
 
     def slope(self, rows: Rows, condition: str) -> Array:
         """Derivative of the reading over one condition."""
         x = rows.conditions[condition]
         step = 1e-3 * max(float(np.ptp(x)), 0.1 * float(np.abs(x).max()), 1e-9)
-        ends = []
-        for side in (1, -1):
-            moved = {**rows.conditions, condition: x + side * step}
-            ends.append(self._predict(rows, moved))
+        ends = [self.predict(rows, {**rows.conditions, condition: x + s * step}) for s in (1, -1)]
         slope = (ends[0] - ends[1]) / (2 * step)
         return np.where(np.isfinite(slope), slope, 0.0)
 

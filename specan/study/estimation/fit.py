@@ -20,7 +20,6 @@ from specan.study.estimation.levenberg_marquardt import (
     Minimum,
     NotSettledError,
     descend,
-    not_settled,
     refine,
     unit,
 )
@@ -138,7 +137,10 @@ def _minima(problem: Problem, places: Sequence[Array], near: bool) -> tuple[list
                 reason = fault.found
             except np.linalg.LinAlgError as fault:
                 reason = f"linear algebra failed ({fault})"
-        if _agree(problem, found) or (found and near):
+        # two descents that lead to the lowest minimum agree
+        chi2 = sorted(minimum.chi2 for minimum in found)
+        agree = len(chi2) > 1 and chi2[1] - chi2[0] < STEP_TOLERANCE * unit(problem, chi2[0])
+        if agree or (found and near):
             break
     if not (found or unsettled):
         raise ComputationError(
@@ -146,12 +148,6 @@ def _minima(problem: Problem, places: Sequence[Array], near: bool) -> tuple[list
             remedy="give other start values or narrower bounds, or take an effect out",
         )
     return found or unsettled, bool(found)
-
-
-def _agree(problem: Problem, found: Sequence[Minimum]) -> bool:
-    """Whether two descents lead to the lowest minimum."""
-    chi2 = sorted(minimum.chi2 for minimum in found)
-    return len(chi2) > 1 and chi2[1] - chi2[0] < STEP_TOLERANCE * unit(problem, chi2[0])
 
 
 def _trust_region(problem: Problem, theta0: Array) -> Minimum:
@@ -174,7 +170,7 @@ def _trust_region(problem: Problem, theta0: Array) -> Minimum:
         return Minimum(found.x, found.fun, found.jac, 2 * float(found.cost))
     minimum, settled = refine(problem, found.x)
     if not settled:
-        raise not_settled(minimum, MOST_REFINING)
+        raise NotSettledError(minimum, MOST_REFINING)
     return minimum
 
 

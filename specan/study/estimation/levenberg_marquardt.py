@@ -59,14 +59,9 @@ class NotSettledError(ComputationError):
         The lowest place that it came to.
     """
 
-    reached: Minimum
-
-
-def not_settled(reached: Minimum, jacobians: int) -> NotSettledError:
-    """The error of a descent that has taken so many Jacobians."""
-    fault = NotSettledError(f"it did not converge within {jacobians} Jacobians")
-    fault.reached = reached
-    return fault
+    def __init__(self, reached: Minimum, jacobians: int) -> None:
+        super().__init__(f"it did not converge within {jacobians} Jacobians")
+        self.reached = reached
 
 
 def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest: float = np.inf) -> Minimum:
@@ -95,9 +90,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest:
     for count in range(MOST_JACOBIANS):
         history.append(descent.chi2)
         guessed = slopes is not None and count == 0
-        jacobian = slopes if slopes is not None and count == 0 else problem.jacobian(descent.theta)
-        if not np.all(np.isfinite(jacobian)):
-            raise ComputationError("the model gives derivatives that are not finite")
+        jacobian = _finite(slopes if slopes is not None and count == 0 else problem.jacobian(descent.theta))
         enough = max(descent.little, descent.chi2 - lowest)
         slow = len(history) > 5 and history[-6] - history[-1] < enough
         found = descent.minimum(jacobian) if slow else descent.follow(jacobian, guessed)
@@ -106,7 +99,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest:
         if problem.settled(found.theta):
             return found
         descent, history = _Descent(problem, found.theta), []
-    raise not_settled(descent.minimum(problem.jacobian(descent.theta)), MOST_JACOBIANS)
+    raise NotSettledError(descent.minimum(problem.jacobian(descent.theta)), MOST_JACOBIANS)
 
 
 def descend_steps(problem: Problem, start: Array, jacobians: int) -> Array:
@@ -173,6 +166,9 @@ class _Place:
             return inside, None
         return inside, residual if np.all(np.isfinite(residual)) else None
 
+    def minimum(self, jacobian: Array) -> Minimum:
+        return Minimum(self.theta, self.residual, jacobian, self.chi2)
+
 
 class _Descent(_Place):
     """A descent by secants, and the damping of its next step."""
@@ -194,9 +190,6 @@ class _Descent(_Place):
         )
         # 0.05: share by which five Jacobians have to lower chi-square there to be worth going on
         return 0.05 * self.chi2 if far_off else STALL_TOLERANCE * self.unit
-
-    def minimum(self, jacobian: Array) -> Minimum:
-        return Minimum(self.theta, self.residual, jacobian, self.chi2)
 
     def follow(self, jacobian: Array, guessed: bool) -> Minimum | None:
         """Steps by secants from one Jacobian; the minimum if it, or a guess kept current, promises no more."""
@@ -321,7 +314,7 @@ def refine(problem: Problem, start: Array) -> tuple[Minimum, bool]:
             break  # rounding, or the accuracy of the model, is reached
         order = order if gained else 4
         before, promised = promised, descent.derive(order)
-    return descent.minimum(), promised < STEP_TOLERANCE * unit(problem, descent.chi2)
+    return descent.minimum(descent.jacobian), promised < STEP_TOLERANCE * unit(problem, descent.chi2)
 
 
 class _Refinement(_Place):
@@ -334,9 +327,6 @@ class _Refinement(_Place):
         self.jacobian = _finite(self.problem.jacobian(self.theta))
         predicted = np.concatenate(self.problem.predictions(self.theta))
         self.predicted = float(np.linalg.norm(self.problem.whiten(predicted)))
-
-    def minimum(self) -> Minimum:
-        return Minimum(self.theta, self.residual, self.jacobian, self.chi2)
 
     def derive(self, order: int) -> float:
         """Derive at theta; the fall in chi-square that an undamped step promises."""

@@ -187,11 +187,10 @@ def _carried_over(problem: Problem, best: Fit, joint: Problem) -> tuple[Array, A
     place = {name: k for k, name in enumerate(problem.names)}
     theta = np.empty(len(joint.names))
     covariance = np.zeros((theta.size, theta.size))
-    known = [(k, place[name]) for k, name in enumerate(joint.names) if name in place]
-    for k, old in known:
-        theta[k] = best.theta[old]
-        for other, old_other in known:
-            covariance[k, other] = best.covariance[old, old_other]
+    known = [k for k, name in enumerate(joint.names) if name in place]
+    old = [place[joint.names[k]] for k in known]
+    theta[known] = best.theta[old]
+    covariance[np.ix_(known, known)] = best.covariance[np.ix_(old, old)]
     for k, name in enumerate(joint.names):
         if name not in place:
             fitted = [best.theta[i] for n, i in place.items() if n.whole == name.whole]
@@ -231,12 +230,8 @@ class LeftOut:
         """Columns of single rows, each in units of its own uncertainty."""
         return self.columns(np.diag(np.concatenate([o.sigma for o in self.problem.observations])))
 
-    def direction(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
-        """Mean relative error of the prediction over some rows, and its z."""
-        return self.directions([rows])[0]
-
     def directions(self, blocks: Sequence[NDArray[np.bool_]]) -> list[tuple[float, float]]:
-        """The same of several blocks: one product with the root of the covariance instead of one a block."""
+        """Mean relative error of the prediction over the rows of each block, and its z."""
         found = []
         for first in range(0, len(blocks), AT_ONCE):
             raw = np.stack(

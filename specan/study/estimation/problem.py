@@ -33,7 +33,6 @@ SHARE = 0.25  # standard deviation of a tail over the range
 SUBSAMPLE_ROWS = 5000  # rows of a subsample
 
 
-@dataclass(frozen=True, eq=False)
 class KnownRanges:
     """Known ranges of several parameters, with soft tails; infinite ends pull nowhere.
 
@@ -43,34 +42,26 @@ class KnownRanges:
     be positive is known to that share of itself: below its range, sd is at most a quarter of the lower end, so that
     "none at all" is four standard deviations away.
 
-    Attributes
+    Parameters
     ----------
     low, high : array, shape (n,)
         Ends of the ranges, SI.
-    below, above : array, shape (n,)
-        Standard deviations of the tails.
+    size : array, shape (n,)
+        Serves for the width of a range that is open at one end.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> known = KnownRanges(np.array([0.01, 0.3]), np.array([0.12, 1.5]), np.ones(2))
+    >>> known.pulls(np.array([0.175, 0.0])).round(2)
+    array([ 2., -4.])
     """
 
-    low: Array
-    high: Array
-    below: Array
-    above: Array
-
-    @classmethod
-    def of(cls, low: Array, high: Array, size: Array) -> KnownRanges:
-        """Ranges with their tails; `size` serves for the width of a range that is open at one end.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> known = KnownRanges.of(np.array([0.01, 0.3]), np.array([0.12, 1.5]), np.ones(2))
-        >>> known.pulls(np.array([0.175, 0.0])).round(2)
-        array([ 2., -4.])
-        """
-        low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    def __init__(self, low: Array, high: Array, size: Array) -> None:
+        self.low, self.high = low, high
         width = np.where(np.isfinite(high - low) & (high > low), high - low, size / SHARE)
-        floor = np.where(low > 0, np.minimum(low, width), width)
-        return cls(low, high, SHARE * floor, SHARE * width)
+        self.above = SHARE * width
+        self.below = SHARE * np.where(low > 0, np.minimum(low, width), width)
 
     def pulls(self, values: Array) -> Array:
         """Standard deviations by which values lie outside, with their sign; zero inside."""
@@ -230,10 +221,6 @@ class Problem:
     def values_at(self, theta: Array) -> dict[str, Any]:
         """SI value of every parameter, those held and linked included."""
         values: dict[str, Any] = dict(self._held)
-        if not self._vectors:
-            values.update(zip(self.free, map(float, theta), strict=True))
-            values.update((name, values[other]) for name, other in self.links.items())
-            return values
         position = 0
         for name in self.free:
             if name in self.elements:
@@ -246,11 +233,6 @@ class Problem:
         for name, other in self.links.items():
             values[name] = values[other]
         return values
-
-    @cached_property
-    def _vectors(self) -> bool:
-        """Whether a free parameter is a vector."""
-        return any(name in self.elements for name in self.free)
 
     @cached_property
     def _held(self) -> dict[str, Any]:
@@ -409,7 +391,7 @@ class Problem:
         ).reshape(-1, 2)
         return PseudoMeasurements(
             np.array(held, dtype=np.intp), np.array(ranged, dtype=np.intp), prior[:, 0], prior[:, 1],
-            KnownRanges.of(ends[:, 0], ends[:, 1], self.scale[ranged]), len(self._owner),
+            KnownRanges(ends[:, 0], ends[:, 1], self.scale[ranged]), len(self._owner),
         )  # fmt: skip
 
     def pulls(self, theta: Array) -> Array:

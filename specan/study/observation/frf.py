@@ -283,10 +283,9 @@ class FrfObservation(KeptLines):
     def whiten_each(self, flat: Array) -> Array:
         """V^(-1/2) without what the receivers have in common, along axis 0 of a matrix."""
         shape = (2, self.n // 2, flat.shape[1])
-        both, out = flat.reshape(shape), np.empty(shape)
-        for (first, last), whitener in zip(self._spans, self._whiteners, strict=True):
-            out[:, first:last] = whitener(both[:, first:last])
-        return out.reshape(flat.shape)
+        parts = np.split(flat.reshape(shape), np.cumsum(self.kept.sum(axis=1))[:-1], axis=1)
+        white = [whitener(part) for part, whitener in zip(parts, self._whiteners, strict=True)]
+        return np.concatenate(white, axis=1).reshape(flat.shape)
 
     @cached_property
     def of_all(self) -> tuple[Array, Array]:
@@ -367,11 +366,6 @@ class FrfObservation(KeptLines):
         """Conditions of the model at given lines."""
         known = self.conditions_at_nodes.items()
         return {n: np.interp(frequency, self.folding.nodes, v) if np.ndim(v) else v for n, v in known}
-
-    @cached_property
-    def _spans(self) -> list[tuple[int, int]]:
-        ends = np.cumsum(self.kept.sum(axis=1))
-        return [(int(e - c), int(e)) for e, c in zip(ends, self.kept.sum(axis=1), strict=True)]
 
     @cached_property
     def _whiteners(self) -> list[_Whitener]:

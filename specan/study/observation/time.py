@@ -82,8 +82,6 @@ class TimeObservation(TableObservation):
 
     def settled(self, assembly: Assembly, values: Mapping[str, Any]) -> bool:
         """Whether the solver takes steps enough at some values; if not, it does from then on."""
-        if assembly.model.rates is None:
-            return True
         solver = assembly.model.solver
         solver.doubted = assembly
         self.predict(assembly, values)

@@ -112,15 +112,10 @@ def _pull(refit: Refit, name: ParameterName) -> Pull:
         known, pull = (mean - COVERAGE * sd, mean + COVERAGE * sd), (value - mean) / sd
     else:
         known = problem.plausible(plain)
-        pull = float(problem.pulls(fit.theta)[_place(refit, name)])
+        row = problem.pseudo_rows[range_of(name)] - problem.n_data - problem.n_priors
+        pull = float(problem.pulls(fit.theta)[row])
     outside = not known[0] <= value <= known[1]
     return Pull(
         name, parameter.from_si(value), (parameter.from_si(known[0]), parameter.from_si(known[1])),
         pull, parameter.unit, name in fit.at_bound and outside,
     )  # fmt: skip
-
-
-def _place(refit: Refit, name: ParameterName) -> int:
-    """Number of a parameter's range among the ranges."""
-    problem = refit.problem
-    return problem.pseudo_rows[range_of(name)] - problem.n_data - problem.n_priors

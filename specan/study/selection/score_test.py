@@ -115,12 +115,8 @@ def different(items: Sequence[Scored], count: int) -> list[Scored]:
     for item in items[1:]:
         if len(taken) == count:
             break
-        if item.chi2_reduction < SAME_GAIN * taken[-1].chi2_reduction and all(_apart(item, t) for t in taken):
+        shapes, size = item.signature.shapes, item.signature.size
+        same = any(t.signature.shapes == shapes and np.all(t.signature.size == size) for t in taken)
+        if item.chi2_reduction < SAME_GAIN * taken[-1].chi2_reduction and not same:
             taken.append(item)
     return taken
-
-
-def _apart(one: Scored, two: Scored) -> bool:
-    return one.signature.shapes != two.signature.shapes or bool(
-        np.any(one.signature.size != two.signature.size)
-    )

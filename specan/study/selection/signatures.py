@@ -368,7 +368,8 @@ class _ShapeGrid:
             wide = [k for k in range(len(values) - 1) if _turns(units[k], units[k + 1])]
             if not wide or len(values) + len(wide) > most:
                 break
-            values = sorted({*values, *(_middle(values[k], values[k + 1]) for k in wide)})
+            ends = [(values[k], values[k + 1]) for k in wide]
+            values = sorted({*values, *(float(np.sqrt(a * b)) if a > 0 else (a + b) / 2 for a, b in ends)})
         return values
 
     def places(self, size: float) -> list[Point]:
@@ -392,10 +393,6 @@ class _ShapeGrid:
             coarse = [grid(*candidate.plausible(name), 3) for name in candidate.shapes]
             places += [dict(zip(candidate.shapes, place)) for place in product(*coarse)]
         return list({tuple(p.items()): p for p in places}.values())
-
-
-def _middle(low: float, high: float) -> float:
-    return float(np.sqrt(low * high)) if low > 0 else (low + high) / 2
 
 
 def _turns(first: Real | None, second: Real | None) -> bool:
