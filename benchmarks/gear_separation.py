@@ -14,7 +14,7 @@ import argparse
 import json
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -64,19 +64,20 @@ def observations(model: Model, plan: Plan, noise: float) -> list[OrderLinesObser
     known = model.for_kinds["orders"]
     assert known is not None
     mine = np.isin(known.harmonic, plan.harmonics)
+    of_lines = ("order", "harmonic", "passages", "mode", "family")
+    known = replace(known, **{name: getattr(known, name)[mine] for name in of_lines})
     found = []
     for torque in plan.torques:
         point = {"sun_speed": SPEED_HZ, "carrier_torque": torque}
-        conditions = {"order": known.order[mine], **{c: np.full(mine.sum(), v) for c, v in point.items()}}
+        conditions = {"order": known.order, **{c: np.full(mine.sum(), v) for c, v in point.items()}}
         lines = model.assemble().evaluate(conditions, wanted=["order_lines"])["order_lines"]
         sensors = tuple(model.axes["sensor"])
         found.append(
             OrderLinesObservation(
                 name=f"{torque:g} N m", of_row=(f"{torque:g} N m",) * len(sensors), quantity="order_lines",
-                channels=sensors, order=known.order[mine], harmonic=known.harmonic[mine],
-                passages=known.passages[mine], mode=known.mode[mine], family=np.array(known.family)[mine],
-                amplitude=lines, noise=np.full(lines.shape, noise), beyond=np.zeros(lines.shape, dtype=bool),
-                path=np.arange(len(sensors)), errors=known.errors, kept=np.ones(lines.shape, dtype=bool),
+                channels=sensors, known=known, amplitude=lines,
+                noise=np.full(lines.shape, noise), beyond=np.zeros(lines.shape, dtype=bool),
+                path=np.arange(len(sensors)), kept=np.ones(lines.shape, dtype=bool),
                 point={name: np.full(len(sensors), value) for name, value in point.items()},
             )
         )  # fmt: skip
@@ -89,7 +90,10 @@ def columns(model: Model, seen: Sequence[OrderLinesObservation]) -> tuple[list[A
     values = {**assembly.defaults, **dict.fromkeys(UNKNOWNS, 0.0)}
     slopes, gains = [], []
     for one in seen:
-        conditions = {"order": one.order, **{c: np.full(one.order.size, v[0]) for c, v in one.point.items()}}
+        conditions = {
+            "order": one.known.order,
+            **{c: np.full(one.known.order.size, v[0]) for c, v in one.point.items()},
+        }
         white = one._whitening(one.amplitude[one.kept])
 
         def rows(lines: Any, white: Any = white, one: OrderLinesObservation = one) -> Array:

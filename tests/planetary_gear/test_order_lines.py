@@ -45,19 +45,17 @@ def observed(
         of_row=("run.tdms",) * 2,
         quantity="lines",
         channels=("A", "B"),
-        order=ORDER,
-        harmonic=HARMONIC,
-        passages=PASSAGES,
-        mode=MODE,
-        family=np.array([f"10h+-{abs(o):g}" for o in OFFSET]),
+        known=OrderLines(
+            ORDER, HARMONIC, PASSAGES, MODE, np.array([f"10h+-{abs(o):g}" for o in OFFSET]),
+            sun_turns=1.0, torque=1.0, period=4, errors=DeclaredErrors(near, path, response),
+        ),
         amplitude=amplitude,
         noise=np.full((2, 8), sigma),
         beyond=BEYOND,
         path=np.arange(2),
-        errors=DeclaredErrors(near, path, response),
         kept=np.ones((2, 8), dtype=bool),
         point={"load": np.full(2, 2.0)},
-    )
+    )  # fmt: skip
 
 
 def test_it_is_an_observation() -> None:
@@ -219,7 +217,7 @@ STATEMENT = OrderLines(
     HARMONIC,
     PASSAGES,
     MODE,
-    ("",) * 8,
+    np.full(8, ""),
     sun_turns=1.0,
     torque=1.0,
     period=4,
@@ -326,7 +324,8 @@ def sidebands_low():
     beside = np.abs(OFFSET) == 1
     lines = np.where(beside, 0.05, np.where(OFFSET == 0, 1.0, 0.3)) * np.ones((2, 1), dtype=complex)
     family = np.where(OFFSET == 0, "10h", np.where(beside, "10h+-1", "10h+-n"))
-    data = replace(observed(lines, 1e-5), family=family)
+    data = observed(lines, 1e-5)
+    data = replace(data, known=replace(data.known, family=family))
     problem = base_problem(comb(lines * np.where(beside, 0.05, 1.0)), [data])
     return problem, fit(problem, starts=1)
 

@@ -166,7 +166,7 @@ def line_statement(rig: Rig, harmonics: int) -> OrderLines:
         passages=passages,
         # Of the forces of all planets, n passages let a sensor hear the part that goes with exp(-j n psi_i).
         mode=np.minimum(passages % gear.planets, -passages % gear.planets),
-        family=tuple(_family(gear, *line) for line in zip(orders.tolist(), offset.tolist(), strict=True)),
+        family=np.array([_family(gear, *at) for at in zip(orders.tolist(), offset.tolist(), strict=True)]),
         sun_turns=1.0 / carrier_speed_ratio(gear),
         torque=rig.operation.carrier_torque_Nm,
         period=repeat_turns(gear),

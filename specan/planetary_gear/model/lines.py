@@ -53,7 +53,7 @@ class OrderLines:
     mode : array of int (lines,)
         Kind of the modes that are heard there: 0 all planets move alike, and the central members turn; 1 these move to
         a side; from 2 on the planets move alone (Lin and Parker, J. Vib. Acoust. 121 (1999) 316).
-    family : tuple of str
+    family : array of str (lines,)
         What each line is called together with those of the other harmonics: ``66h+-3.75 (sun)``.
     sun_turns : float
         Turns of the sun per turn of the carrier.
@@ -69,7 +69,7 @@ class OrderLines:
     harmonic: NDArray[np.intp]
     passages: NDArray[np.intp]
     mode: NDArray[np.intp]
-    family: tuple[str, ...]
+    family: NDArray[np.str_]
     sun_turns: float
     torque: float
     period: int

@@ -50,12 +50,12 @@ class _Lines:
         self.noise = np.concatenate([o.sigma for o in seen])
         self.labels = {name: np.concatenate([o.labels[name] for o in seen]) for name in seen[0].labels}
         self.variables = seen[0].variables
-        self.order = np.concatenate([o.rows(o.order) for o in seen])
+        self.order = np.concatenate([o.rows(o.known.order) for o in seen])
         # of the line that a row is a part of: its error and its size
         both = list(zip(seen, parts, strict=True))
         self.gap = np.concatenate([o.rows(np.abs(o.lines_of(part) - o.amplitude)) for o, part in both])
         self.size = np.concatenate([o.rows(np.abs(o.amplitude)) for o in seen])
-        near = np.concatenate([np.full(o.n, o.errors.near) for o in seen])
+        near = np.concatenate([np.full(o.n, o.known.errors.near) for o in seen])
         self.allowed = np.hypot(near * self.size, np.sqrt(2) * self.noise)
         self.middle = np.concatenate([_middle(o, part) for o, part in both])
         self.observable = seen[0].observable

@@ -36,23 +36,23 @@ def figure_compare_orders(study: Study, channel: str | None = None) -> Figure:
     observation = study.problem.observations[0]
     assert isinstance(observation, OrderLinesObservation)
     model = observation.lines_of(study.problem.plain(study.shown.theta)[0])
-    row = _row(observation, model, channel)
+    known, row = observation.known, _row(observation, model, channel)
     kept, noise = observation.kept[row], np.sqrt(2) * observation.noise[row]
     measured, predicted = np.abs(observation.amplitude[row]), np.abs(model[row])
     left = np.abs(observation.amplitude[row] - model[row])
-    parts = np.array([_part(family) for family in observation.family])
+    parts = np.array([_part(family) for family in known.family])
     kept = kept & ((parts != "half mesh") | (measured > 2 * noise))  # far from the others
-    harmonics = np.unique(observation.harmonic[kept])
+    harmonics = np.unique(known.harmonic[kept])
     figure = new_figure(5.6, max(1.4 + 2.4 * len(harmonics), 5.6))
     grid = figure.subplots(2, len(harmonics), sharex="col", sharey="all", squeeze=False, height_ratios=[3, 2])
     floor = 0.5 * float(noise[kept].min())
     for harmonic, (top, bottom) in zip(harmonics, grid.T, strict=True):
-        near = kept & (observation.harmonic == harmonic)
+        near = kept & (known.harmonic == harmonic)
         for axes in (top, bottom):
-            axes.fill_between(observation.order[near], floor, noise[near], color="0.88", lw=0, step="mid")
+            axes.fill_between(known.order[near], floor, noise[near], color="0.88", lw=0, step="mid")
         for part, colour in zip(dict.fromkeys(parts[kept].tolist()), COLOURS, strict=False):
             mine = near & (parts == part)
-            order = observation.order[mine]
+            order = known.order[mine]
             top.vlines(order, floor, measured[mine], color=colour, lw=2.0, label=part)
             shown = predicted[mine] > floor
             top.plot(order[shown], predicted[mine][shown], "_", ms=12, mew=1.8, color="0.1")
@@ -85,7 +85,7 @@ def draw_residuals(axes: Axes, observation: OrderLinesObservation, predicted: Ar
     sensors = np.array(observation.channels)
     for channel, colour in zip(dict.fromkeys(observation.channels), cycle(COLOURS), strict=False):
         row, line = np.nonzero(observation.kept & (sensors == channel)[:, None])
-        axes.plot(observation.order[line], gap[row, line], "o", ms=3, color=colour, label=channel)
+        axes.plot(observation.known.order[line], gap[row, line], "o", ms=3, color=colour, label=channel)
     axes.set(xlabel="Order", ylabel=f"|Model - measured| of {observation.name}")
     axes.legend(loc="upper left")
     return float(gap[observation.kept].max())

@@ -136,16 +136,11 @@ def observe(
         of_row=(file.name,) * len(sensors),
         quantity=observable.quantity,
         channels=sensors,
-        order=known.order,
-        harmonic=known.harmonic,
-        passages=known.passages,
-        mode=known.mode,
-        family=np.array(known.family),
+        known=known,
         amplitude=amplitude,
         noise=np.sqrt(sum(part**2 for part in parts)),
         beyond=beyond,
         path=np.arange(len(sensors)),
-        errors=known.errors,
         kept=np.ones(amplitude.shape, dtype=bool),
         point={name: value * rows for name, value in point.items()},
         levels={name: (value * rows, words) for name, (value, words) in levels.items()},
@@ -305,11 +300,11 @@ def _alike(
     Of every sensor and harmonic; the phase of its gain is that between its strongest whole lines.
     """
     total = np.zeros(period)
-    order = first.order
+    order, harmonic = first.known.order, first.known.harmonic
     whole = np.abs(order - np.rint(order)) < 1e-6
     for a, b, noise in zip(first.amplitude, other.amplitude, np.hypot(first.noise, other.noise), strict=True):
-        for h in np.unique(first.harmonic):
-            near = first.harmonic == h
+        for h in np.unique(harmonic):
+            near = harmonic == h
             phase = np.vdot(a[whole & near], b[whole & near])
             if not abs(phase):
                 continue

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from specan.arrays import Complex
 from specan.models import Assembly
 from specan.planetary_gear.model.kinematics import FAR
-from specan.planetary_gear.model.lines import UNLIKE, DeclaredErrors
+from specan.planetary_gear.model.lines import UNLIKE, OrderLines
 from specan.study.observation import Array, Strategy, Variable
 from specan.study.observation.frf import KeptLines
 
@@ -53,8 +53,8 @@ class OrderLinesObservation(KeptLines):
         model's order.
     quantity : str
         The model's quantity that is observed, array (sensors, lines).
-    order, harmonic, passages, mode, family : arrays (lines,)
-        See `specan.planetary_gear.model.lines.OrderLines`.
+    known : OrderLines
+        What the model says of each line.
     amplitude : complex array (rows, lines)
     noise : array (rows, lines)
         Standard uncertainty of the real and of the imaginary part that lines do not share.
@@ -62,7 +62,6 @@ class OrderLinesObservation(KeptLines):
         Lines that the ideal machine does not have.
     path : array of int (rows,)
         Rows of one number hear the machine through one path.
-    errors : DeclaredErrors
     kept : bool array (rows, lines)
         Lines in use; their real and imaginary part go together.
     point : mapping
@@ -79,16 +78,11 @@ class OrderLinesObservation(KeptLines):
     of_row: tuple[str, ...]
     quantity: str
     channels: tuple[str, ...]
-    order: Array
-    harmonic: NDArray[np.intp]
-    passages: NDArray[np.intp]
-    mode: NDArray[np.intp]
-    family: NDArray[np.str_]
+    known: OrderLines
     amplitude: Complex
     noise: Array
     beyond: NDArray[np.bool_] = field(repr=False)
     path: NDArray[np.intp]
-    errors: DeclaredErrors
     kept: NDArray[np.bool_] = field(repr=False)
     point: Mapping[str, Array]
     levels: Mapping[str, tuple[Array, Variable]] = field(default_factory=dict)
@@ -120,9 +114,9 @@ class OrderLinesObservation(KeptLines):
     def of_one_gain(self) -> list[NDArray[np.bool_]]:
         """Lines in use, (rows, lines), of each row and harmonic: those that share a gain."""
         found = []
-        for row, harmonic in product(range(len(self.channels)), np.unique(self.harmonic)):
+        for row, harmonic in product(range(len(self.channels)), np.unique(self.known.harmonic)):
             mine = np.zeros(self.kept.shape, dtype=bool)
-            mine[row] = self.kept[row] & (self.harmonic == harmonic)
+            mine[row] = self.kept[row] & (self.known.harmonic == harmonic)
             if mine.any():
                 found.append(mine)
         return found
@@ -135,14 +129,15 @@ class OrderLinesObservation(KeptLines):
     @cached_property
     def conditions(self) -> Mapping[str, Array]:
         """Order and the other conditions of every row."""
-        return {"order": self.rows(self.order), **{c: self.rows(v[:, None]) for c, v in self.point.items()}}
+        order = self.rows(self.known.order)
+        return {"order": order, **{c: self.rows(v[:, None]) for c, v in self.point.items()}}
 
     @cached_property
     def labels(self) -> Mapping[str, NDArray[Any]]:
         """Family, harmonic and sensor of every row; level of each other condition."""
-        number = np.array([f"h = {h}" for h in self.harmonic])
+        number = np.array([f"h = {h}" for h in self.known.harmonic])
         return {
-            "orders": self.rows(self.family),
+            "orders": self.rows(self.known.family),
             "harmonic": self.rows(number),
             "channel": self.channel_of_row,
             **{name: self.rows(level[:, None]) for name, (level, _) in self.levels.items()},
@@ -177,7 +172,7 @@ class OrderLinesObservation(KeptLines):
     @property
     def along(self) -> Array:
         """In units of twice the orders within which a model's error is common to lines."""
-        return self.rows(self.order / (2 * REACH))
+        return self.rows(self.known.order / (2 * REACH))
 
     def powers(self) -> tuple[Array, Array]:
         """All rows; the power of their noise is taken with them."""
@@ -208,7 +203,7 @@ class OrderLinesObservation(KeptLines):
     def _paths(self) -> list[tuple[int, int]]:
         """Path and harmonic of each group of `of_one_gain`."""
         first = (np.argwhere(group)[0] for group in self.of_one_gain)
-        return [(int(self.path[row]), int(self.harmonic[line])) for row, line in first]
+        return [(int(self.path[row]), int(self.known.harmonic[line])) for row, line in first]
 
     def path_gains(self, assembly: Assembly, values: Mapping[str, Any]) -> list[dict[str, Any]]:
         """Of each recording: the gains that `plain` learns from its lines, and the RMS error without them."""
@@ -226,7 +221,7 @@ class OrderLinesObservation(KeptLines):
                 "recording": name,
                 "rms_without": float(np.sqrt(np.mean(gap**2) / 2)),
                 "channel": [self.channels[row] for row in where[mine, 0]],
-                "harmonic": self.harmonic[where[mine, 1]].tolist(),
+                "harmonic": self.known.harmonic[where[mine, 1]].tolist(),
                 "gain_dB": level[mine].tolist(),
                 "phase_deg": np.degrees(np.angle(gains[mine])).tolist(),
             })  # fmt: skip
@@ -263,8 +258,8 @@ class OrderLinesObservation(KeptLines):
         count = len(self.recordings)
         each = len(self.channels) // count
         return {
-            "order": np.tile(self.order, count),
-            **{c: np.repeat(v[::each], self.order.size) for c, v in self.point.items()},
+            "order": np.tile(self.known.order, count),
+            **{c: np.repeat(v[::each], self.known.order.size) for c, v in self.point.items()},
         }
 
     def as_known(self, lines: Complex) -> Array:
@@ -357,18 +352,19 @@ class OrderLinesObservation(KeptLines):
         from scipy.sparse.csgraph import connected_components
 
         row, line = np.nonzero(self.kept)
-        own = self.errors.near**2 * _smooth(self.order)[np.ix_(line, line)] * (row[:, None] == row)
-        passes, path = self.passages[line], self.path[row]
-        away = self.errors.path * np.minimum(np.abs(passes), FAR) / FAR
+        known, path = self.known, self.path[row]
+        passes, harmonic = known.passages[line], known.harmonic[line]
+        own = known.errors.near**2 * _smooth(known.order)[np.ix_(line, line)] * (row[:, None] == row)
+        away = known.errors.path * np.minimum(np.abs(passes), FAR) / FAR
         alike = (passes[:, None] == passes) & (path[:, None] == path)
-        own += away[:, None] * away * alike * (self.harmonic[line][:, None] == self.harmonic[line])
+        own += away[:, None] * away * alike * (harmonic[:, None] == harmonic)
         # Sensors that hear through one path do so at one speed, where the machine answers alike.
         at_speed = np.unique(self.path, return_inverse=True)[1] // len(set(self.channels))
-        answers = np.stack([at_speed[row], self.harmonic[line], self.mode[line]])
+        answers = np.stack([at_speed[row], harmonic, known.mode[line]])
         alike = np.all(answers[:, :, None] == answers[:, None], axis=0)
-        beyond, apart = self.beyond[self.kept], np.subtract.outer(*2 * [np.log(self.order[line])])
+        beyond, apart = self.beyond[self.kept], np.subtract.outer(*2 * [np.log(known.order[line])])
         alike = alike & beyond & beyond[:, None]
-        response = self.errors.response * np.array(UNLIKE)[self.harmonic[line] - 1]
+        response = known.errors.response * np.array(UNLIKE)[harmonic - 1]
         own += response**2 * alike * np.exp(-0.5 * (apart / BANDWIDTH) ** 2)
         count, part = connected_components(own > 0)
         return [(lines, own[np.ix_(lines, lines)]) for k in range(count) for lines in np.nonzero(part == k)]
