@@ -235,6 +235,11 @@ def constant(
     return Quantity(name, unit, doc, lambda: value, (), {}, axes, opaque=opaque)
 
 
+def quantities_in(*modules: Any) -> list[Quantity]:
+    """Every quantity of some modules, in the order in which they stand there."""
+    return [value for module in modules for value in vars(module).values() if isinstance(value, Quantity)]
+
+
 @dataclass(frozen=True)
 class Observable:
     """What is measured: a quantity of the model and the column or channel that holds it.

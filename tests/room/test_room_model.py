@@ -29,8 +29,8 @@ def model():
 CONDITIONS = {"frequency": np.linspace(30.0, 700.0, 24), "velocity_psd": np.full(24, 1e-11)}
 
 EFFECTS = [
-    "air-absorption", "dimension-error", "flanking-source", "helmholtz-resonator", "leak", "microphone-delay",
-    "microphone-gain", "microphone-position", "panel-resonance", "piston-breakup", "piston-size",
+    "air-absorption", "dimension-error", "flanking-source", "helmholtz-resonator", "leak", "leaning-wall",
+    "microphone-delay", "microphone-gain", "microphone-position", "panel-resonance", "piston-breakup", "piston-size",
     "porous-absorber", "scatterer", "temperature", "vibrometer-delay", "vibrometer-gain", "vibrometer-noise",
     "wall-impedance",
 ]  # fmt: skip

@@ -12,7 +12,7 @@ from scipy.fft import next_fast_len
 from specan.errors import RequestError
 from specan.models.catalogue import effects_in
 from specan.models.model import Model, Nuisance
-from specan.models.quantity import Condition, Observable, Quantity, constant
+from specan.models.quantity import Condition, Observable, Quantity, constant, quantities_in
 from specan.planetary_gear.model import excitation, load, response
 from specan.planetary_gear.model.geometry import (
     check_assembly,
@@ -52,8 +52,7 @@ def build(rig: Mapping[str, Any]) -> Model:
     settings = read_rig(rig)
     gear = settings.gear
     check_assembly(gear)
-    named = [value for part in (load, excitation, response) for value in vars(part).values()]
-    quantities = [*_constants(settings, gear), *(value for value in named if isinstance(value, Quantity))]
+    quantities = [*_constants(settings, gear), *quantities_in(load, excitation, response)]
     return Model(
         name="planetary-gear",
         title=f"Order lines of a planetary gear {gear.z_sun}/{gear.z_ring}/{gear.z_planet}, "
@@ -165,6 +164,10 @@ def _faultless(gear: Gear, samples: int) -> list[Quantity]:
         ("sun_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the sun meshes.", ("planet",)),
         ("ring_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the ring meshes.", ("planet",)),
         ("tacho_angle", 0.0, "rad", "Angle of planet 1 at a pulse of the carrier's tacho.", ()),
+        ("housing_response", 1.0, "1", "Gain between rim and sensor, of each line.", ()),
+        ("line_coherence", 1.0, "1", "What remains of a line that the order analysis smears.", ()),
+        ("unlike_response", np.ones(HARMONICS), "1",
+         "How much more than computed the set answers to what its planets do not do alike.", ("harmonic",)),
         ("tip_relief", 0.0, "m", "Relief of the tips.", ()),
         ("stiffness_change", np.zeros(2), "1", "Relative change of the stiffness of sun and ring meshes.", ()),
         ("damping_scale", 1.0, "1", "Damping of the meshes over that of the contact law.", ()),

@@ -170,27 +170,9 @@ def harmonic_of_line(order, ring_teeth, harmonic_count):
     return harmonics_of(order, ring_teeth, harmonic_count) - 1
 
 
-@quantity(unit="1")
-def housing_response(order):
-    """Gain between rim and sensor, one a line."""
-    return np.ones(np.shape(order), dtype=complex)
-
-
-@quantity(unit="1")
-def line_coherence(order):
-    """What remains of a line that the order analysis smears, one a line."""
-    return np.ones(np.shape(order))
-
-
 @quantity(unit="1", reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677")
 def ideal_line(order, planet_angle):
     """Whether planets that are alike add up to a line at an order: it is whole, and exp(j n psi) does not cancel."""
     order = np.asarray(order)
     together = np.abs(np.exp(1j * np.outer(np.rint(order), planet_angle)).mean(axis=1))
     return (np.abs(order - np.rint(order)) < 1e-6) & (together.reshape(order.shape) > 1e-9)
-
-
-@quantity(unit="1", axes=("harmonic",))
-def unlike_response(harmonic_count):
-    """How much more than computed the set answers to what its planets do not do alike, one a mesh harmonic."""
-    return np.ones(harmonic_count)

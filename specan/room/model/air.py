@@ -118,6 +118,3 @@ def _relaxation_hz(temperature: float, pressure: float, humidity: float) -> tupl
     )
     oxygen = float(iso.relaxation_frequency_oxygen(kilopascal, water))
     return oxygen, float(iso.relaxation_frequency_nitrogen(kilopascal, temperature, water))
-
-
-QUANTITIES = (air_temperature, sound_speed, density, air_attenuation, air_dispersion)

@@ -13,7 +13,7 @@ from specan.errors import RequestError
 from specan.models.catalogue import effects_in
 from specan.models.effect import Use
 from specan.models.model import Model, Nuisance, Words
-from specan.models.quantity import Condition, Observable, Quantity, constant
+from specan.models.quantity import Condition, Observable, Quantity, constant, quantities_in
 from specan.room.model import air, field, instruments, known_walls, mode_shifts
 from specan.room.model.leaning_walls import LEANS
 from specan.room.model.places import errors_of, in_recording, places_of, wall_areas
@@ -63,13 +63,10 @@ def build(rig: Mapping[str, Any]) -> Model:
     octaves = _bands(settings, per_octave=1)
     modes = mode_shifts.modes_of(settings)
     quantities = [
-        *shape.quantities,
+        *quantities_in(air, known_walls, field, instruments),
+        *shape.quantities,  # a mesh has modes of its own
         *_constants(settings, cards, shape.walls),
         *_of_walls(shape.walls, walls, tables, octaves),
-        *air.QUANTITIES,
-        *known_walls.QUANTITIES,
-        *field.QUANTITIES,
-        *instruments.QUANTITIES,
         *mode_shifts.quantities(settings, modes),
     ]
     effects = effects_in("specan.room.model.effects")
@@ -195,12 +192,16 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
         ("receiver_position", everywhere, "m", "Places of microphones, in all recordings.", ("place",)),
         ("microphone_at_place", np.arange(len(everywhere)) % count, "1", "Number of the microphone at each place.",
          ("place",)),
-        ("receiver_nominal_gain", np.ones(count), "1", "Gain after calibration.", ("microphone",)),
-        ("card_nominal_delay", np.zeros(len(cards)), "s", "Delay of each card as it should be.", ("card",)),
+        ("receiver_gain", np.ones(count), "1", "Indicated over true pressure of each microphone.", ("microphone",)),
+        ("card_delay", np.zeros(len(cards)), "s", "Delay of each converter card.", ("card",)),
         ("card_of_microphone", card_of, "1", "Number of the card of each microphone.", ("microphone",)),
         ("source_position", np.array(rig.piston.centre_m), "m", "Centre of the piston.", ()),
         ("piston_wall", walls.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
         ("piston_radius", rig.piston.radius_m, "m", "Radius of the piston.", ()),
+        ("piston_velocity_profile", 1.0, "1", "Mean velocity of the diaphragm over that where it is measured.", ()),
+        ("vibrometer_gain", 1.0, "1",
+         "Indicated over true velocity; what a noisy reference does to an estimate is in it too.", ()),
+        ("vibrometer_delay", 0.0, "s", "Delay of the vibrometer's channel.", ()),
         ("loudspeaker_nominal", np.array(ratios).reshape(-1, 3).T, "1",
          "Level (dB), delay (s) and sign against the piston.", ()),
         ("third_octave_hz", _bands(rig), "Hz", "Third octaves of the band.", ("third_octave",)),

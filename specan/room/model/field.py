@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,23 +16,11 @@ from specan.models.quantity import quantity
 from specan.room.model.box_field import box, with_leans
 from specan.room.model.port import Port, point
 
+if TYPE_CHECKING:
+    from specan.room.model.box_field import BoxField
+    from specan.room.model.mesh_field import MeshField
+
 COLD = 325.0  # m/s, at -11 degC
-
-
-class RoomModes(Protocol):
-    """What the field needs of a room of any shape: ports, and couplings between them."""
-
-    def patch(self, wall: str, position: Sequence[float], radius: float) -> Port:
-        """A round patch at a position in a wall."""
-
-    def place(self, wall: str, across: float, along: float, radius: float) -> Port:
-        """A round patch in parts of a wall's edges."""
-
-    def prepare(self, ports: Sequence[Port]) -> None:
-        """Get ready for several sources at once."""
-
-    def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
-        """Mean of Green's function over both ports, array (lines, receivers), 1/m."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +168,7 @@ def _points(positions: bytes, axis: int) -> tuple[Port, ...]:
     return tuple(Port(point(p), axis) for p in np.frombuffer(positions).reshape(-1, 3))
 
 
-def _placed(collection: Any, modes: RoomModes) -> list[tuple[Port, Any]]:
+def _placed(collection: Any, modes: BoxField | MeshField) -> list[tuple[Port, Any]]:
     """Ports of what joined a collection; an effect at one wall comes as ``(wall, thing)``."""
     found = []
     for item in collection:
@@ -194,7 +182,7 @@ def _placed(collection: Any, modes: RoomModes) -> list[tuple[Port, Any]]:
 
 
 def _load_strengths(
-    modes: RoomModes,
+    modes: BoxField | MeshField,
     factor: Complex,
     sources: list[tuple[Port, Complex]],
     loads: list[tuple[Port, Complex]],
@@ -235,12 +223,6 @@ def local_loads():
     return ()
 
 
-@quantity(unit="1")
-def piston_velocity_profile(frequency):
-    """Mean velocity of the diaphragm over that at the vibrometer's point."""
-    return np.ones(len(frequency), dtype=complex)
-
-
 @quantity(unit="1", axes=("loudspeaker",))
 def loudspeaker_ratio(frequency, loudspeaker_nominal):
     """Velocity of each further loudspeaker over that of the piston where all are driven, array (others, lines)."""
@@ -261,15 +243,3 @@ def loudspeaker_velocity(loudspeaker_ratio, driven, driven_sets):
     for number in others:
         moving[number] = all_driven[number] / all_driven[seen]
     return moving
-
-
-QUANTITIES = (
-    wall_admittance,
-    face_admittance,
-    loudspeaker_ratio,
-    loudspeaker_velocity,
-    field,
-    sources,
-    local_loads,
-    piston_velocity_profile,
-)

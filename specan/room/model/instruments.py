@@ -7,34 +7,10 @@ import numpy as np
 from specan.models.quantity import quantity
 
 
-@quantity(unit="1", axes=("microphone",))
-def receiver_gain(receiver_nominal_gain):
-    """Indicated over true pressure of each microphone."""
-    return receiver_nominal_gain
-
-
-@quantity(unit="s", axes=("card",))
-def card_delay(card_nominal_delay):
-    """Delay of each converter card."""
-    return card_nominal_delay
-
-
 @quantity(unit="s", axes=("microphone",))
 def receiver_delay(card_delay, card_of_microphone):
     """Delay of each microphone channel: that of its card."""
     return card_delay[card_of_microphone]
-
-
-@quantity(unit="s")
-def vibrometer_delay():
-    """Delay of the vibrometer's channel."""
-    return 0.0
-
-
-@quantity(unit="1")
-def vibrometer_gain(frequency):
-    """Indicated over true velocity; what a noisy reference does to an estimate is in it too."""
-    return np.ones(len(frequency), dtype=complex)
 
 
 @quantity(unit="Pa*s/m", axes=("place",))
@@ -46,6 +22,3 @@ def indicated_frf(
     delay, own = np.unique(receiver_delay[microphone_at_place] - vibrometer_delay, return_inverse=True)
     turned = np.exp(-2j * np.pi * np.outer(delay, frequency)) / vibrometer_gain
     return field * (receiver_gain[microphone_at_place, None] * turned[own])
-
-
-QUANTITIES = (receiver_gain, card_delay, receiver_delay, vibrometer_delay, vibrometer_gain, indicated_frf)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +12,6 @@ from pydantic import Field
 
 from specan.arrays import Complex, Real
 from specan.errors import RequestError
-from specan.models.model import Model
 from specan.models.quantity import quantity
 from specan.room.model.absorption import diffuse_absorption, normal_absorption
 from specan.room.model.numbers_file import numbers, read_rows
@@ -246,12 +245,3 @@ def known_admittance(frequency, wall_tables, wall_data_error):
         admittance, deviation = table.at(frequency)
         row[:] = admittance + deviation.real * row.real + 1j * deviation.imag * row.imag
     return found
-
-
-def with_nothing_stated(model: Model) -> Model:
-    """The model of a room with no wall of which anything is known beforehand."""
-    bare = model.with_constants({"wall_tables": (), "known_walls": np.array([], dtype=int)})
-    return replace(bare, axes={**bare.axes, "known_wall": ()})
-
-
-QUANTITIES = (wall_data_error, known_admittance)

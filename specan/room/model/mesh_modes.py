@@ -15,7 +15,7 @@ Decisions: docs/decisions/mesh.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -66,14 +66,14 @@ class MeshModes:
     shift: float
     _elements: Elements
     _solve: Any
-    _near: dict[Port, tuple[Real, Real, float]] = field(default_factory=dict, repr=False)
-    _places: dict[Port, tuple[NDArray[np.int64], Real]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         corners = self.mesh.points
         self._room = Simplices(corners[self.mesh.tetrahedra])
         self._skin = {name: Simplices(corners[t]) for name, t in self.mesh.walls.items()}
         skin = np.concatenate(list(self.mesh.walls.values()))
+        self._weights = lru_cache(maxsize=4096)(self._found_weights)
+        self._near = lru_cache(maxsize=64)(self._answers)
         self._edge = float(np.sqrt(2 * np.median(triangle_areas(corners, skin))))
 
     @property
@@ -123,11 +123,7 @@ class MeshModes:
         soft : array (walls, receivers)
             Change by ``j k beta`` of each wall, to first order.
         """
-        if source not in self._near:
-            if len(self._near) >= 64:
-                self._near.clear()
-            self._near[source] = (*self._answers(self._load(source)), self._own(source))
-        rigid, soft, own = self._near[source]
+        rigid, soft, own = self._near(source)
         found = np.zeros((len(rigid), len(receivers))), np.zeros((len(soft), len(receivers)))
         for i, port in enumerate(receivers):
             numbers, weights = self._weights(port)
@@ -154,12 +150,13 @@ class MeshModes:
     def _own_part(self, port: Port) -> float:
         return float((self.at(port) ** 2 / (self.values - self.shift)).sum())
 
-    def _answers(self, load: Real) -> tuple[Real, Real]:
-        """Near field of a load at every unknown: between rigid walls, and its change by each wall.
+    def _answers(self, source: Port) -> tuple[Real, Real, float]:
+        """Near field of a port at every unknown: between rigid walls, and its change by each wall; and at itself.
 
         A wall acts on the near field and on what the vectors beyond the band hold of it; both are static
         enough for first order. What the modes of the band do at a wall, the vectors know already.
         """
+        load = self._load(source)
         rigid = self._quasi_static(load, _TERMS)
         high = self.values > 1.05 * self.k_max**2
         vectors, gap = self.vectors[:, high], self.values[high] - self.shift
@@ -168,7 +165,7 @@ class MeshModes:
             self._quasi_static(wall @ pushing, 1)[0] + vectors @ ((wall @ rigid[0]) @ vectors / gap)
             for wall in self._elements.walls
         ]
-        return rigid, -np.array(soft)
+        return rigid, -np.array(soft), self._own(source)
 
     def _quasi_static(self, load: Real, terms: int) -> Real:
         """``(G M)^j G s`` at the shift, without the part that the vectors have; array (terms, unknowns)."""
@@ -190,15 +187,8 @@ class MeshModes:
         found: Real = np.bincount(numbers, weights, minlength=self._elements.size).astype(float)
         return found
 
-    def _weights(self, port: Port) -> tuple[NDArray[np.int64], Real]:
+    def _found_weights(self, port: Port) -> tuple[NDArray[np.int64], Real]:
         """Unknowns and weights that average over a port."""
-        if port not in self._places:
-            if len(self._places) >= 4096:
-                self._places.clear()
-            self._places[port] = self._find(port)
-        return self._places[port]
-
-    def _find(self, port: Port) -> tuple[NDArray[np.int64], Real]:
         points, weights = np.array([port.position]), np.ones(1)
         if port.radius and not port.ball:
             points, weights = self._disc(port)

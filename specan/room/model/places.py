@@ -144,7 +144,7 @@ def with_microphones(model: Model, places: Real) -> tuple[Model, tuple[str, ...]
     """The model with further microphones behind its own, on the first card; and their names."""
     names = tuple(f"place {k}" for k in range(1, len(places) + 1))
     further = len(model.axes["microphone"]) + np.arange(len(places))
-    more = {"receiver_position": places, "receiver_nominal_gain": np.ones(len(places)),
+    more = {"receiver_position": places, "receiver_gain": np.ones(len(places)),
             "card_of_microphone": np.zeros(len(places), dtype=int), "microphone_at_place": further}  # fmt: skip
     wider = model.with_constants({n: np.concatenate([model.quantities[n](), v]) for n, v in more.items()})
     axes = {**model.axes, **{axis: (*model.axes[axis], *names) for axis in ("microphone", "place")}}

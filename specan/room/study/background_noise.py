@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from specan.arrays import Flags, Real
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.dsp.welch import effective_averages, power_density
@@ -16,51 +14,30 @@ NEAR_DB = 10.0  # below the recording, within which a line is said to be near th
 MOST_RUNS = 6  # of neighbouring lines that are named
 
 
-@dataclass(frozen=True, eq=False)
-class Background:
-    """Noise density of the receivers at the lines of a recording.
+def background_noise(
+    background: Recording, recording: Recording, channels: tuple[Channel, ...], block_s: float, lines_hz: Real,
+    between: Real,
+) -> tuple[Real, str]:  # fmt: skip
+    """Noise density of the receivers at the lines of a recording, by what they hear without its source.
 
-    Attributes
-    ----------
+    A tone in the background, such as hum, stands on few lines: in the density `between` the lines it is not heard. The
+    background counts where it is surely louder: where its mean over blocks exceeds that density by the quantile of
+    chi-square over its degrees of freedom.
+
+    Returns
+    -------
     density : array (channels, lines)
         One-sided, unit of the receivers squared per Hz.
-    averages : float
-        Effective number of blocks that it is a mean of.
-    near : array of bool (channels, lines)
-        Where it lies within 10 dB of the recording.
     text : str
         What was found, for a person.
-    """
-
-    density: Real
-    averages: float
-    near: Flags
-    text: str
-
-    def beside(self, noise: Real) -> Real:
-        """A noise density found between the lines, and the background where that is surely louder.
-
-        A tone in the background, such as hum, stands on few lines: between them it is not heard. The mean of
-        `averages` blocks is surely above a density where it exceeds the quantile of chi-square over its degrees
-        of freedom.
-        """
-        from scipy.stats import chi2
-
-        # below this quantile of a Welch estimate the background agrees with the noise between the lines
-        sure = chi2.ppf(0.999, 2 * self.averages) / (2 * self.averages)
-        return np.where(self.density > sure * noise, self.density, noise)
-
-
-def background_noise(
-    background: Recording, recording: Recording, channels: tuple[Channel, ...], block_s: float, lines_hz: Real
-) -> Background:
-    """What the receivers hear without the source, in the blocks of the recording with it.
 
     Raises
     ------
     InputError
         A receiver is missing, the recording is short, or it is as loud as the one with the source.
     """
+    from scipy.stats import chi2
+
     own = [background.channel(channel.name) for channel in channels]
     rate = own[0].sampling_rate
     blocks = int(own[0].duration_s / block_s * 2) - 1
@@ -91,7 +68,10 @@ def background_noise(
         )
     else:
         text += f"more than {NEAR_DB:g} dB below {recording.label} on every line"
-    return Background(quiet, effective_averages(blocks, "hann", 0.5), near, text)
+    # below this quantile of a Welch estimate the background agrees with the noise between the lines
+    dof = 2 * effective_averages(blocks, "hann", 0.5)
+    sure = chi2.ppf(0.999, dof) / dof
+    return np.where(quiet > sure * between, quiet, between), text
 
 
 def _densities(

@@ -64,10 +64,11 @@ def observe_recording(
     found, own = _estimated(recording, receivers, estimator)
     block = found.block
     frequency_hz, folding, driven = found.frequency_hz, found.folding, found.signals[0]
-    quiet = None
+    said = [f"{recording.label}: {own.text}"] if own.text else []
     if background:
-        quiet = background_noise(background, recording, channels, block / rate, frequency_hz)
-        found = replace(found, density=quiet.beside(found.density))
+        known = (channels, block / rate, frequency_hz, found.density)
+        noisy, text = background_noise(background, recording, *known)
+        found, said = replace(found, density=noisy), [*said, text]
     density = _density_at(driven, rate, block, reference, folding.nodes)
     conditions: dict[str, Any] = {"frequency": folding.nodes, "velocity_psd": density, **own.conditions}
     names = receivers.names
@@ -88,10 +89,7 @@ def observe_recording(
         conditions_at_nodes=conditions,
         shared=np.empty((*noise.shape, 0), dtype=complex),
         kept=kept,
-        notes=(
-            *([f"{recording.label}: {own.text}"] if own.text else []),
-            *([quiet.text] if quiet and quiet.text else []),
-        ),
+        notes=tuple(said),
         drift=Drift.of(*own.drift, _block_power(driven[found.start :], block, found.numbers))
         if own.drift
         else None,

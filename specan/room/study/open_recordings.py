@@ -59,7 +59,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
 def localise(problem: Problem, best: Fit) -> Localisation:
     """Where a room's model fails: also near walls, and by the names of modes."""
     receivers = receivers_of(problem.assembly.model)
-    groups = by_band_and_channel.Groups(partial(near_walls, receivers), "near_wall", "microphones near wall")
+    groups = (partial(near_walls, receivers), "near_wall", "microphones near wall")
 
     def modes_of(observation: FieldObservation) -> list[tuple[float, str]]:
         if receivers.box is None:

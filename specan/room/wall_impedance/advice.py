@@ -145,7 +145,7 @@ def information_at(problem: WallProblem, theta: Array, places: Array) -> list[Ar
     """Information matrix that a microphone at each place would bring."""
     model, names = with_microphones(problem.assembly.model, places)
     wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
-    parts = by_receiver(*_seen(wider, planned(problem.first, names), theta))
+    parts = by_receiver(*_seen(wider, planned(problem.observations[0], names), theta))
     return [part.T @ part for part in parts]
 
 
@@ -159,7 +159,7 @@ def _covered_wall(fit: WallFit, known: Array, goal: _Goal) -> Advice:
     """A wall behind a rigid board takes nothing: what changes was its own."""
     tried = []
     bands = len(fit.mid_hz)
-    few = few_lines(fit.problem.first)
+    few = few_lines(fit.problem.observations[0])
     for number, wall in enumerate(fit.walls):
         beta = fit.beta.copy()
         beta[number] = 0.0

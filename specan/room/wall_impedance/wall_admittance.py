@@ -23,7 +23,6 @@ from specan.errors import ComputationError, RequestError
 from specan.models import Parameter, Use, effect
 from specan.models.model import Model
 from specan.models.quantity import constant
-from specan.room.model.known_walls import with_nothing_stated
 from specan.study.estimation.continuation import continuation_fit
 from specan.study.estimation.fit import describe
 from specan.study.estimation.levenberg_marquardt import NotSettledError, descend
@@ -189,11 +188,6 @@ class WallProblem(Problem):
         return cls(**{**as_given, **freed})
 
     @property
-    def first(self) -> Any:
-        """The first recording, as transfer functions."""
-        return self.observations[0]
-
-    @property
     def walls(self) -> tuple[str, ...]:
         """Names of the walls."""
         return tuple(self.assembly.model.axes["wall"])
@@ -233,13 +227,13 @@ class WallProblem(Problem):
 
 def with_free_walls(model: Model, mid_hz: Array) -> Model:
     """The model with walls of which nothing is stated, free in bands: what is found can be held against statements."""
-    bare = with_nothing_stated(model)
+    bare = model.with_constants({"wall_tables": (), "known_walls": np.array([], dtype=int)})
     bands = constant("free_band_hz", mid_hz, "Hz", "Third octaves in which walls are free.")
     names = tuple(f"{wall} {f:.4g} Hz" for wall in model.axes["wall"] for f in mid_hz)
     return replace(
         bare,
         quantities={**bare.quantities, "free_band_hz": bands},
-        axes={**bare.axes, "wall_band": names},
+        axes={**bare.axes, "known_wall": (), "wall_band": names},
     ).with_effect(free_walls)
 
 

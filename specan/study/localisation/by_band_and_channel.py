@@ -23,6 +23,8 @@ from specan.study.observation import Array, Variable
 NEAR_MODE = 0.03
 
 Modes = Callable[[Any], list[tuple[float, str]]]
+Groups = tuple[Callable[[Sequence[str]], Mapping[str, list[int]]], str, str]
+NO_GROUPS: Groups = (lambda channels: {}, "group", "channels")
 Cells = tuple[Sequence[int], Sequence[int]]  # numbers of channels and of third octaves
 
 
@@ -103,17 +105,8 @@ def _near_mode(frequency_hz: float, modes: Sequence[tuple[float, str]]) -> str:
     return f"below the first mode, {modes[0][0]:.0f} Hz" if frequency_hz < modes[0][0] else "between modes"
 
 
-@dataclass(frozen=True)
-class Groups:
-    """Channels that are looked at together: by name their numbers, the key of a name in results, words before it."""
-
-    of: Callable[[Sequence[str]], Mapping[str, list[int]]] = lambda channels: {}
-    label: str = "group"
-    words: str = "channels"
-
-
 def localise(
-    problem: Problem, best: Fit, groups_of: Groups = Groups(), modes_of: Modes = lambda observation: []
+    problem: Problem, best: Fit, groups_of: Groups = NO_GROUPS, modes_of: Modes = lambda observation: []
 ) -> Localisation:
     """Find third octaves, receivers and groups of them at which a fitted model of transfer functions fails.
 
@@ -121,13 +114,15 @@ def localise(
     ----------
     problem : Problem
     best : Fit
-    groups_of : Groups, optional
-        Channels that are looked at together.
+    groups_of : tuple of callable, str, str
+        Channels that are looked at together, ``groups_of(channels) -> {name: numbers}``; the key of that name in
+        results, and words before it.
     modes_of : callable, optional
         ``modes_of(observation) -> [(natural frequency, name), ...]``, so that a failure near one can be told by it.
     """
     errors = _Errors(problem, best, modes_of)
-    near, label, words = groups_of.of(errors.channels), groups_of.label, groups_of.words
+    grouped, label, words = groups_of
+    near = grouped(errors.channels)
     variables = {**problem.observations[0].variables, label: Variable(words, before=True)}
     observable = str(problem.observations[0].observable[0])  # type: ignore[attr-defined]
     unit = problem.assembly.model.observables[observable].unit

@@ -230,18 +230,6 @@ def bearing_moment(bearing_rolling_moment, bearing_sliding_moment, bearing_drag_
     return turning + _column(bearing_seal, turning)
 
 
-@quantity(unit="N*m")
-def worm_bearing_torque():
-    """Torque that the bearings take from the worm shaft; an ideal gear's take none."""
-    return 0.0
-
-
-@quantity(unit="N*m")
-def wheel_bearing_torque():
-    """Torque that the bearings take from the wheel shaft; an ideal gear's take none."""
-    return 0.0
-
-
 @quantity(unit="W")
 def bearing_loss(worm_bearing_torque, wheel_bearing_torque, worm_speed, wheel_speed):
     """Power lost in the bearings."""

@@ -109,6 +109,10 @@ def constants(rig: Rig) -> list[Quantity]:
         ("wheel_width", 1e-3 * gear.wheel_width_mm, "m", "Face width of the wheel."),
         ("oil_density", rig.oil.density_kg_m3, "kg/m^3", "Density of the oil."),
         ("uncoupled_below", below, "N*m", "Indicated output torque up to which the brake is uncoupled."),
+        ("friction_coefficient", 0.0, "1", "Coefficient of friction between the flanks; an ideal gear has none."),
+        ("viscous_loss", 0.0, "W", "Power that the oil's viscosity takes without load; an ideal gear loses none."),
+        ("worm_bearing_torque", 0.0, "N*m", "What the bearings take from the worm shaft; an ideal gear's take none."),
+        ("wheel_bearing_torque", 0.0, "N*m", "What the bearings take from the wheel shaft; an ideal gear's take none."),
     ]  # fmt: skip
     return [constant(*one) for one in listed]
 
@@ -123,12 +127,6 @@ def wheel_speed(worm_speed, gear_ratio):
 def sliding_speed(worm_speed, worm_radius, lead_angle):
     """Speed at which the worm's flank slides along the wheel's."""
     return worm_speed * (worm_radius / math.cos(lead_angle))
-
-
-@quantity(unit="1")
-def friction_coefficient():
-    """Coefficient of friction between the flanks; an ideal gear has none."""
-    return 0.0
 
 
 @quantity(unit="N*m")
@@ -195,12 +193,6 @@ def _ratio(part, whole):
 
 
 @quantity(unit="W")
-def viscous_loss():
-    """Power that the oil's viscosity takes without load; an ideal gear loses none."""
-    return 0.0
-
-
-@quantity(unit="W")
 def no_load_loss(viscous_loss):
     """Power lost whether the gear carries load or not: to the oil, to seals, to the air."""
     return viscous_loss
@@ -250,7 +242,7 @@ def indicated_power_loss(indicated_output_torque, indicated_input_torque, gear_r
 
 QUANTITIES = [
     oil_temperature, contact_temperature, wheel_speed, sliding_speed, brake_coupled, output_torque, wheel_torque,
-    tooth_load, friction_coefficient, normal_force_per_torque, mesh_loss, viscous_loss, no_load_loss, power_loss,
+    tooth_load, normal_force_per_torque, mesh_loss, no_load_loss, power_loss,
     output_power, input_torque, efficiency, indicated_input_torque, indicated_efficiency, indicated_power_loss,
 ]  # fmt: skip
 
