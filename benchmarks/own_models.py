@@ -18,9 +18,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from open_tables import read_tables
 
 from specan.models import Model, Parameter, effect
-from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.selection.candidates import base_problem
 

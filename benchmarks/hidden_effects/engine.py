@@ -9,10 +9,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from open_tables import read_tables
+
 from hidden_effects.cases import Case
 from specan.models import Model, Use
 from specan.models.effect import ParameterName
-from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from open_tables import read_tables
 from scipy.optimize import brentq, least_squares
 
 from specan.models import Model, varying
-from specan.study.data.open_tables import read_tables
 from specan.study.observation.table import TableObservation
 from specan.study.selection.candidates import grouped_by
 

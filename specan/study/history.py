@@ -139,11 +139,9 @@ class History(Result):
 
     def columns(self) -> dict[str, Any]:
         """One row for each step; errors are RMS in `unit`."""
+        names = ("step", "action", "effect", "because")
         return {
-            "step": [s.step for s in self.steps],
-            "action": [s.action for s in self.steps],
-            "effect": [s.effect for s in self.steps],
-            "because": [s.because for s in self.steps],
+            **{name: [getattr(s, name) for s in self.steps] for name in names},
             "fit_error": [s.fit_error["value"] for s in self.steps],
             "held_out_error": [s.held_out_error["value"] if s.held_out_error else None for s in self.steps],
             "unit": [s.fit_error["unit"] for s in self.steps],

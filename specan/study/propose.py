@@ -114,13 +114,9 @@ class ProposedLaws(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values."""
+        names = ("noise", "tried", "more", "error_before", "left_out_before", "unit")
         return {
-            "noise": self.noise,
-            "tried": self.tried,
-            "more": self.more,
-            "error_before": self.error_before,
-            "left_out_before": self.left_out_before,
-            "unit": self.unit,
+            **{name: getattr(self, name) for name in names},
             "laws": [{**vars(law), "file": str(law.file)} for law in self.laws],
             "next_measurement": [dict(row) for row in self.next_measurement],
         }

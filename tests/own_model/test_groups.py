@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from open_tables import read_tables
 
 from specan.errors import InputError, RequestError
 from specan.models import Model, Parameter, effect
-from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.selection.candidates import base_problem

@@ -1,10 +1,10 @@
 """Rows that are merely near each other are no repeats, unless somebody says how well a condition is set."""
 
 import numpy as np
+from open_tables import read_tables
 
 from specan.models import Condition, Model, Observable, Parameter, quantity
 from specan.models.quantity import RigStatement
-from specan.study.data.open_tables import read_tables
 
 NOISE = 1.0  # m/s^2 of one reading of a falling ball's acceleration
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from open_tables import read_tables
 
 from specan.errors import ComputationError
 from specan.models import Condition, Model, Parameter, effect
-from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.evidence import diagnosis as telling

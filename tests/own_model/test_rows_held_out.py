@@ -5,10 +5,10 @@ import warnings
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from open_tables import read_tables
 
 from specan.errors import InputError, RequestError
 from specan.models import Model
-from specan.study.data.open_tables import read_tables
 from specan_cli.main import main
 
 PLAN = [(flow, speed) for flow in (10, 20, 30, 40) for speed in (1200, 1800, 2400)]

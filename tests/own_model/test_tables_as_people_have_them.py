@@ -11,13 +11,13 @@ from specan.models.catalogue import example_model
 from specan.study.data.operating_table import join
 from specan.study.data.table_file import read_table
 from specan.study.data.table_reader import read_measurement
-from specan.study.observation import kind_of
+from specan.study.observation import DataFile, kind_of
 from specan.study.study_file import read_study_file
 from specan_cli.main import main
 
 
 def rows_of(path, model, **more):
-    return join([read_measurement(path, model, **more)], model)
+    return join([read_measurement(DataFile(path.name, path, **more), model)], model)
 
 
 def lift(flow, speed, share, scale):

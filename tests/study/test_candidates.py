@@ -39,7 +39,7 @@ def test_candidates_are_what_is_missing_and_what_has_a_prior(toy):
     assert [str(c.use) for c in found] == ["square", "zero-error"]
     assert not_testable == {"drift": "needs clock"}
     assert found[1].without_prior == ("zero-error.shift",)
-    assert found[0].count == 1
+    assert len(found[0].own) == 1
 
 
 def test_an_effect_with_fixed_amplitudes_is_no_candidate(toy):

@@ -4,9 +4,9 @@ import copy
 
 import numpy as np
 import pytest
+from open_tables import read_tables
 
 from specan.models.chosen_model import ChosenModel, grid, predict
-from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.selection.candidates import base_problem

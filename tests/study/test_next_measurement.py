@@ -83,8 +83,9 @@ def test_what_a_reading_is_expected_to_tell_is_the_mutual_information(gap):
 
 def test_two_friction_laws_are_told_apart_at_slow_speeds(tmp_path):
     """Coulomb friction, and one that rises with the slip as tanh(v / 8 mm/s): alike above, apart below 10 mm/s."""
+    from open_tables import read_tables
+
     from specan.models import Model, Parameter, effect
-    from specan.study.data.open_tables import read_tables
     from specan.study.selection.candidates import base_problem
 
     @effect("dry", adds_to="drag", neutral={"size": 0.0})
@@ -170,8 +171,9 @@ def test_a_verdict_carries_its_proposals(toy):
 
 def test_no_condition_is_proposed_twice_and_between_measured_ones_where_the_grid_is_too_coarse(tmp_path):
     """A model that fails at slow speeds, over limits whose grid has a single slow point, zero."""
+    from open_tables import read_tables
+
     from specan.models import Model
-    from specan.study.data.open_tables import read_tables
     from specan.study.selection.candidates import base_problem
 
     model = Model.from_function(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -73,29 +72,11 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     )
 
 
-def read_tables(
-    model: Model,
-    measurements: Sequence[Path],
-    hold_out: Sequence[tuple[str | None, str]] = (),
-) -> OpenedData:
-    """Tables as observations, without a study directory.
-
-    Parameters
-    ----------
-    model : Model
-    measurements : sequence of Path
-    hold_out : sequence of (file name or None, condition)
-        Rows of the measurements to put aside, ``(None, "load=60,90")``.
-    """
-    fitted = [DataFile(path.name, path) for path in measurements]
-    return open_data(model, MeasuredFiles(fitted, hold_out=hold_out))
-
-
 def _read(file: DataFile, model: Model) -> Table:
     for column, value in file.conditions.items():
         if isinstance(value, str) and column not in model.groups:
             raise RequestError(f"{file.name}: the condition {column!r} is {value!r}", expected="a number")
-    return read_measurement(file.path, model, file.conditions, file.name, file.columns, file.sheet)
+    return read_measurement(file, model)
 
 
 def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:

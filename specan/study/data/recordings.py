@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -12,7 +11,7 @@ import numpy as np
 from scipy.signal import welch
 from scipy.stats import linregress
 
-from specan.arrays import Flags, Real
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
@@ -34,36 +33,20 @@ def reads(path: Path) -> bool:
     return True
 
 
-def put_aside(
-    whole: Observation, file: DataFile, wanted: MeasuredFiles, label_of: Callable[[str], str] = str
-) -> Flags:
-    """Rows of a file that are held out: ``channel=A 6``, ``third_octave_hz=200``; `label_of` names a key's label.
-
-    Raises
-    ------
-    RequestError
-        A key or a level that the rows do not have. A number that a file does not vary around is left to other files.
-    """
-    aside = np.zeros(whole.n, dtype=bool)
-    columns = {name: Column(values) for name, values in whole.labels.items()}
-    for file_name, where in wanted.hold_out:
-        if file_name in (None, file.name):
-            key, equals, text = where.partition("=")
-            aside |= chosen(columns, f"{label_of(key.strip())}{equals}{text}", elsewhere=True)
-    return aside
-
-
 def parted(
     wholes: Iterable[tuple[DataFile, ObservationT]],
     wanted: MeasuredFiles,
     label_of: Callable[[ObservationT, str], str] = lambda whole, key: key,
 ) -> tuple[list[ObservationT], list[ObservationT]]:
-    """What is fitted, and what is held out: rows that are put aside, and all of validations.
+    """What is fitted, and what is held out: ``channel=A 6``, ``third_octave_hz=200``, and all of validations.
+
+    `label_of` names the label that a key stands for.
 
     Raises
     ------
     RequestError
-        Nothing is left to fit.
+        Nothing is left to fit; a key or a level that the rows do not have. A number that a file does not vary around
+        is left to other files.
     """
     fitted: list[ObservationT] = []
     held_out: list[ObservationT] = []
@@ -71,7 +54,12 @@ def parted(
         if file not in wanted.measurements:
             held_out.append(whole)
             continue
-        aside = put_aside(whole, file, wanted, partial(label_of, whole))
+        aside = np.zeros(whole.n, dtype=bool)
+        columns = {name: Column(values) for name, values in whole.labels.items()}
+        for file_name, where in wanted.hold_out:
+            if file_name in (None, file.name):
+                key, equals, text = where.partition("=")
+                aside |= chosen(columns, f"{label_of(whole, key.strip())}{equals}{text}", elsewhere=True)
         fitted += [whole.take(~aside)] if not np.all(aside) else []
         held_out += [whole.take(aside)] if np.any(aside) else []
     if not fitted:

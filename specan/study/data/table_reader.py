@@ -13,6 +13,7 @@ import numpy as np
 from specan.errors import InputError, RequestError, nearest
 from specan.models import Condition, Model, Observable, TableFault
 from specan.study.data.table_file import Table, read_table
+from specan.study.observation import DataFile
 from specan.units import convert, is_compatible, scale_to
 
 # readings of one round share the first, those of one set-up of a condition the second
@@ -25,47 +26,32 @@ _WITH_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<a>[^]]*)\]|\((?P<b>[^)]*)\)|
 _PER_SECOND = ("1/s", "/s", "s^-1", "s-1", "s**-1", "s⁻¹", "hz")  # turns or radians: a factor of 2 pi
 
 
-def read_measurement(
-    path: Path,
-    model: Model,
-    constants: Mapping[str, Any] | None = None,
-    name: str = "",
-    columns: Mapping[str, str] | None = None,
-    sheet: str = "",
-) -> Table:
+def read_measurement(file: DataFile, model: Model) -> Table:
     """Read a table as a measurement of what a model predicts: its columns, checked, in the units of the model's.
 
     Parameters
     ----------
-    path : Path
+    file : DataFile
+        Where it names `columns`, headers that are nothing known are ignored.
     model : Model
         Says which columns there may be.
-    constants : mapping, optional
-        Conditions of all rows that the table does not hold, by column: ``{"load_kN": 45.0}``.
-    name : str, optional
-        For messages; the file's name by default.
-    columns : mapping, optional
-        ``{column of the model: header of the table}`` where the table has names of its own; headers that are nothing
-        known are ignored then.
-    sheet : str
-        Of a workbook; the first by default.
 
     Raises
     ------
     InputError
         Columns that are missing, unknown or contradict each other; values that cannot be.
     """
-    names = ColumnNames(path, model, columns or {})
-    table = read_table(path, names.choose, model.groups, sheet)
-    table.name = name or path.name
+    path, names = file.path, ColumnNames(file.path, model, file.columns)
+    table = read_table(path, names.choose, model.groups, file.sheet)
+    table.name = file.name
     names.convert(table)
     known = {c.column: c for c in model.conditions.values() if c.column}
     measurable = [o.header for o in model.observables.values() if o.kind == "table"]
     for column, condition in known.items():
         if condition.default is not None and column in table.frame and table.frame[column].isna().all():
             table.frame = table.frame.drop(columns=column)
-    _check_columns(table, model, known, measurable, constants or {})
-    _add_constants(table, constants or {}, known)
+    _check_columns(table, model, known, measurable, file.conditions)
+    _add_constants(table, file.conditions, known)
     if model.table_rules is not None:
         try:
             numbers = {n: table.frame[n].to_numpy() for n in table.frame if n not in model.groups}

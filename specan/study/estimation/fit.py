@@ -20,6 +20,7 @@ from specan.study.estimation.levenberg_marquardt import (
     Minimum,
     NotSettledError,
     descend,
+    finite,
     refine,
     unit,
 )
@@ -155,9 +156,9 @@ def _trust_region(problem: Problem, theta0: Array) -> Minimum:
     low, high = problem.bounds()
     inside = np.clip(theta0, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale)
     found = least_squares(
-        lambda theta: _finite(problem.residual(theta)),
+        lambda theta: finite(problem.residual(theta)),
         inside,
-        jac=lambda theta: _finite(problem.jacobian(theta)),
+        jac=lambda theta: finite(problem.jacobian(theta)),
         bounds=(low, high),
         x_scale=problem.scale,
         method="trf",
@@ -179,12 +180,6 @@ def _from_nearer(problem: Problem, theta0: Array) -> Minimum:
     with suppress(ComputationError):
         theta0 = descend(problem.subsampled(theta0), theta0).theta
     return descend(problem, theta0)
-
-
-def _finite(array: Array) -> Array:
-    if not np.all(np.isfinite(array)):
-        raise ComputationError("the model gives values that are not finite")
-    return array
 
 
 def _other_starts(problem: Problem, count: int) -> list[Array]:
@@ -220,8 +215,8 @@ def describe(
     """A Fit of a theta that some descent has found to be a minimum; what it knows there is used again."""
     snapped, at_bound = _snap(problem, theta)
     if residual is None or jacobian is None or np.any(snapped != theta):
-        residual = _finite(problem.residual(snapped))
-        jacobian = _finite(problem.jacobian(snapped))
+        residual = finite(problem.residual(snapped))
+        jacobian = finite(problem.jacobian(snapped))
     theta = snapped
     chi2 = float(residual @ residual)
     dof = problem.n_effective + problem.n_priors - theta.size
@@ -417,12 +412,12 @@ class _Excess:
         problem, best, others = self.problem, self.best, self.others
         guess = best.theta + self.direction * (value - best.theta[self.index])
         if not np.any(others):
-            chi2 = float(np.sum(_finite(problem.residual(np.array([value]))) ** 2))
+            chi2 = float(np.sum(finite(problem.residual(np.array([value]))) ** 2))
         else:
             low, high = problem.bounds()
             _, chi2 = least_inside(
-                lambda part: _finite(problem.residual(self._whole(part, value))),
-                lambda part: _finite(problem.jacobian(self._whole(part, value)))[:, others],
+                lambda part: finite(problem.residual(self._whole(part, value))),
+                lambda part: finite(problem.jacobian(self._whole(part, value)))[:, others],
                 guess[others],
                 low[others],
                 high[others],

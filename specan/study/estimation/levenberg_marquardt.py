@@ -90,7 +90,8 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest:
     for count in range(MOST_JACOBIANS):
         history.append(descent.chi2)
         guessed = slopes is not None and count == 0
-        jacobian = _finite(slopes if slopes is not None and count == 0 else problem.jacobian(descent.theta))
+        jacobian = slopes if slopes is not None and count == 0 else problem.jacobian(descent.theta)
+        jacobian = finite(jacobian, "derivatives")
         enough = max(descent.little, descent.chi2 - lowest)
         slow = len(history) > 5 and history[-6] - history[-1] < enough
         found = descent.minimum(jacobian) if slow else descent.follow(jacobian, guessed)
@@ -324,13 +325,13 @@ class _Refinement(_Place):
 
     def look_around(self) -> None:
         """Take a first Jacobian, and the size of what is predicted."""
-        self.jacobian = _finite(self.problem.jacobian(self.theta))
+        self.jacobian = finite(self.problem.jacobian(self.theta), "derivatives")
         predicted = np.concatenate(self.problem.predictions(self.theta))
         self.predicted = float(np.linalg.norm(self.problem.whiten(predicted)))
 
     def derive(self, order: int) -> float:
         """Derive at theta; the fall in chi-square that an undamped step promises."""
-        self.jacobian = _finite(self.problem.jacobian(self.theta, self._steps(), order))
+        self.jacobian = finite(self.problem.jacobian(self.theta, self._steps(), order), "derivatives")
         uphill = self.jacobian.T @ self.residual
         held = ((self.theta <= self.low) & (uphill > 0)) | ((self.theta >= self.high) & (uphill < 0))
         self.moving = np.flatnonzero(~held & np.any(self.jacobian != 0, axis=0))
@@ -394,7 +395,8 @@ class _Refinement(_Place):
         return velocity + acceleration / 2
 
 
-def _finite(array: Array) -> Array:
+def finite(array: Array, what: str = "values") -> Array:
+    """The array, of which every number must be finite."""
     if not np.all(np.isfinite(array)):
-        raise ComputationError("the model gives derivatives that are not finite")
+        raise ComputationError(f"the model gives {what} that are not finite")
     return array

@@ -145,11 +145,6 @@ class Candidate:
         """Elements that the base fits under a prior and the candidate without."""
         return tuple(n for n in self.own if n.whole in self.base.priors)
 
-    @property
-    def count(self) -> int:
-        """Number of parameters that the candidate costs: its own, and those whose prior is removed."""
-        return len(self.own)
-
     def neutral(self, name: str) -> float:
         """Value of an amplitude at which the effect vanishes, SI."""
         return self.effect.neutral_si[ParameterName(name).own]

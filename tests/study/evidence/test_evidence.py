@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from open_tables import read_tables
 from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
 from specan.models import Model, Parameter, Use, effect
-from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.evidence import marginal

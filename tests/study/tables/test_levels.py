@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from open_tables import read_tables
 
 from specan.errors import InputError
 from specan.models import Model, SettingError
-from specan.study.data.open_tables import read_tables
 from specan.study.data.setpoints import MOST_LEVELS, cells, grouped, levels, round_step
 
 TORQUES = np.array([5, 15, 30, 50, 80.0])

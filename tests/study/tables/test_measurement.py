@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from open_tables import read_tables
 
 from specan.errors import InputError, RequestError
-from specan.study.data.open_tables import matching, read_tables
+from specan.study.data.open_tables import matching
 from specan.study.data.operating_table import grouping_of, join
 from specan.study.data.table_reader import read_measurement
+from specan.study.observation import DataFile
 
 RATIO = 7.5
 
@@ -28,11 +30,13 @@ def whole(tables):
 @pytest.fixture
 def read(tmp_path, tables, gear):
     def read_columns(columns, **more):
-        return join(
-            [read_measurement(tables.write_table(tmp_path / "table.csv", columns), gear, **more)], gear
-        )
+        return join([read_file(tables.write_table(tmp_path / "table.csv", columns), gear, **more)], gear)
 
     return read_columns
+
+
+def read_file(path, model, **more):
+    return read_measurement(DataFile(path.name, path, **more), model)
 
 
 def without(columns, *names):
@@ -146,12 +150,12 @@ def test_what_cannot_be_is_refused_with_its_line(whole, read, make, told):
 
 
 def test_a_condition_of_the_whole_file(whole, read):
-    found = read(without(whole, "oil_temperature_C"), constants={"oil_temperature_C": 45.0})
+    found = read(without(whole, "oil_temperature_C"), conditions={"oil_temperature_C": 45.0})
     assert set(np.round(found.conditions["indicated_oil_temperature"], 2)) == {318.15}
     with pytest.raises(InputError, match="as a constant too"):
-        read(whole, constants={"oil_temperature_C": 45.0})
+        read(whole, conditions={"oil_temperature_C": 45.0})
     with pytest.raises(InputError, match="did you mean 'oil_temperature_C'"):
-        read(whole, constants={"oil_temprature_C": 45.0})
+        read(whole, conditions={"oil_temprature_C": 45.0})
 
 
 def test_one_condition_is_no_measurement(tmp_path, tables, whole, gear):
@@ -165,19 +169,19 @@ def test_one_condition_is_no_measurement(tmp_path, tables, whole, gear):
 
 
 def test_a_condition_that_one_table_lacks_takes_the_rigs_value(tmp_path, tables, whole, gear):
-    one = read_measurement(tables.write_table(tmp_path / "a.csv", whole), gear)
-    two = read_measurement(tables.write_table(tmp_path / "b.csv", without(whole, "oil_temperature_C")), gear)
+    one = read_file(tables.write_table(tmp_path / "a.csv", whole), gear)
+    two = read_file(tables.write_table(tmp_path / "b.csv", without(whole, "oil_temperature_C")), gear)
     rows = join([one, two], gear)
     assert set(np.round(rows.conditions["indicated_oil_temperature"][len(one.frame) :], 2)) == {331.15}
     assert any("58" in note for note in rows.notes)
     timed = {**whole, "elapsed_time_s": 60.0 * np.arange(24)}
-    rows = join([one, read_measurement(tables.write_table(tmp_path / "c.csv", timed), gear)], gear)
+    rows = join([one, read_file(tables.write_table(tmp_path / "c.csv", timed), gear)], gear)
     assert "elapsed_time" not in rows.conditions
 
 
 def test_rows_are_held_out_by_level(tmp_path, tables, gear):
     path = tables.write_table(tmp_path / "t.csv", tables.bench())
-    rows = join([read_measurement(path, gear)], gear)
+    rows = join([read_file(path, gear)], gear)
     near_50 = np.abs(rows.conditions["indicated_output_torque"] / 50 - 1) < 0.2
     np.testing.assert_array_equal(matching(rows, gear, "torque=50"), near_50)
     scatter = float(grouping_of(gear, gear.conditions["indicated_output_torque"]).at(50.0))

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from open_tables import read_tables
 
 from specan.errors import InputError
 from specan.models import SettingError
-from specan.study.data.open_tables import read_tables
 from specan.study.data.setpoints import levels
 from specan.study.diagnose import diagnose
 from specan.study.selection.candidates import base_problem

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from open_tables import read_tables
 
 from specan.models import Model
-from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.selection.candidates import base_problem
 from specan.study.verdict import headline

@@ -1,8 +1,8 @@
 """The uncertainty that the printed digits of a condition bring, against a Monte Carlo of rounding."""
 
 import numpy as np
+from open_tables import read_tables
 
-from specan.study.data.open_tables import read_tables
 from specan.study.data.table_covariance import declared_reading
 
 STEP = 1.0  # N m: the torque was written down without decimals

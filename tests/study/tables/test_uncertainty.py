@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from open_tables import read_tables
 
 from specan.errors import InputError
-from specan.study.data.open_tables import read_tables
 from specan.study.data.replicate_variance import SETTING, pooled
 from specan.study.estimation.fit import fit
 from specan.study.selection.candidates import base_problem
