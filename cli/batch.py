@@ -11,7 +11,7 @@ import click
 
 from specan.divisions import DIVISIONS
 from specan_cli.options import Grouped, opt, weighting_option
-from specan_cli.output import decimal_option, emit_json, is_quiet, note, say, table
+from specan_cli.output import asked, decimal_option, emit_json, note, say, table
 
 if TYPE_CHECKING:
     from specan.analysis.batch.run import BatchReport
@@ -126,7 +126,7 @@ def _write_report(report: BatchReport, settings: BatchSettings, output: Path) ->
 
 def progress_line() -> Callable[[int, int, float], None] | None:
     """Shows files done and the time that remains, on a terminal only."""
-    if is_quiet() or not sys.stderr.isatty():
+    if asked("quiet") or not sys.stderr.isatty():
         return None
 
     def show(count: int, total: int, remaining_s: float) -> None:

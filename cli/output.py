@@ -160,13 +160,11 @@ def say(text: str) -> None:
 
 def note(text: str) -> None:
     """A line that ``-q`` leaves out."""
-    if not is_quiet():
+    if not asked("quiet"):
         say(text)
 
 
 # --- how much a verb says on standard error -------------------------------------------------------------
-
-_QUIET, _VERBOSE = "specan_cli.quiet", "specan_cli.verbose"
 
 
 def add_options(command: click.Command) -> None:
@@ -182,23 +180,14 @@ def add_options(command: click.Command) -> None:
         )
 
 
-def is_quiet() -> bool:
-    """Whether notes and progress are unwanted."""
-    return _given(_QUIET)
-
-
-def is_verbose() -> bool:
-    """Whether more is to be said."""
-    return _given(_VERBOSE)
-
-
-def _given(key: str) -> bool:
+def asked(name: str) -> bool:
+    """Whether ``--quiet`` or ``--verbose`` was given."""
     context = click.get_current_context(silent=True)
-    return context is not None and bool(context.meta.get(key, False))
+    return context is not None and bool(context.meta.get(f"specan_cli.{name}", False))
 
 
 def _keep(context: click.Context, option: click.Parameter, value: bool) -> None:
-    context.meta[_QUIET if option.name == "quiet" else _VERBOSE] = value
+    context.meta[f"specan_cli.{option.name}"] = value
     if value and option.name == "verbose":
         begun, processor = time.perf_counter(), time.process_time()
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan_cli.output import is_quiet, is_verbose, say
+from specan_cli.output import asked, say
 
 _LONG_SAMPLES = 50_000_000  # some seconds of work
 
@@ -35,11 +35,11 @@ class Shown(Recording):
         stop = min(c.n_samples for c in channels) if stop is None else stop
         rate = channels[0].sampling_rate if channels else 0.0
         text = f"Reading {self.label}: {len(channels)} channels, {stop - start} samples at {rate:g} Hz."
-        if is_verbose() and text not in self.said:
+        if asked("verbose") and text not in self.said:
             say(text)
             self.said.add(text)
         short = (stop - start) * len(channels) < _LONG_SAMPLES
-        hidden = short or is_quiet() or not sys.stderr.isatty()
+        hidden = short or asked("quiet") or not sys.stderr.isatty()
         with click.progressbar(length=stop - start, file=sys.stderr, label=self.label, hidden=hidden) as bar:
             for samples in super().blocks(channels, size, start, stop):
                 yield samples

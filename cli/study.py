@@ -17,7 +17,7 @@ import click
 
 from specan_cli.main import LazyGroup
 from specan_cli.options import json_option, opt, together
-from specan_cli.output import Delivery, OutputFile, is_quiet, plot_option, say, show_sheets, verb
+from specan_cli.output import Delivery, OutputFile, asked, plot_option, say, show_sheets, verb
 
 if TYPE_CHECKING:
     from specan.study.progress import Progress
@@ -106,7 +106,7 @@ def told() -> Progress:
     """
     began = last = time.monotonic()
     most = 0.0
-    on_terminal, quiet = sys.stderr.isatty(), is_quiet()
+    on_terminal, quiet = sys.stderr.isatty(), asked("quiet")
 
     def tell(text: str, share: float | None = None) -> None:
         nonlocal last, most

@@ -98,19 +98,14 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
     if claimed is None:
         return seen
     sine = stated.frequency_hz if stated is not None and stated.kind == "sine" else None
-    frequency = _agreed(sine, seen.frequency_hz if seen.kind == "sine" else None)
+    frequency = seen.frequency_hz if seen.kind == "sine" else None
+    if sine is not None and (frequency is None or abs(frequency - sine) > 0.01 * sine):
+        frequency = sine
     if said is not None:
         claim = Excitation(SAYABLE[said], frequency if said == "sine" else None, "said by the user")
         return _confronted(claim, [part for part in (stated, seen) if part is not None])
     assert stated is not None
     return _confronted(replace(stated, frequency_hz=frequency) if stated.kind == "sine" else stated, [seen])
-
-
-def _agreed(stated_hz: float | None, seen_hz: float | None) -> float | None:
-    """The measured frequency where it is the stated one to within 1 %, else what is stated."""
-    if stated_hz is None or (seen_hz is not None and abs(seen_hz - stated_hz) <= 0.01 * stated_hz):
-        return seen_hz
-    return stated_hz
 
 
 def _confronted(claim: Excitation, others: list[Excitation]) -> Excitation:

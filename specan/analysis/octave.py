@@ -407,7 +407,7 @@ class OctaveAccumulator:
 
     def _totals(self, spectrum: EnergySpectrum) -> dict[str, Real]:
         """Levels of the whole signal, with each weighting."""
-        whole = spectrum.alternating_mean_square
+        whole = np.maximum(spectrum.mean_square - np.square(spectrum.mean), 0.0)
         if self._derivatives.any():
             # Integration makes drift infinite: from the lowest band upwards, for channels that need it.
             above = spectrum.frequencies >= self.bands.lower[0]

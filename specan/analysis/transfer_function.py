@@ -157,8 +157,8 @@ class TransferFunctionAccumulator:
         self._longer = seen if seen is not None and seen.block > self.settings.block else None
         # A short section has been averaged already, in the same blocks.
         self._whole = None
-        if seen is not None and seen.block == self.settings.block and not any(self.shifts):
-            self._whole = None if self.instrument is not None else seen.whole
+        if seen and seen.block == self.settings.block and not any(self.shifts) and not self.instrument:
+            self._whole = seen.whole
 
     def _most_lines(self, lines: int) -> int:
         """As many lines, or half of them and so on until the section holds eight independent averages."""

@@ -68,14 +68,6 @@ def node_weights(first: int, count: int, weighting: Weighting) -> Real:
     return found
 
 
-def nearest_nodes(frequency: Real) -> tuple[NDArray[np.int64], Real]:
-    """Numbers of the nodes nearest to frequencies, and how far beyond these they lie: 0 for octaves."""
-    place = _place(frequency)
-    nodes = np.rint(place)
-    beyond = place - nodes
-    return nodes.astype(np.int64), np.where(np.abs(beyond) < _OF_A_PLACE, 0.0, beyond)
-
-
 class Spread:
     """How the lines of an energy spectrum fall to the nodes.
 
@@ -479,11 +471,6 @@ class EnergySpectrum:
         # Rounding may leave less than nothing of a record that is all cut.
         return np.maximum(whole - self.cut[weighting], 0.0) if weighting in self.cut else whole
 
-    @property
-    def alternating_mean_square(self) -> Real:
-        """Mean square about the mean, shape (channels,)."""
-        return np.maximum(self.mean_square - np.square(self.mean), 0.0)
-
     def band_mean_square(self, division: Bands, weights: Real | None = None) -> Real:
         """Energy at the output of each band filter over the record's length, shape (channels, bands).
 
@@ -499,9 +486,11 @@ class EnergySpectrum:
         """
         nodes = self.nodes if weights is None else self.nodes * weights
         result = np.empty((nodes.shape[0], len(division)))
-        places, beyond = nearest_nodes(division.mid)
+        place = _place(division.mid)
+        nearest = np.rint(place).astype(np.int64)
+        beyond = np.where(np.abs(place - nearest) < _OF_A_PLACE, 0.0, place - nearest)  # 0 for octaves
         for column, (mid, offset) in enumerate(
-            zip((places - self.first).tolist(), beyond.tolist(), strict=True)
+            zip((nearest - self.first).tolist(), beyond.tolist(), strict=True)
         ):
             centre, response = _tabulated_response(float(division.designator[column]), offset)
             low, high = max(mid - centre, 0), min(mid + centre + 1, nodes.shape[1])

@@ -266,8 +266,10 @@ def scatters_as_noise(sections: Sequence[Real]) -> bool | None:
     >>> scatters_as_noise([noise]), scatters_as_noise([sweep])
     (True, False)
     """
-    if _peaked(sections):
-        return False
+    x = np.concatenate(sections)
+    square = np.square(x - x.mean())
+    if np.mean(square**2) > _PEAKED * np.mean(square) ** 2:
+        return False  # rarer and higher than those of a Gaussian process that is on part of the time
     answers = []
     for energy in _ENERGY:
         seen = [found for length in _FRAMES if (found := _scatter(sections, length, energy)) is not None]
@@ -276,13 +278,6 @@ def scatters_as_noise(sections: Sequence[Real]) -> bool | None:
             # Only a frame that is shorter than the period of a sequence sees it as noise.
             answers.append(bool(max(excess) <= 1.0 and (energy < max(_ENERGY) or excess[0] >= -1.0)))
     return all(answers) if answers else None
-
-
-def _peaked(sections: Sequence[Real]) -> bool:
-    """Whether the samples are rarer and higher than those of a Gaussian process that is on part of the time."""
-    x = np.concatenate(sections)
-    square = np.square(x - x.mean())
-    return bool(np.mean(square**2) > _PEAKED * np.mean(square) ** 2)
 
 
 def _scatter(sections: Sequence[Real], length: int, energy: float) -> tuple[float, float, float] | None:

@@ -72,19 +72,15 @@ class StudyPage(Page):
         self.adding = self.due = False
         self.ranking = Ranking(self._try, self.dressed)
         self.agreement = agreement_of(self.study)
-        self._follow_microphones()
+        for part in self.agreement:
+            if isinstance(part, TransferAgreement):  # the address keeps the chosen receivers
+                part.choose(self.view.microphone)
+                part.changed = lambda chosen: self._write_address(microphone=chosen)
         self.steps = Div(text="", name="steps", sizing_mode="stretch_width")
         self.map = Div(text="", name="map", sizing_mode="stretch_width")
         self._lay_out()
         self._show_study()
         self._begin(self.refused, self.view.tried)
-
-    def _follow_microphones(self) -> None:
-        """Keep the chosen receivers in the address."""
-        for part in self.agreement:
-            if isinstance(part, TransferAgreement):
-                part.choose(self.view.microphone)
-                part.changed = lambda chosen: self._write_address(microphone=chosen)
 
     def _write_address(self, **changes: tuple[str, ...]) -> None:
         self.view = self.view.model_copy(update=changes)

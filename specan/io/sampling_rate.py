@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -209,7 +208,7 @@ def _snap(step: float) -> tuple[float, bool]:
 
 
 def _single(value: float) -> float:
-    return float(struct.unpack("f", struct.pack("f", value))[0])
+    return float(np.float32(value))
 
 
 # "T" is a temperature or a torque, "t" is the time.

@@ -133,8 +133,9 @@ class _Builder:
         self.seen.update(o.path for o in objects)
         strips, chunk = self._chunk(segment, objects)
         whole, rest = divmod(size, chunk)
-        if _is_rows(strips, chunk):
-            # Rows follow each other across chunks: the segment is one chunk, however long.
+        shapes = {(s.stride, s.stride * s.count) for s in strips.values()}
+        if len(shapes) == 1 and shapes.pop()[1] == chunk:
+            # Nothing but rows, which follow each other across chunks: the segment is one chunk, however long.
             count = size // next(iter(strips.values())).stride
             self._append(segment.data_position, size, 1, self._long(strips, count))
             if rest and not segment.segment_incomplete:
@@ -253,15 +254,6 @@ def _foreign(objects: list[Any]) -> dict[str, str]:
         elif isinstance(scalers[0], DigitalLineScaler):
             foreign[o.path] = "a digital line"
     return foreign
-
-
-def _is_rows(strips: dict[str, Strip], chunk: int) -> bool:
-    """Whether the chunk is nothing but rows, so that rows go on from chunk to chunk."""
-    shapes = {(s.stride, s.count) for s in strips.values()}
-    if len(shapes) != 1:
-        return False
-    ((stride, count),) = shapes
-    return stride * count == chunk
 
 
 def _cut(strips: dict[str, Strip], rest: int, *, nothing_else: bool) -> dict[str, Strip]:

@@ -120,16 +120,12 @@ def _frames(path: Path) -> WavSource:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of notes that are stepped over
             rate, data = wavfile.read(path, mmap=True)
-    except ValueError as fault:
-        if "24-bit" not in str(fault) and "mmap" not in str(fault):
-            raise InputError(
-                f"{path.name} is a damaged WAV file ({fault})", remedy="copy or record it again"
-            ) from None
-        return _frames_24(path, str(fault))
     except Exception as fault:  # the headers of a damaged file end in many errors
+        said = str(fault) if isinstance(fault, ValueError) else f"{type(fault).__name__}: {fault}"
+        if isinstance(fault, ValueError) and ("24-bit" in said or "mmap" in said):
+            return _frames_24(path, said)
         raise InputError(
-            f"{path.name} is a damaged WAV file ({type(fault).__name__}: {fault})",
-            remedy="copy or record it again",
+            f"{path.name} is a damaged WAV file ({said})", remedy="copy or record it again"
         ) from None
     n_channels = 1 if data.ndim == 1 else data.shape[1]
     scale, middle, text, top = _scale(data.dtype)

@@ -58,7 +58,8 @@ def _channels(
     columns = {key: values for key, values in columns.items() if key == "channel" or any(values)}
     rows = [list(row) for row in zip(*columns.values(), strict=True)]
     if len(rows) > _MANY and not show_all:
-        rows = _joined(rows)
+        alike = gathered((tuple(rest), name) for name, *rest in rows)
+        rows = [[_names(names), *rest] for rest, names in alike.items()]
     above = (f"{group}: " if group else "") + ", ".join([counted(len(places), "channel"), *shared])
     return Sheet(above, list(columns), rows)
 
@@ -79,12 +80,6 @@ def _row(c: Channel, quality: tuple[float, Quality] | None) -> dict[str, str]:
         peak = max(abs(found.minimum), abs(found.maximum))
         row |= {"RMS": f"{rms:.4g}", "peak": f"{peak:.4g}", "flags": " ".join(found.flags)}
     return row
-
-
-def _joined(rows: list[list[str]]) -> list[list[str]]:
-    """Rows that differ in the channel's name alone become one."""
-    alike = gathered((tuple(rest), name) for name, *rest in rows)
-    return [[_names(names), *rest] for rest, names in alike.items()]
 
 
 def _sensitivity(channel: Channel) -> str:

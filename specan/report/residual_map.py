@@ -70,7 +70,9 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
 
     Blocks are those of `specan.study.localisation.localise`: nuisance parameters cannot hide a failure in them.
     """
-    labels = _shared_labels(problem)
+    first = problem.observations[0].labels
+    shared = [name for name in first if all(name in o.labels for o in problem.observations)]
+    labels = {name: np.concatenate([o.labels[name] for o in problem.observations]) for name in shared}
     names = map_axes(labels)
     if not names:
         return None
@@ -108,12 +110,6 @@ def axis_text(column: str, variables: Mapping[str, Variable]) -> str:
     """Label of an axis over a variable: ``Output force / kN``."""
     text = variable_named(column, variables).axis if column else ""
     return text[:1].upper() + text[1:]
-
-
-def _shared_labels(problem: Problem) -> dict[str, NDArray[Any]]:
-    shared = set.intersection(*(set(o.labels) for o in problem.observations))
-    order = [name for name in problem.observations[0].labels if name in shared]
-    return {name: np.concatenate([o.labels[name] for o in problem.observations]) for name in order}
 
 
 def _levels(values: NDArray[Any]) -> list[Any]:

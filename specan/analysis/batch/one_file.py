@@ -110,24 +110,21 @@ def open_calibrated(entry: Input) -> Recording:
 
 def _analyse(recording: Recording, settings: BatchSettings) -> FileResult:
     excitation = recognise(recording, said=settings.excitation)
-    description = _description(recording)
+    places = [recording.properties, *recording.group_properties.values()]
+    texts = (str(place.get("Description", "")).strip() for place in places)
     found = FileResult(
         recording.label,
         "done",
         excitation.reason,
-        about=(f"excitation {excitation.kind} ({excitation.reason})", *description),
+        about=(
+            f"excitation {excitation.kind} ({excitation.reason})",
+            *(f"Description: {text}" for text in dict.fromkeys(filter(None, texts))),
+        ),
         set_aside=tuple(sorted(recording.set_aside.items())),
     )
     if excitation.kind == "sine":
         return _sine(recording, settings, excitation, found)
     return _levels(recording, settings, found, excitation.kind)
-
-
-def _description(recording: Recording) -> tuple[str, ...]:
-    """`Description` of the file and of its groups."""
-    places = [recording.properties, *recording.group_properties.values()]
-    texts = (str(p["Description"]).strip() for p in places if str(p.get("Description", "")).strip())
-    return tuple(f"Description: {text}" for text in dict.fromkeys(texts))
 
 
 def _sine(

@@ -230,11 +230,6 @@ class Store:
         assert kept is not None
         return kept
 
-    def renew(self, kept: Kept, identity: Identity) -> Kept:
-        """Keep a result that still holds for a file with a new time or a full hash."""
-        blocks = {table: kept.lines(table) for table in kept.places}
-        return self.put(replace(kept.result, blocks=blocks), identity, kept.context)
-
     def keep_only(self, labels: Iterable[str]) -> None:
         """Remove the results of all other files."""
         wanted = {self._path(label).name for label in labels}
@@ -291,7 +286,9 @@ def unchanged(entry: Input, store: Store, *, verify: bool) -> Kept | None:
     if (now.size, now.digest) != (before.size, before.digest) or (verify and now.whole != before.whole):
         return None
     if now.mtime_ns != before.mtime_ns:
-        kept = store.renew(kept, replace(now, whole=before.whole))
+        blocks = {table: kept.lines(table) for table in kept.places}
+        same = replace(kept.result, blocks=blocks)
+        kept = store.put(same, replace(now, whole=before.whole), kept.context)
     return kept
 
 
