@@ -102,6 +102,8 @@ def _check_one_row(use: Use, active: Assembly, conditions: Conditions) -> None:
 def conditions_over_limits(model: Model) -> dict[str, Real]:
     """Conditions all over what the rig can run, in random order one a quarter of an hour, for `check_effect`.
 
+    All combinations of levels of those that have limits; those that are not known without a column as time goes on.
+
     Raises
     ------
     RequestError
@@ -111,11 +113,6 @@ def conditions_over_limits(model: Model) -> dict[str, Real]:
         raise RequestError(
             f"the rig of {model.name} has no limits to check over", remedy="call check_effect from Python"
         )
-    return _over(model)
-
-
-def _over(model: Model) -> dict[str, Real]:
-    """All combinations of levels of the conditions that have limits, shuffled; the others as time goes on."""
     rows = [axis.ravel() for axis in np.meshgrid(*_dense_axes(model), indexing="ij")]
     order = np.random.default_rng(0).permutation(rows[0].size)
     unknown = [c.name for c in model.conditions.values() if c.default is not None and not c.known]
@@ -180,7 +177,7 @@ def check_model(model: Model, recorded: Conditions | None = None) -> ModelReport
             f"the condition {lacking[0]!r} has no limits to check over",
             remedy="give its lowest and highest value",
         )
-    conditions = recorded or _over(model)
+    conditions = recorded or conditions_over_limits(model)
     try_model(model, conditions)
     started = time.perf_counter()
     base = model.assemble(model.base_effects)

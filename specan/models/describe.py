@@ -106,23 +106,15 @@ def rig_template(model: Model, example: Mapping[str, Any]) -> str:
     content = {key: value for key, value in example.items() if key not in ("limits", "uncertainty")}
     if content:
         lines += ["", tomlkit.dumps(content).strip()]
-    if not example or "limits" in example:
-        lines += [
-            "",
-            "# From where to where each condition can be set, in the unit of its column.",
-            "[limits]",
-        ]
-        lines += _given(example.get("limits", {})) or _limits(model)
-    if not example or "uncertainty" in example:
-        lines += ["", "# Standard uncertainties, in the unit of each column.", "[uncertainty]"]
-        lines += _given(example.get("uncertainty", {})) or _uncertainties(model)
+    tables = {
+        "limits": ("From where to where each condition can be set, in the unit of its column.", _limits),
+        "uncertainty": ("Standard uncertainties, in the unit of each column.", _uncertainties),
+    }
+    for name, (said, usual) in tables.items():
+        if not example or name in example:
+            given = tomlkit.dumps(dict(example.get(name, {}))).strip().splitlines()
+            lines += ["", f"# {said}", f"[{name}]", *(given or usual(model))]
     return "\n".join(lines) + "\n"
-
-
-def _given(table: Mapping[str, Any]) -> list[str]:
-    import tomlkit
-
-    return tomlkit.dumps(dict(table)).strip().splitlines() if table else []
 
 
 def _limits(model: Model) -> list[str]:

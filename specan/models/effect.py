@@ -248,6 +248,11 @@ class Effect:
         """Neutral values in SI."""
         return {name: self.parameters[name].to_si(value) for name, value in self.neutral.items()}
 
+    def prior_si(self, name: str, sd: float) -> tuple[float, float]:
+        """Mean and standard deviation in SI of a parameter that is held at its neutral value; `sd` in its unit."""
+        mean = self.neutral_si[name]
+        return mean, abs(self.parameters[name].to_si(self.neutral[name] + sd) - mean)
+
     @property
     def shapes(self) -> tuple[str, ...]:
         """Parameters that mean nothing while the effect is neutral."""

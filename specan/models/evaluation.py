@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from specan.errors import ComputationError, RequestError, SpecanError, nearest
 from specan.models.effect import Effect, Parameter, ParameterName, Use
 from specan.models.from_function import place_of, users_mistake
@@ -274,8 +276,6 @@ class Assembly:
 
     def _of_another_shape(self, name: str, contributions: Mapping[str, Any]) -> RequestError:
         """The error that names the contribution which does not go with the quantity."""
-        import numpy as np
-
         size = np.shape(contributions[BASE])
         for use, effect, call in self._calls[name][1]:
             shape = np.shape(contributions[call.key])
@@ -289,8 +289,6 @@ class Assembly:
 
     def _spread(self, use: Use, effect: Effect, name: str, given: Any) -> Any:
         """Put one element's contribution into an array over the axis; neutral elsewhere."""
-        import numpy as np
-
         axis = self.model.axes[effect.at]
         given = np.asarray(given)
         rest = np.zeros if name in effect.adds_to else np.ones
@@ -330,8 +328,6 @@ def _same(old: Any, new: Any) -> bool:
         return True
     if type(old) is type(new) is float:
         return bool(old == new)
-    import numpy as np
-
     return np.array_equal(old, new)
 
 
@@ -346,8 +342,6 @@ def varying(rows: Iterable[Mapping[str, Any]], least: float = 5e-4) -> frozenset
     >>> sorted(varying([{"speed": [100.0, 200.0], "oil_level": [1.0]}, {"oil_level": [0.6]}]))
     ['oil_level', 'speed']
     """
-    import numpy as np
-
     spans: dict[str, tuple[float, float]] = {}
     for conditions in rows:
         for name, values in conditions.items():

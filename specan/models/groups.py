@@ -212,10 +212,8 @@ def _differs(node: Quantity, axis: str, names: tuple[str, ...]) -> Effect:
 def check_groups(model: Any) -> None:
     """Refuse a parameter per something that is nothing."""
     known = ("recording", *model.axes, *model.groups)
-    owners = [q.parameters for q in model.quantities.values()] + [
-        e.parameters for e in model.effects.values()
-    ]
-    for parameter in (p for owned in owners for p in owned.values()):
+    nodes = (*model.quantities.values(), *model.effects.values())
+    for parameter in (p for node in nodes for p in node.parameters.values()):
         if parameter.per and parameter.per not in known:
             raise RequestError(
                 f"a parameter ({parameter.doc or 'undocumented'}) is declared per {parameter.per!r}, "

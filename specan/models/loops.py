@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
+import numpy as np
+
 TOLERANCE = 1e-13  # relative change in going once around
 
 State = dict[str, Any]
@@ -67,8 +69,6 @@ def fixed_point(around: Callable[[State], State], guess: Mapping[str, Any]) -> b
     >>> round(float(last["x"]), 12)
     0.739085133215
     """
-    import numpy as np
-
     x: State = {name: np.asarray(value) for name, value in guess.items()}
     before: tuple[State, State] | None = None
     # one that runs away is told once; an element that has arrived does not move
@@ -87,8 +87,6 @@ def fixed_point(around: Callable[[State], State], guess: Mapping[str, Any]) -> b
 
 def _steps(x: State, gap: State, x_before: State, gap_before: State) -> State:
     """Factor of the plain step for each element, from the slope of the gap between two rounds."""
-    import numpy as np
-
     factors = {}
     for name in x:
         factor = (x_before[name] - x[name]) / (gap[name] - gap_before[name])

@@ -228,18 +228,10 @@ class Model:
                 remedy="correct the name; a built-in model is given its rig by load_model",
             )
         said = rig_statement(rig, self.conditions.values(), self.observables.values())
-        old = self.rig
-        return replace(
-            self,
-            rig=replace(
-                old,
-                limits={**old.limits, **said.limits},
-                setting={**old.setting, **said.setting},
-                reading={**old.reading, **said.reading},
-                reading_percent={**old.reading_percent, **said.reading_percent},
-                discrepancy_percent=said.discrepancy_percent or old.discrepancy_percent,
-            ),
-        )
+        names = ("limits", "setting", "reading", "reading_percent")
+        first: dict[str, Any] = {name: {**getattr(self.rig, name), **getattr(said, name)} for name in names}
+        percent = said.discrepancy_percent or self.rig.discrepancy_percent
+        return replace(self, rig=replace(self.rig, **first, discrepancy_percent=percent))
 
     @classmethod
     def from_function(

@@ -112,11 +112,7 @@ def _priors(model: Model, nuisances: Mapping[Use, EffectEntry]) -> dict[str, tup
             parameter = effect.parameters[name]
             unit = entry.parameters[name].unit if name in entry.parameters else None
             width = sd * scale_to(unit or parameter.unit, parameter.unit)
-            mean = effect.neutral_si[name]
-            priors[ParameterName.of(use, name)] = (
-                mean,
-                abs(parameter.to_si(effect.neutral[name] + width) - mean),
-            )
+            priors[ParameterName.of(use, name)] = effect.prior_si(name, width)
     return priors
 
 

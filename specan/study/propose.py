@@ -17,13 +17,12 @@ from specan.result import Result, counted
 from specan.study.design.operating_points import propose as propose_measurements
 from specan.study.estimation.fit import fit
 from specan.study.estimation.left_out import left_out_errors
-from specan.study.estimation.prediction_error import observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.law_search import Law, search_laws
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
 from specan.study.user_effects import LAWS, trust_file, write_beside_older
-from specan.study.verdict import parameters_of, percent
+from specan.study.verdict import errors, parameters_of, percent
 
 # chi-square, three standard deviations, by which a fit may end above what the search found
 OUT_OF_REACH = 9.0
@@ -140,7 +139,7 @@ def propose_laws(study: Study) -> ProposedLaws:
     study.require_uncertainty("propose")
     start = Refit(frozenset(), study.problem, study.best)
     found = search_laws(start)
-    before, left_out = _error(start), next(iter(left_out_errors(start.problem, start.fit)), None)
+    before, left_out = errors(start)[0], next(iter(left_out_errors(start.problem, start.fit)), None)
     sources = {name: source_of(law, name, found.tried) for name, law in _named(found.laws).items()}
     files = {name: Path(LAWS) / f"{name}.py" for name in sources}
     # One catalogue for all, so that the refits can be compared.
@@ -175,11 +174,6 @@ def propose_laws(study: Study) -> ProposedLaws:
     )
 
 
-def _error(refit: Refit) -> Any:
-    predicted = refit.problem.plain(refit.fit.theta)
-    return observable_errors(refit.problem, refit.problem.observations, predicted)[0]
-
-
 def _named(laws: Sequence[Law]) -> dict[str, Law]:
     """Laws by the names of their effects, which are all different."""
     plain = [name_of(law) for law in laws]
@@ -212,7 +206,7 @@ def _fitted(
         quantity=law.quantity,
         parameters=parameters_of(refit),
         probability=law.probability,
-        error_after=_error(refit).rms,
+        error_after=errors(refit)[0].rms,
         left_out_after=None if left_out is None else left_out.rms,
     )
     return proposed, refit

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import digamma
 
 from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
+from specan.dsp.welch import effective_averages, power_density
 from specan.study.observation.window_leakage import Folding, fold
 
 if TYPE_CHECKING:
@@ -70,8 +72,6 @@ def estimate_lines(
     recording: Recording, reference: Channel, settings: TransferFunction, band_hz: tuple[float, float]
 ) -> EstimatedLines:
     """Estimate the lines of a band by averages, a few channels at once: each has many lines beyond the band."""
-    from specan.dsp.welch import effective_averages
-
     rate, block = reference.sampling_rate, settings.block
     start = round((settings.start_s or 0.0) * rate)
     # 1 << 21: samples of blocks that are analysed together: a second of 40 channels at 51.2 kHz
@@ -110,8 +110,6 @@ def estimate_lines(
 
 def _drive(signals: tuple[Real, ...], rate: float, block: int, start: int, frequency_hz: Real) -> Real:
     """Power density of the reference at given frequencies; of what the generator drives, where that is recorded."""
-    from specan.dsp.welch import power_density
-
     f, density = power_density(signals[0][start:], rate, block)
     drive = np.interp(frequency_hz, f, density)
     if len(signals) == 1:
@@ -174,7 +172,6 @@ def noise_density(reference: Real, responses: Iterable[Real], rate: float, frequ
 def _smooth(density: Real, freedom: float) -> Real:
     """Mean of the logarithm over neighbouring lines, freed of its bias; a peak does not lift its neighbours."""
     from scipy.ndimage import uniform_filter1d
-    from scipy.special import digamma
 
     logarithm = np.log(np.maximum(density, np.finfo(float).tiny))
     bias = float(digamma(freedom)) - np.log(freedom)

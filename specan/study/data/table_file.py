@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError
 from specan.schema import decoded, regular
+from specan.units import base_unit
 
 MOST_NAMED = 5  # lines in one message
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
@@ -225,8 +226,6 @@ def _is_number(word: str) -> bool:
 
 
 def _is_unit(word: str) -> bool:
-    from specan.units import base_unit
-
     try:
         base_unit(word)
     except RequestError:

@@ -184,9 +184,14 @@ def _from_nearer(problem: Problem, theta0: Array) -> Minimum:
 
 def _other_starts(problem: Problem, count: int) -> list[Array]:
     """Places in the plausible ranges."""
-    if count < 1 or not problem.names:
-        return []
-    low, high = _plausible(problem)
+    low, high = problem.bounds()
+    start, scale = problem.start(), problem.scale
+    inner = [problem.assembly.parameters[name.whole].si for name in problem.names]
+    low = np.maximum(low, [s.min for s in inner])
+    high = np.minimum(high, [s.max for s in inner])
+    low = np.where(np.isfinite(low), low, start - 2 * scale)
+    high = np.where(np.isfinite(high), high, start + 2 * scale)
+    low, high = np.minimum(low, high), np.maximum(low, high)
     return list(low + quasi_random(count, len(problem.names)) * (high - low))
 
 
@@ -196,17 +201,6 @@ def quasi_random(count: int, size: int) -> Array:
     for _ in range(30):  # the root of x^(d+1) = x + 1
         root = (1 + root) ** (1 / (size + 1))
     return (0.5 + np.arange(1, count + 1)[:, None] * root ** -np.arange(1, size + 1)) % 1
-
-
-def _plausible(problem: Problem) -> tuple[Array, Array]:
-    low, high = problem.bounds()
-    start, scale = problem.start(), problem.scale
-    inner = [problem.assembly.parameters[name.whole].si for name in problem.names]
-    low = np.maximum(low, [s.min for s in inner])
-    high = np.minimum(high, [s.max for s in inner])
-    low = np.where(np.isfinite(low), low, start - 2 * scale)
-    high = np.where(np.isfinite(high), high, start + 2 * scale)
-    return np.minimum(low, high), np.maximum(low, high)
 
 
 def describe(

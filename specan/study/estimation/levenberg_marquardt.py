@@ -179,10 +179,6 @@ class _Descent(_Place):
         return LEAST_START if self.problem.strategy.exact_minimum else FAR_START
 
     @property
-    def unit(self) -> float:
-        return unit(self.problem, self.chi2)
-
-    @property
     def little(self) -> float:
         """By how much five Jacobians must lower chi-square to be worth going on."""
         # 10.0: reduced chi-square above which the exact minimum of a frugal fit is of no interest
@@ -190,7 +186,7 @@ class _Descent(_Place):
             self.problem.n_data + self.problem.n_priors
         )
         # 0.05: share by which five Jacobians have to lower chi-square there to be worth going on
-        return 0.05 * self.chi2 if far_off else STALL_TOLERANCE * self.unit
+        return 0.05 * self.chi2 if far_off else STALL_TOLERANCE * unit(self.problem, self.chi2)
 
     def follow(self, jacobian: Array, guessed: bool) -> Minimum | None:
         """Steps by secants from one Jacobian; the minimum if it, or a guess kept current, promises no more."""
@@ -198,9 +194,10 @@ class _Descent(_Place):
         # 12: steps between two exact Jacobians
         for secant in range(12):
             step, promised = self._step(slope, self.damping)
-            if promised < STEP_TOLERANCE * self.unit:
+            enough = STEP_TOLERANCE * unit(self.problem, self.chi2)
+            if promised < enough:
                 # 1e-6: damping with which a minimum is confirmed: a large one must not pass for it
-                if (secant == 0 or guessed) and self._step(slope, 1e-6)[1] < STEP_TOLERANCE * self.unit:
+                if (secant == 0 or guessed) and self._step(slope, 1e-6)[1] < enough:
                     return self.minimum(slope / self.size)
                 if secant > 0:
                     return None

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares, lsq_linear
 
 from specan.arrays import Real
 
@@ -132,8 +133,6 @@ def held_inside(columns: Real, residual: Real, low: Real, high: Real) -> Real:
     >>> held_inside(columns, np.array([-2.0, 1.0]), np.array([-9.0, -0.5]), np.array([9.0, 9.0]))
     array([ 2.45, -0.5 ])
     """
-    from scipy.optimize import lsq_linear
-
     bounds = low, np.maximum(high, np.nextafter(low, np.inf))  # apart
     found = lsq_linear(columns, -residual, bounds, method="bvls", tol=SETTLED, max_iter=10 * low.size)
     return np.asarray(np.clip(found.x, low, high))
@@ -161,8 +160,6 @@ def least_inside(
     >>> place, round(left, 6)
     (array([-1.]), 0.135335)
     """
-    from scipy.optimize import least_squares
-
     bounds = low, np.maximum(high, np.nextafter(low, np.inf))  # apart
     inside = np.clip(x, *bounds)
     # 1e-9: share of the sum of squares below which a step is the last

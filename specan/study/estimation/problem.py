@@ -299,11 +299,8 @@ class Problem:
 
         These are (theta - mean) / sd of the priors, and the pulls of the known ranges.
         """
-        values = self.values_at(theta)
-        parts = [
-            o.whiten(o.predict(self.assembly, self.seen_by(o, values)) - o.measured)
-            for o in self.observations
-        ]
+        predicted = zip(self.observations, self.predictions(theta), strict=True)
+        parts = [o.whiten(one - o.measured) for o, one in predicted]
         return np.concatenate([*parts, self.pseudo.residual(np.asarray(theta, dtype=float))])
 
     def jacobian(self, theta: Array, steps: Array | None = None, order: int = 2) -> Array:

@@ -344,11 +344,7 @@ class FrfObservation(KeptLines):
 
     def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> Self:
         """The same without windows, as far as the model at these values knows what they do."""
-        plain = replace(
-            self,
-            folding=Folding.none(self.frequency_hz),
-            conditions_at_nodes=self.conditions_at(self.frequency_hz),
-        )
+        plain = self.of_lines(np.arange(self.frequency_hz.size))
         windows = self.responses(assembly, [values])[0] - plain.responses(assembly, [values])[0]
         return replace(plain, response=self.response - windows)
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, eye_array, vstack
 
 from specan.arrays import Complex, Real
 
@@ -43,8 +44,6 @@ class Folding:
     @classmethod
     def none(cls, frequency_hz: Real) -> Folding:
         """No windows: the response at the lines themselves."""
-        from scipy.sparse import eye_array
-
         return cls(frequency_hz, eye_array(len(frequency_hz), format="csr"))
 
 
@@ -72,8 +71,6 @@ def fold(
     instrument : array (n,), optional
         Recorded instrument e of the three-channel estimator; the reference for H1.
     """
-    from scipy.sparse import csr_array, vstack
-
     driver, hop = reference if instrument is None else instrument, block // 2
     n = len(reference)
     starts = np.arange(start, n - block + 1, hop)
@@ -130,8 +127,6 @@ def _interpolation(at: Real, nodes: NDArray[np.intp], per_line: int) -> Any:
     A causal response only turns one way with frequency. It is interpolated turned back by its middle, where a
     polynomial follows it twice as far.
     """
-    from scipy.sparse import csr_array
-
     inside = np.flatnonzero((at >= nodes[0]) & (at <= nodes[-1]))
     left = np.clip(np.floor(at[inside]).astype(int) - _ORDER // 2 + 1, nodes[0], nodes[-1] - _ORDER + 1)
     x = at[inside] - left

@@ -85,12 +85,9 @@ def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
         use = Use.parse(nuisance.effect)
         if use in problem.assembly.uses or use.name in untestable or (only and use != only):
             continue
-        effect = model.effects[use.name]
-        parameter = effect.parameters[nuisance.parameter]
-        mean = effect.neutral_si[nuisance.parameter]
-        sd = abs(parameter.to_si(effect.neutral[nuisance.parameter] + nuisance.prior_sd) - mean)
         name = ParameterName.of(use, nuisance.parameter)
-        priors[name], values[name] = (mean, sd), mean
+        priors[name] = model.effects[use.name].prior_si(nuisance.parameter, nuisance.prior_sd)
+        values[name] = priors[name][0]
         free.append(name)
         new.add(use)
     for use in new:  # parameters without a prior rest where the effect vanishes

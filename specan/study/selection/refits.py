@@ -211,11 +211,9 @@ class Refits:
             return []
         own = [{n: v for n, v in s.items() if ParameterName(n).owner in map(str, uses)} for s in starts]
         try:
-            return (
-                [{**self._not_dragged, **one} for one in own]
-                if not self.rough
-                else [continuation_fit(problem, own, True)]
-            )
+            if self.rough:
+                return [continuation_fit(problem, own, True)]
+            return [{**self._not_dragged, **one} for one in own]
         except ComputationError:  # the other starts may do better
             return []
 

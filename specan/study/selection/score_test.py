@@ -71,34 +71,21 @@ def score(fit: Projection, found: Sequence[Signature]) -> list[Scored]:
     for signature in found:
         columns = signature.columns
         projected = fit.project_out(columns)
-        if (
-            not np.sum(projected**2) > INVISIBLE * np.sum(columns**2)
-            or _most(projected, signature) < WORTH_A_TEST
-        ):
+        if not np.sum(projected**2) > INVISIBLE * np.sum(columns**2):
             continue
         if projected.shape[1] == 1:
-            gain, multiple = _one(projected[:, 0], fit.residual, signature.multiplier_bounds)
+            (column,), (low, high) = projected.T, signature.multiplier_bounds
+            along, size = float(column @ fit.residual), float(column @ column)
+            if size * max(abs(low), abs(high)) ** 2 < WORTH_A_TEST:
+                continue
+            multiple = min(max(-along / size, low), high)
+            gain = -2 * multiple * along - multiple**2 * size
             scored.append(Scored(signature, projected, gain, np.array([multiple])))
         else:
             multiple_q, *_ = np.linalg.lstsq(projected, -fit.residual, rcond=1e-9)
             gain = float(fit.residual @ fit.residual - np.sum((fit.residual + projected @ multiple_q) ** 2))
             scored.append(Scored(signature, projected, gain, np.asarray(multiple_q, dtype=float)))
     return sorted(scored, key=lambda s: -s.chi2_reduction)
-
-
-def _most(projected: Real, signature: Signature) -> float:
-    """Chi-square that the signature can leave at the far end of its domain."""
-    if projected.shape[1] > 1:
-        return np.inf
-    return (
-        float(projected[:, 0] @ projected[:, 0]) * max(abs(end) for end in signature.multiplier_bounds) ** 2
-    )
-
-
-def _one(projected: Real, residual: Real, multiplier_bounds: tuple[float, float]) -> tuple[float, float]:
-    along, size = float(projected @ residual), float(projected @ projected)
-    multiple = min(max(-along / size, multiplier_bounds[0]), multiplier_bounds[1])
-    return -2 * multiple * along - multiple**2 * size, multiple
 
 
 def best_of_each(scored: Sequence[Scored]) -> dict[Use, list[Scored]]:

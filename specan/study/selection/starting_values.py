@@ -120,7 +120,8 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
 
     def peaks(use: Use) -> list[Scored]:
         optima = _coordinate_optima(refit, found[use], scored[use][0], known)
-        optima += _at_places(refit, found[use], places.get(use, ()), known)
+        for place in places.get(use, ()):
+            optima += _led(refit, found[use], _at_place(found[use], place, _sizes(found[use])), known)
         optima += _all_over(refit, found[use], known)
         optima.sort(key=lambda s: -s.chi2_reduction)
         starts = [*optima[:STARTS], *different(scored[use], STARTS)[1:]]
@@ -140,15 +141,10 @@ def planned_points(refit: Refit, found: Sequence[Candidate], known: Known) -> di
     return points
 
 
-def _at_places(refit: Refit, candidate: Candidate, places: Sequence[Found], known: Known) -> list[Scored]:
-    """Where the searches from the likely places of a candidate lead."""
-    peaks = []
-    for place in places:
-        points = _at_place(candidate, place, _sizes(candidate))
-        scored = _scored(refit, [candidate], {candidate.use: points}, known)
-        if scored:
-            peaks.append(_coordinate_search(refit, candidate, scored[0], known))
-    return peaks
+def _led(refit: Refit, candidate: Candidate, points: Sequence[Point], known: Known) -> list[Scored]:
+    """Where the search from the best of some points leads; empty where none is worth a test."""
+    scored = _scored(refit, [candidate], {candidate.use: points}, known)
+    return [_coordinate_search(refit, candidate, scored[0], known)] if scored else []
 
 
 def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
@@ -200,9 +196,7 @@ def _coordinate_optima(refit: Refit, candidate: Candidate, best: Scored, known: 
         points = [
             {**place, narrow[0]: value} for place in places for value in _range_of(candidate, narrow[0])
         ]
-        other = _scored(refit, [candidate], {candidate.use: points}, known)
-        if other:
-            peaks.append(_coordinate_search(refit, candidate, other[0], known))
+        peaks += _led(refit, candidate, points, known)
     return peaks
 
 
