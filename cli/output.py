@@ -82,11 +82,8 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
 
 def _natural(lines: Sequence[Sequence[str]], columns: Sequence[int]) -> int:
     """Width of some columns with no line folded."""
-    return (
-        sum(widths := column_widths([[line[k] for k in columns] for line in lines], 10**6))
-        + 2 * len(widths)
-        - 2
-    )
+    widths = column_widths([[line[k] for k in columns] for line in lines], 10**6)
+    return sum(widths) + 2 * len(widths) - 2
 
 
 def _print_columns(

@@ -224,11 +224,9 @@ class ResultDelivery(Delivery):
                 where = f"the limit at {one.place} ({one.compared} compared)"
                 click.echo(f"Limits {label}: {one.channel}: {text} {where}")
 
-        content = (
-            {**found.to_dict(), **(more or {}), **({"limits": limits} if kept else {})}
-            if self.as_json
-            else {}
-        )
+        content: dict[str, Any] = {}
+        if self.as_json:
+            content = {**found.to_dict(), **(more or {}), **({"limits": limits} if kept else {})}
         self.put_out(content, show)
         say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
         return 0 if all(one.passed for one in kept) else EXCEEDED

@@ -331,13 +331,9 @@ def decide_level(
             what = "a pistonphone" if nearest in PISTONPHONE_DB else "a calibrator"
             how = f"{what} at {frequency_hz:.0f} Hz; by nominal sensitivities {middle:.1f} dB"
             return Level(nearest, how, True)
+    why = f"nominal sensitivities lead to {np.median(levels):.1f} dB" if levels else "its level is not stated"
     raise InputError(
-        f"{recording.label}: the tone of {frequency_hz:.6g} Hz is that of a pistonphone ({usual} dB), and "
-        + (
-            f"nominal sensitivities lead to {np.median(levels):.1f} dB"
-            if levels
-            else "its level is not stated"
-        ),
+        f"{recording.label}: the tone of {frequency_hz:.6g} Hz is that of a pistonphone ({usual} dB), and {why}",
         expected="the calibrator's level",
         remedy=f"give --level {PISTONPHONE_DB[0]:g}, or what its certificate says",
     )

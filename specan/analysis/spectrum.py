@@ -114,8 +114,6 @@ class SpectrumAccumulator:
 
     def __init__(self, recording: Recording, settings: FourierSpectrum) -> None:
         self.recording, self.settings = recording, settings
-        if settings.averaging == "none" or settings.whole:
-            raise RequestError("a single block is not averaged", remedy="call the settings instead")
         recording, self.reference, self.shown, self.notes = chosen(recording, settings)
         if self.reference is not None and settings.averaging in ("max", "min"):
             raise RequestError(
@@ -239,11 +237,8 @@ def integrated(channels: Sequence[Channel], name: WindowName, block: int) -> tup
     """A note on the lowest frequency of what is integrated."""
     lines = [lowest_line(name, channel.derivatives) for channel in channels]
     lowest = max(lines) * channels[0].sampling_rate / block
-    return (
-        (f"integrated from {lowest:.3g} Hz on: below, there is no line; finer lines go lower",)
-        if lowest
-        else ()
-    )
+    note = f"integrated from {lowest:.3g} Hz on: below, there is no line; finer lines go lower"
+    return (note,) if lowest else ()
 
 
 def block_of(recording: Recording, settings: BlockSettings, n: int) -> int:

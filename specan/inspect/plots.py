@@ -237,11 +237,9 @@ class PanelPlot(Spectral):
 
     def label(self, text: str) -> None:
         """Name of the vertical axis."""
-        self.sheet.yaxis[0].axis_label = plain(
-            text.partition("\n")[0].replace(" / ", "\n/ ", 1).replace(" over ", "\nover ")
-            if " / " in text
-            else text
-        )
+        if " / " in text:
+            text = text.partition("\n")[0].replace(" / ", "\n/ ", 1).replace(" over ", "\nover ")
+        self.sheet.yaxis[0].axis_label = plain(text)
 
 
 LINE = ("x", "y", "colour", "dash", "name", "alpha")  # columns of the lines

@@ -163,13 +163,9 @@ class StudyView(InAddress):
 
 
 def _text(value: Any) -> str:
-    return (
-        str(value).lower()
-        if isinstance(value, bool)
-        else f"{value:.10g}"
-        if isinstance(value, float)
-        else str(value)
-    )
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
 def commands(opened: Opened, view: View) -> list[str]:
@@ -201,7 +197,7 @@ def _options(view: View) -> Iterator[str]:
             continue
         yield option
         if value is not True:
-            yield f"{value:.10g}" if isinstance(value, float) else str(value)
+            yield _text(value)
     if view.tab == "spectrogram":
         yield from ("--spectrogram", "--columns", str(COLUMNS))
 

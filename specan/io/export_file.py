@@ -21,7 +21,7 @@ from specan.data.recording import Recording
 from specan.data.spectrum import Spectrum
 from specan.errors import RequestError, library
 from specan.io.output_file import text_file, whole_file
-from specan.io.results_text import escaped, harmless, table_lines, words, write_table
+from specan.io.results_text import escaped, harmless, table_lines, word, write_table
 from specan.result import RecordingResult, finite
 
 if TYPE_CHECKING:
@@ -331,7 +331,9 @@ def write_frame(frame: pd.DataFrame, path: Path, header: Sequence[str], decimal:
     if path.suffix.lower() == ".json":
         _write_json({"rows": finite(frame.to_dict("records"))}, path)
         return
-    columns = {n: words(v) if v.dtype.kind in "OUT" else v.to_numpy(float) for n, v in frame.items()}
+    columns = {
+        n: list(map(word, v)) if v.dtype.kind in "OUT" else v.to_numpy(float) for n, v in frame.items()
+    }
     whole = [f"specan {__version__}", *header]
     write_table(path, whole, list(columns), [table_lines(columns)], decimal)
 

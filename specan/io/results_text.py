@@ -176,11 +176,6 @@ def _cells(name: str, values: Any) -> list[str]:
     return significant(values, 3 if name.split("_")[0] == "u" else 6)
 
 
-def words(names: Iterable[object]) -> list[str]:
-    """Names as cells; see `word`."""
-    return [word(name) for name in names]
-
-
 def write_table(
     path: Path,
     header: Iterable[str],

@@ -62,11 +62,8 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
     octave_axis(grid[-1, 0], *drawings[0].span)
     legend_below(figure, grid[0, 0])
     figure.align_ylabels(grid[:, 0])
-    which = (
-        f"{len(chosen)} of {len(found.channels)} {observation.plural}, the largest errors first"
-        if channel is None
-        else channel
-    )
+    largest = f"{len(chosen)} of {len(found.channels)} {observation.plural}, the largest errors first"
+    which = largest if channel is None else channel
     heading(
         figure,
         f"{study.directory.resolve().name}: measured and model",

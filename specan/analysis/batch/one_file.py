@@ -273,18 +273,15 @@ def _left_out(recording: Recording, taken: Sequence[Sequence[Channel]]) -> list[
     """Channels that no analysis took, and what of them speaks against it."""
     ours = {id(c) for channels in taken for c in channels}
     rate = taken[0][0].sampling_rate
-    return [
-        (
-            c.path,
-            "holds no samples"
-            if c.n_samples == 0
-            else f"sampled at {c.sampling_rate:g} Hz, not at {rate:g} Hz as the others"
-            if c.sampling_rate != rate
-            else "not among the chosen channels",
-        )
-        for c in recording.channels
-        if id(c) not in ours
-    ]
+    found = []
+    for channel in (c for c in recording.channels if id(c) not in ours):
+        why = "not among the chosen channels"
+        if channel.n_samples == 0:
+            why = "holds no samples"
+        elif channel.sampling_rate != rate:
+            why = f"sampled at {channel.sampling_rate:g} Hz, not at {rate:g} Hz as the others"
+        found.append((channel.path, why))
+    return found
 
 
 class Task(NamedTuple):

@@ -39,9 +39,9 @@ def tone_lines(table: ToneTable) -> str:
     others = np.array([name != table.reference for name in table.channels])
     lines = _lines(
         table,
-        channel=text.words(table.channels),
+        channel=[text.word(name) for name in table.channels],
         role=table.roles,
-        unit=text.words(table.units),
+        unit=[text.word(unit) for unit in table.units],
         rms=table.rms,
         level_dB=table.level_dB,
         tone_rms=table.tone_rms,
@@ -91,7 +91,7 @@ def _blocks(name: str, label: str, blocks: Iterable[Mapping[str, Any]]) -> str:
 def joined_lines(response: FrequencyResponse, tables: Sequence[ToneTable]) -> str:
     """The stepped-sine characteristic of a directory: channel by channel, frequency rising."""
     about = {row[0]: row[1:] for t in tables for row in zip(t.channels, t.roles, t.units, strict=True)}
-    u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
+    u_phase = response.u_total_phase_deg
     blocks = []
     for row, name in enumerate(response.channels):
         known = np.flatnonzero(np.isfinite(response.response[row]))
@@ -112,8 +112,7 @@ def joined_lines(response: FrequencyResponse, tables: Sequence[ToneTable]) -> st
 
 def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -> str:
     """Lines of all channels; `quality` holds the words that the samples of each gave rise to."""
-    u_percent = np.hypot(response.u_magnitude_percent, response.u_common_percent)
-    u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
+    u_percent, u_phase = response.u_total_percent, response.u_total_phase_deg
     magnitude, phase = response.magnitude, response.phase_deg
     blocks = (
         {
@@ -150,9 +149,9 @@ def other_lines(levels: BandLevels, roles: Sequence[str]) -> str:
 def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Sequence[Sequence[str]]) -> str:
     """Lines of `other.txt` for channels without band levels: one total a channel."""
     columns = {
-        "channel": text.words(c.label for c in channels),
+        "channel": [text.word(c.label) for c in channels],
         "role": [c.role for c in channels],
-        "unit": text.words(c.unit for c in channels),
+        "unit": [text.word(c.unit) for c in channels],
         "band_hz": "total-Z",
         "rms": rms,
         "level_dB": rms_level(rms, [c.unit for c in channels]),
@@ -298,7 +297,7 @@ def _skipped(results: Sequence[FileResult], reasons: Sequence[tuple[str, str]]) 
         rows += [(result.label, channel, "aside", reason) for channel, reason in result.set_aside]
     rows += [(label, "", "aside", reason) for label, reason in reasons]
     columns = zip(*sorted(rows, key=lambda row: row[0]), strict=True)
-    return text.rows([text.words(column) for column in columns])
+    return text.rows([list(map(text.word, column)) for column in columns])
 
 
 def _stepped_sines(results: Sequence[FileResult]) -> tuple[list[tuple[str, str]], dict[str, str]]:
