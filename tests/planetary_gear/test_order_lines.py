@@ -13,7 +13,7 @@ import specan
 from specan.errors import RequestError
 from specan.models import Condition, Model, Observable, Parameter, Use, effect
 from specan.models.quantity import constant, quantity
-from specan.planetary_gear.model.lines import DeclaredErrors, OrderLines
+from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study import figures as figures_study_orders
 from specan.planetary_gear.study.open_orders import _marks, _uneven, like
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined
@@ -47,7 +47,7 @@ def observed(
         channels=("A", "B"),
         known=OrderLines(
             ORDER, HARMONIC, PASSAGES, MODE, np.array([f"10h+-{abs(o):g}" for o in OFFSET]),
-            sun_turns=1.0, torque=1.0, period=4, errors=DeclaredErrors(near, path, response),
+            sun_turns=1.0, torque=1.0, period=4, near=near, path=path, response=response,
         ),
         amplitude=amplitude,
         noise=np.full((2, 8), sigma),
@@ -221,7 +221,9 @@ STATEMENT = OrderLines(
     sun_turns=1.0,
     torque=1.0,
     period=4,
-    errors=DeclaredErrors(0.1, 0.3, 0.5),
+    near=0.1,
+    path=0.3,
+    response=0.5,
 )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from specan.models.model import Model
 from specan.planetary_gear.model.geometry import mesh_phases, planet_angles
-from specan.planetary_gear.model.lines import DeclaredErrors, OrderLines
+from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.model.rig import Gear, Rig
 
 
@@ -170,11 +170,9 @@ def line_statement(rig: Rig, harmonics: int) -> OrderLines:
         sun_turns=1.0 / carrier_speed_ratio(gear),
         torque=rig.operation.carrier_torque_Nm,
         period=repeat_turns(gear),
-        errors=DeclaredErrors(
-            rig.uncertainty.model_discrepancy_percent / 100,
-            rig.uncertainty.path_percent / 100,
-            rig.uncertainty.response_percent / 100,
-        ),
+        near=rig.uncertainty.model_discrepancy_percent / 100,
+        path=rig.uncertainty.path_percent / 100,
+        response=rig.uncertainty.response_percent / 100,
     )
 
 

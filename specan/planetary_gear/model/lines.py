@@ -14,29 +14,6 @@ from specan.arrays import Real
 UNLIKE = (1.0, 2.0, 2.0)
 
 
-@dataclass(frozen=True)
-class DeclaredErrors:
-    """What a model is declared not to know of its lines: relative standard uncertainties of either component.
-
-    Attributes
-    ----------
-    near : float
-        Varies smoothly with the order; each recording and sensor has its own.
-    path : float
-        Of lines three passages of the planets or more beside what a machine with one planet has, in proportion nearer
-        by; how a planet that passes is heard differs from harmonic to harmonic and from sensor to sensor, and is the
-        same in recordings at one speed.
-    response : float
-        Of lines that the ideal machine does not have, times `UNLIKE`, one a speed: how strongly the machine answers
-        to what its equal parts do not do alike is known less well than how it answers to the rest. Common to lines of a
-        harmonic and a kind of mode that lie within a resonance.
-    """
-
-    near: float
-    path: float
-    response: float
-
-
 @dataclass(frozen=True, eq=False)
 class OrderLines:
     """Order lines of vibration sensors, counted per turn of the carrier.
@@ -62,7 +39,14 @@ class OrderLines:
     period : int
         Turns of the carrier after which the machine repeats itself. Which of them a recording begins with,
         nobody knows.
-    errors : DeclaredErrors
+    near, path, response : float
+        What the model is declared not to know of its lines, relative standard uncertainties of either component.
+        `near` varies smoothly with the order; each recording and sensor has its own. `path` is that of lines three
+        passages of the planets or more beside what a machine with one planet has, in proportion nearer by: how a planet
+        that passes is heard differs from harmonic to harmonic and from sensor to sensor, and is the same in recordings
+        at one speed. `response` is that of lines that the ideal machine does not have, times `UNLIKE`, one a speed: how
+        strongly the machine answers to what its equal parts do not do alike is known less well than how it answers to
+        the rest; it is common to lines of a harmonic and a kind of mode that lie within a resonance.
     """
 
     order: Real
@@ -73,4 +57,6 @@ class OrderLines:
     sun_turns: float
     torque: float
     period: int
-    errors: DeclaredErrors
+    near: float
+    path: float
+    response: float

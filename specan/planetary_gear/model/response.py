@@ -150,7 +150,7 @@ def rim_displacement(mesh_force, transfer_path, friction_share):
 
 @quantity(unit="m/s^2", axes=("sensor",))
 def order_lines(rim_displacement, order, sun_speed, point_of_line, carrier_turn, carrier_ratio, housing_response,
-                harmonic_of_line, line_coherence, tacho_angle, unlike_response, ideal_line):  # fmt: skip
+                ring_teeth, line_coherence, tacho_angle, unlike_response, ideal_line):  # fmt: skip
     """Complex peak amplitude of the acceleration at each line, (sensors, lines)."""
     samples = rim_displacement.shape[-1]
     spectra = np.fft.rfft(rim_displacement, axis=-1) * (2.0 / samples)
@@ -161,13 +161,8 @@ def order_lines(rim_displacement, order, sun_speed, point_of_line, carrier_turn,
     omega = 2 * np.pi * np.asarray(order) * sun_speed * carrier_ratio
     turned = np.exp(1j * np.asarray(order) * tacho_angle)
     gain = housing_response * line_coherence * turned
-    return -(omega**2) * lines * gain * np.where(ideal_line, 1.0, unlike_response[harmonic_of_line])
-
-
-@quantity(unit="1")
-def harmonic_of_line(order, ring_teeth, harmonic_count):
-    """Number (from zero) of the mesh harmonic that each line belongs to."""
-    return harmonics_of(order, ring_teeth, harmonic_count) - 1
+    harmonic = harmonics_of(order, ring_teeth, len(unlike_response))
+    return -(omega**2) * lines * gain * np.where(ideal_line, 1.0, unlike_response[harmonic - 1])
 
 
 @quantity(unit="1", reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677")

@@ -55,7 +55,7 @@ class _Lines:
         both = list(zip(seen, parts, strict=True))
         self.gap = np.concatenate([o.rows(np.abs(o.lines_of(part) - o.amplitude)) for o, part in both])
         self.size = np.concatenate([o.rows(np.abs(o.amplitude)) for o in seen])
-        near = np.concatenate([np.full(o.n, o.known.errors.near) for o in seen])
+        near = np.concatenate([np.full(o.n, o.known.near) for o in seen])
         self.allowed = np.hypot(near * self.size, np.sqrt(2) * self.noise)
         self.middle = np.concatenate([_middle(o, part) for o, part in both])
         self.observable = seen[0].observable

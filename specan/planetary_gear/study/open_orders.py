@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import astuple, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from specan.analysis.orders import Orders
 from specan.analysis.section import aligned
 from specan.analysis.shaft import Shaft, tracked_shaft
-from specan.data.channel import Channel
 from specan.data.orders import OrderLines as FoundLines
 from specan.data.orders import TachoReport
 from specan.data.recording import Recording
@@ -72,7 +71,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     fitted, held_out = parted(zip(files, wholes, strict=True), wanted, partial(_label, model))
     together = joined(fitted)
     unseen = (replace(joined(held_out), learned=together),) if held_out else ()
-    near, path, response = (f"{100 * part:.3g} %" for part in astuple(known.errors))
+    near, path, response = (f"{100 * part:.3g} %" for part in (known.near, known.path, known.response))
     common = (
         f"every line: model discrepancy {near}, common to lines within a few orders; lines three passages beside: "
         f"{path} for the path of each harmonic to each sensor, nearer ones in proportion, common to recordings at one "
@@ -80,7 +79,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         "common to neighbours of one kind of mode at one speed (from the rig file or its "
         "defaults); a free gain for every harmonic of each sensor"
     )
-    return OpenedData((together,), unseen, (*statements, common), True, 100 * known.errors.near)
+    return OpenedData((together,), unseen, (*statements, common), True, 100 * known.near)
 
 
 def _on_its_path(
@@ -240,7 +239,7 @@ def _products(
 
 def _turn_zero(recording: Recording, shaft: Shaft) -> float:
     """Place in its turn, by the finer tacho, at which the index gives its pulses (circular mean)."""
-    channel: Channel = recording.channel(INDEX)
+    channel = recording.channel(INDEX)
     times = repair(pulse_times(recording.read([channel])[0], channel.sampling_rate)).time
     times = times - channel.delay_s
     times = times[(times >= shaft.start_s) & (times <= shaft.stop_s)]

@@ -354,8 +354,8 @@ class OrderLinesObservation(KeptLines):
         row, line = np.nonzero(self.kept)
         known, path = self.known, self.path[row]
         passes, harmonic = known.passages[line], known.harmonic[line]
-        own = known.errors.near**2 * _smooth(known.order)[np.ix_(line, line)] * (row[:, None] == row)
-        away = known.errors.path * np.minimum(np.abs(passes), FAR) / FAR
+        own = known.near**2 * _smooth(known.order)[np.ix_(line, line)] * (row[:, None] == row)
+        away = known.path * np.minimum(np.abs(passes), FAR) / FAR
         alike = (passes[:, None] == passes) & (path[:, None] == path)
         own += away[:, None] * away * alike * (harmonic[:, None] == harmonic)
         # Sensors that hear through one path do so at one speed, where the machine answers alike.
@@ -364,7 +364,7 @@ class OrderLinesObservation(KeptLines):
         alike = np.all(answers[:, :, None] == answers[:, None], axis=0)
         beyond, apart = self.beyond[self.kept], np.subtract.outer(*2 * [np.log(known.order[line])])
         alike = alike & beyond & beyond[:, None]
-        response = known.errors.response * np.array(UNLIKE)[harmonic - 1]
+        response = known.response * np.array(UNLIKE)[harmonic - 1]
         own += response**2 * alike * np.exp(-0.5 * (apart / BANDWIDTH) ** 2)
         count, part = connected_components(own > 0)
         return [(lines, own[np.ix_(lines, lines)]) for k in range(count) for lines in np.nonzero(part == k)]

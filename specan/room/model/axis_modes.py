@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from specan.arrays import Complex, Real
 from specan.errors import ComputationError
 from specan.models.kept import kept
-from specan.room.model.frequency_interpolation import FrequencyInterpolation, mixed
+from specan.room.model.frequency_interpolation import LOOKED_AT, FrequencyInterpolation, mixed
 
 HELD = 1e-8  # step by which a mode known from few lines may be off, part of its squared wave number and one
 
@@ -47,9 +47,8 @@ class AxisModes:
 
     def holds(self, few: FrequencyInterpolation, count: int, a0: Complex, a1: Complex) -> bool:
         """Whether its first modes, known at few lines, are modes between walls with ``j k beta L`` of (lines,)."""
-        some = few.looked_at
-        w = mixed(few.matrix[some], self.w[:, :count])
-        value, slope = characteristic(w, a0[some, None], a1[some, None])
+        w = mixed(few.matrix[LOOKED_AT], self.w[:, :count])
+        value, slope = characteristic(w, a0[LOOKED_AT, None], a1[LOOKED_AT, None])
         return bool(np.max(np.abs(value / slope) / (1 + np.abs(w))) < HELD)
 
     def slope_at(self, x: Real) -> Complex:

@@ -17,7 +17,7 @@ from specan.arrays import Complex, Real
 
 COUNTS = (24, 48, 96)  # lines that are tried
 SAVING = 3  # times fewer than all: below that the detour does not pay
-CHECKED = 8  # every so manieth line is looked at
+LOOKED_AT = slice(4, None, 8)  # lines at which it is looked whether what was taken from the few holds
 EXACT = 1e-9  # part of the largest value to which a polynomial must meet those that it has not seen
 
 
@@ -45,11 +45,6 @@ class FrequencyInterpolation:
     middle: float
     half: float
     place: Real
-
-    @property
-    def looked_at(self) -> slice:
-        """Lines at which it is looked whether what was taken from the few holds."""
-        return slice(CHECKED // 2, None, CHECKED)
 
     def everywhere(self, values: Complex) -> Complex:
         """Values (lines, ...) from those at the chosen lines (few, ...)."""

@@ -126,12 +126,12 @@ def beyond(port: Port, top: Sequence[float]) -> float:
 
 
 @lru_cache(maxsize=12)
-def _waves_below(top: tuple[float, ...], order: int = 10) -> tuple[Real, Real]:
+def _waves_below(top: tuple[float, ...]) -> tuple[Real, Real]:
     """Plane waves up to a top along each axis: squared wave numbers (3, waves), and weights of ``1 / k^2``.
 
     Three pyramids ``k = u K (1, v, w)``, whose volume element holds the ``u^2`` of ``k^2``.
     """
-    points, weights = np.polynomial.legendre.leggauss(order)
+    points, weights = np.polynomial.legendre.leggauss(10)
     u, v, w = (a.ravel() for a in np.meshgrid(*3 * [(points + 1) / 2], indexing="ij"))
     each = np.prod(np.meshgrid(*3 * [weights / 2], indexing="ij"), axis=0).ravel()
     parts = [np.roll([np.ones_like(u), v, w], axis, axis=0) * np.array(top)[:, None] for axis in range(3)]

@@ -14,14 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Complex, Flags, Real
 from specan.room.model.axis_modes import AxisModes, norms, slopes, waves
-from specan.room.model.frequency_interpolation import FrequencyInterpolation, mixed
+from specan.room.model.frequency_interpolation import LOOKED_AT, FrequencyInterpolation, mixed
 from specan.room.model.port import Port
 
 MOST_STEPS = 12  # of Newton's iteration: quadratic, so a mode that takes more has no pole near the band
@@ -158,7 +157,7 @@ def resonances(
     moved : array of int (3, n) and array (n,), optional
         See `Modes`.
     """
-    orders = _orders(tuple(counts))
+    orders = np.indices(tuple(counts)).reshape(3, -1)
     distance = _distance(axes, orders) - k2[few.chosen, None]
     more = np.zeros(len(orders[0]), dtype=complex)
     if moved is not None:
@@ -169,7 +168,7 @@ def resonances(
     orders, distance, more = orders[:, near], distance[:, near], more[near]
     pole, slope, found = _poles(few, distance, k2[few.chosen])
     residue = np.where(found, 1 / slope, 0)
-    some = slice(few.looked_at.start, None, EVERY * few.looked_at.step)
+    some = slice(LOOKED_AT.start, None, EVERY * LOOKED_AT.step)
     there = _distance(axes, orders, few.matrix[some]) - k2[some, None] + more
     exact, seen = 1 / distance, 1 / there
     rest = exact - residue / (few.place[few.chosen, None] - pole)
@@ -186,11 +185,6 @@ def resonances(
         others,
         1 / (_distance(axes, orders[:, left], few.matrix) - k2[:, None] + more[left]),
     )
-
-
-@lru_cache(maxsize=12)
-def _orders(counts: tuple[int, ...]) -> NDArray[np.intp]:
-    return np.indices(counts).reshape(3, -1)
 
 
 def _distance(axes: Sequence[AxisModes], orders: NDArray[np.intp], matrix: Real | None = None) -> Complex:

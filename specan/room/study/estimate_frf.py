@@ -69,8 +69,12 @@ def observe_recording(
         known = (channels, block / rate, frequency_hz, found.density)
         noisy, text = background_noise(background, recording, *known)
         found, said = replace(found, density=noisy), [*said, text]
-    density = _density_at(driven, rate, block, reference, folding.nodes)
-    conditions: dict[str, Any] = {"frequency": folding.nodes, "velocity_psd": density, **own.conditions}
+    f, density = power_density(driven, rate, block)
+    density = density * np.abs(reference.correction(np.maximum(f, f[1]))) ** 2
+    at_nodes: dict[str, Any] = {
+        "frequency": folding.nodes,
+        "velocity_psd": np.interp(folding.nodes, f, density),
+    }
     names = receivers.names
     noise = _in_rows(own, len(names), found.noise, 1)
     kept = np.zeros(noise.shape, dtype=bool)
@@ -86,7 +90,7 @@ def observe_recording(
         noise=noise,
         random=noise,
         folding=folding,
-        conditions_at_nodes=conditions,
+        conditions_at_nodes={**at_nodes, **own.conditions},
         shared=np.empty((*noise.shape, 0), dtype=complex),
         kept=kept,
         notes=tuple(said),
@@ -249,9 +253,3 @@ def _own(recording: Recording, reference: Channel, receivers: FieldReceivers, se
     began = reference.properties.get("wf_start_time")
     start = None if began is None else np.datetime64(began, "us") + np.timedelta64(round(1e6 * settle), "us")
     return receivers.in_recording(recording.label, start, reference.duration_s - settle)
-
-
-def _density_at(signal: Any, rate: float, block: int, reference: Channel, nodes: Any) -> Any:
-    f, density = power_density(signal, rate, block)
-    per_velocity = np.abs(reference.correction(np.maximum(f, f[1]))) ** 2
-    return np.interp(nodes, f, density * per_velocity)

@@ -166,26 +166,23 @@ class FieldObservation(FrfObservation):
 
     def shift_columns(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
         """One standard uncertainty of each mode's natural frequency, then of each mode's damping, where they are."""
-        assert self.declared is not None
-        shifts = self.declared.shifts
-        assert shifts is not None
+        size = len(assembly.model.axes["mode"])
         many: Sequence[Mapping[str, Any]] = [values]
         if self.moved is not None:
             assembly, many = moved_to(assembly, many, self.moved)
         known = assembly.evaluate(self.conditions_at_nodes, many[0], wanted=COLUMNS_READ)
-        out = np.empty((*self.response.shape, 2 * shifts.size), dtype=complex)
+        out = np.empty((*self.response.shape, 2 * size), dtype=complex)
         for k, (column, units) in enumerate(columns(known.values)):
             folded = self.folding(column)
-            out[..., k], out[..., shifts.size + k] = folded * units[0], folded * units[1]
+            out[..., k], out[..., size + k] = folded * units[0], folded * units[1]
         return out
 
     def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Prediction as it is shown: shifts of modes that were found are not taken back."""
         predicted = super().plain(assembly, values)
-        if not self.shifts or self.declared is None or self.modal is None:
+        shifts = self.declared and self.declared.shifts
+        if not self.shifts or shifts is None or self.modal is None:
             return predicted
-        shifts = self.declared.shifts
-        assert shifts is not None
         return predicted + self.stack(self.modal[..., -self.shifts :] @ shifts.of(values))
 
     def knowing_shifts(self, root: Array) -> FieldObservation:

@@ -24,6 +24,7 @@ from specan.study.selection.starting_values import BEST, Found
 
 EACH_WAY = 11  # places along an edge, corners among them: a sixth of a wavelength where an edge holds two
 FROM_EDGE = 0.04  # of an edge
+GRID = np.linspace(FROM_EDGE, 1 - FROM_EDGE, EACH_WAY)
 LEAST_SHARE = 0.7  # share of what the best place explains, below which another is no place to begin
 
 # A search asks for some of the candidates at a time.
@@ -44,23 +45,19 @@ def likely_places(refit: Refit, found: Sequence[Candidate]) -> dict[Use, list[Fo
     if not shares:
         return {}
     best = max(float(share.max()) for share in shares.values())
-    grid, out = _grid(), {}
+    out = {}
     for candidate in mine:
         names = [f"{candidate.use}.{name}" for name in ("across", "along")]
         share = shares[str(candidate.use.at)]
         peaks = [p for k, p in enumerate(_peaks(share)) if k == 0 or share[p] >= LEAST_SHARE * best]
         out[candidate.use] = [
             Found(
-                dict(zip(names, (float(grid[i]), float(grid[j])), strict=True)),
+                dict(zip(names, (float(GRID[i]), float(GRID[j])), strict=True)),
                 float(share[i, j]),
             )
             for i, j in peaks[:BEST]
         ]
     return out
-
-
-def _grid() -> Array:
-    return np.linspace(FROM_EDGE, 1 - FROM_EDGE, EACH_WAY)
 
 
 def _peaks(share: Array) -> list[tuple[int, int]]:
@@ -77,7 +74,7 @@ def _shares(refit: Refit, elements: Sequence[str]) -> dict[str, Array]:
         return {}
     problem = refit.problem
     seen = [o for o in problem.observations if isinstance(o, FieldObservation)]
-    across, along = (axis.ravel() for axis in np.meshgrid(_grid(), _grid(), indexing="ij"))
+    across, along = (axis.ravel() for axis in np.meshgrid(GRID, GRID, indexing="ij"))
     places = np.column_stack([across, along])
     total = 0.0
     by_element = {element: np.zeros(len(places)) for element in elements}

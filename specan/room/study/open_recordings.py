@@ -97,7 +97,6 @@ def _observe(
     model: Model, receivers: FieldReceivers, wanted: MeasuredFiles, file: DataFile
 ) -> tuple[FieldObservation, list[str]]:
     given = receivers.rig.background.recording
-    background = Path(given) if given else None
     from specan.analysis.section import aligned
 
     recording = open_recording(file.path, calibration=wanted.calibration, label=file.name)
@@ -106,7 +105,7 @@ def _observe(
         recording,
         model,
         estimator=file.estimator or "H1",
-        background=open_recording(background, calibration=wanted.calibration) if background else None,
+        background=open_recording(Path(given), calibration=wanted.calibration) if given else None,
         u_calibrator_percent=read_calibration(wanted.calibration).u_calibrator_percent
         if wanted.calibration
         else 0.0,

@@ -325,10 +325,6 @@ def _not_told(found: Impedance) -> list[str]:
 def _ranges(bands: tuple[float, ...], found: Impedance) -> str:
     """``25-80 Hz, 125 Hz`` for bands that follow each other."""
     order = list(dict.fromkeys(row.third_octave_hz for row in found.rows))
-    runs: list[list[float]] = []
-    for band in bands:
-        if runs and order.index(band) == order.index(runs[-1][-1]) + 1:
-            runs[-1].append(band)
-        else:
-            runs.append([band])
+    apart = np.diff([order.index(band) for band in bands]) > 1
+    runs = np.split(np.array(bands), np.flatnonzero(apart) + 1)
     return ", ".join(f"{r[0]:g}-{r[-1]:g} Hz" if len(r) > 1 else f"{r[0]:g} Hz" for r in runs)

@@ -248,17 +248,7 @@ def by_blocks(problem: Problem, best: Fit) -> Localisation:
     """
     algebra = LeftOut(problem, best)
     labels, variables = _labels(problem), dict(problem.observations[0].variables)
-    places = [
-        (where, name, rows & mine)
-        for where, rows in _places(labels)
-        for name, mine in algebra.problem.observable_rows.items()
-        if np.any(rows & mine)
-    ]
-    directions = algebra.directions([rows for _, _, rows in places])
-    blocks = [
-        _block(algebra, *place, along, variables) for place, along in zip(places, directions, strict=True)
-    ]
-    marked = tested(blocks)
+    marked = tested([_block(algebra, *one, variables) for one in _off(algebra, _places(labels))])
     trends = [
         replace(t, sentence=_sentence(algebra, t.variable, labels[t.variable], marked, variables))
         if t.significant
@@ -326,6 +316,23 @@ def _levels(values: NDArray[Any]) -> list[Any]:
     return np.unique(values).tolist()
 
 
+def _off(
+    algebra: LeftOut, places: Iterable[tuple[Any, NDArray[np.bool_]]]
+) -> list[tuple[Any, str, NDArray[np.bool_], tuple[float, float]]]:
+    """By how much the model is off at each place, in part and in standard uncertainties.
+
+    Two observables may be off to opposite sides for one reason: each by itself.
+    """
+    each = [
+        (place, name, rows & mine)
+        for place, rows in places
+        for name, mine in algebra.problem.observable_rows.items()
+        if np.any(rows & mine)
+    ]
+    directions = algebra.directions([rows for _, _, rows in each])
+    return [(*one, along) for one, along in zip(each, directions, strict=True)]
+
+
 def _block(
     algebra: LeftOut,
     where: Mapping[str, Any],
@@ -361,16 +368,7 @@ def _sentence(
     if not isinstance(levels[0], str):
         tried += [(f"from {variable.spoken(level)} up", values >= level) for level in levels[1:-1]]
         tried += [(f"up to {variable.spoken(level)}", values <= level) for level in levels[1:-1]]
-    # Two observables may be off to opposite sides for one reason: each by itself.
-    places = [
-        (text, what, rows & mine)
-        for text, rows in tried
-        for what, mine in algebra.problem.observable_rows.items()
-        if np.any(rows & mine)
-    ]
-    directions = algebra.directions([rows for _, _, rows in places])
-    found = [(text, what, *along) for (text, what, _), along in zip(places, directions, strict=True)]
-    text, what, error, z = max(found, key=lambda f: abs(f[3]))
+    text, what, _, (error, z) = max(_off(algebra, tried), key=lambda found: abs(found[3][1]))
     if abs(z) >= CLEAR:
         whose = (
             f"{what.replace('_', ' ')} of the model" if len(algebra.problem.observable_rows) > 1 else "model"
