@@ -12,6 +12,7 @@ from specan.arrays import Complex, Real
 from specan.errors import RequestError
 from specan.models.chosen_model import ChosenModel
 from specan.models.effect import Use
+from specan.room.model.simulated_recording import check_frequency
 
 STEP_M = 0.03  # about, between points of the plane
 MOST_POINTS = 120  # along an edge
@@ -119,12 +120,7 @@ def field_map(chosen: ChosenModel, plane: tuple[str, float], frequency_hz: float
     rig = model.settings["rig"]
     axis, at = plane
     dims = _edges(rig, axis, at)
-    highest = rig["band"]["f_max_hz"]
-    if not 0.0 < frequency_hz <= highest:
-        raise RequestError(
-            f"{frequency_hz:g} Hz is requested",
-            expected=f"a frequency up to [band] f_max_hz, {highest:g} Hz",
-        )
+    check_frequency(frequency_hz, rig["band"]["f_max_hz"])
     across = [i for i in range(3) if "xyz"[i] != axis]
     grids = [np.linspace(0.0, dims[i], int(np.clip(dims[i] / STEP_M, 10, MOST_POINTS)) + 1) for i in across]
     points = np.empty((len(grids[0]), len(grids[1]), 3))

@@ -57,11 +57,8 @@ class LeaningWall:
     _parts: dict[Port, Complex] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        self.normal, self.far, self.along = (
-            AXES.index(self.name[0]),
-            self.name[1] == "1",
-            AXES.index(self.name[-1]),
-        )
+        self.normal, self.along = AXES.index(self.name[0]), AXES.index(self.name[-1])
+        self.far = self.name[1] == "1"
         self.across = 3 - self.normal - self.along
 
     def change(self, source: Port, receivers: Sequence[Port]) -> Complex:

@@ -125,13 +125,8 @@ class _Lines:
 
     def port_sum(self, amplitudes: Complex, along: Sequence[Complex], port: Port) -> Complex:
         """Sum of the modes over a patch, a ball, or of a derivative, array (lines,)."""
-        found: Complex = np.einsum(
-            "fxyz,fxyz->f",
-            amplitudes,
-            np.broadcast_to(
-                self._product([x[w] for x, w in zip(along, _ALONG, strict=True)], port), amplitudes.shape
-            ),
-        )
+        shape = self._product([x[w] for x, w in zip(along, _ALONG, strict=True)], port)
+        found: Complex = np.einsum("fxyz,fxyz->f", amplitudes, np.broadcast_to(shape, amplitudes.shape))
         return found
 
     def _product(self, at: Sequence[Complex], port: Port) -> Complex:

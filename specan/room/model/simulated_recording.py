@@ -81,12 +81,18 @@ def simulated_recording(
 def _check(duration_s: float, frequency_hz: float | None, noise: float, highest: float) -> None:
     if not 0.1 <= duration_s <= LONGEST_S:
         raise RequestError(f"{duration_s:g} s are requested", expected=f"0.1 to {LONGEST_S:g} s")
-    if frequency_hz is not None and not 0.0 < frequency_hz <= highest:
+    if frequency_hz is not None:
+        check_frequency(frequency_hz, highest)
+    if not 0.0 <= noise < np.inf:
+        raise RequestError(f"the noise is {noise:g} Pa", expected="a standard deviation, not below zero")
+
+
+def check_frequency(frequency_hz: float, highest: float) -> None:
+    """Refuse a frequency beyond the band of the rig file."""
+    if not 0.0 < frequency_hz <= highest:
         raise RequestError(
             f"{frequency_hz:g} Hz is requested", expected=f"a frequency up to [band] f_max_hz, {highest:g} Hz"
         )
-    if not 0.0 <= noise < np.inf:
-        raise RequestError(f"the noise is {noise:g} Pa", expected="a standard deviation, not below zero")
 
 
 def _sampling_rate(highest: float) -> float:

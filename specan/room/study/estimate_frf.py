@@ -70,11 +70,9 @@ def observe_recording(
         noisy, text = background_noise(background, recording, *known)
         found, said = replace(found, density=noisy), [*said, text]
     f, density = power_density(driven, rate, block)
-    density = density * np.abs(reference.correction(np.maximum(f, f[1]))) ** 2
-    at_nodes: dict[str, Any] = {
-        "frequency": folding.nodes,
-        "velocity_psd": np.interp(folding.nodes, f, density),
-    }
+    per_velocity = np.abs(reference.correction(np.maximum(f, f[1]))) ** 2
+    density = np.interp(folding.nodes, f, density * per_velocity)
+    conditions: dict[str, Any] = {"frequency": folding.nodes, "velocity_psd": density, **own.conditions}
     names = receivers.names
     noise = _in_rows(own, len(names), found.noise, 1)
     kept = np.zeros(noise.shape, dtype=bool)
@@ -90,7 +88,7 @@ def observe_recording(
         noise=noise,
         random=noise,
         folding=folding,
-        conditions_at_nodes={**at_nodes, **own.conditions},
+        conditions_at_nodes=conditions,
         shared=np.empty((*noise.shape, 0), dtype=complex),
         kept=kept,
         notes=tuple(said),

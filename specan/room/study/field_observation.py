@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -180,7 +180,7 @@ class FieldObservation(FrfObservation):
     def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Prediction as it is shown: shifts of modes that were found are not taken back."""
         predicted = super().plain(assembly, values)
-        shifts = self.declared and self.declared.shifts
+        shifts = self.declared.shifts if self.declared else None
         if not self.shifts or shifts is None or self.modal is None:
             return predicted
         return predicted + self.stack(self.modal[..., -self.shifts :] @ shifts.of(values))
@@ -212,6 +212,11 @@ class FieldObservation(FrfObservation):
             likely = np.linalg.solve(inner, columns.T @ gap / excess)
             out[m] = np.clip(likely[PLACE], -FARTHEST, FARTHEST)
         return out
+
+
+def field_observations(observations: Iterable[Any]) -> list[FieldObservation]:
+    """Those of a sound field, with their type."""
+    return [o for o in observations if isinstance(o, FieldObservation)]
 
 
 def error_columns(

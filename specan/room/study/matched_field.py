@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from specan.models import Use
 from specan.room.model.places import PATTERNS_READ, PLACED, patterns
 from specan.room.model.receivers import receivers_of
-from specan.room.study.field_observation import FieldObservation
+from specan.room.study.field_observation import FieldObservation, field_observations
 from specan.study.observation import Array
 from specan.study.selection.candidates import Candidate
 from specan.study.selection.refits import Refit
@@ -73,12 +73,11 @@ def _shares(refit: Refit, elements: Sequence[str]) -> dict[str, Array]:
     if not elements:
         return {}
     problem = refit.problem
-    seen = [o for o in problem.observations if isinstance(o, FieldObservation)]
     across, along = (axis.ravel() for axis in np.meshgrid(GRID, GRID, indexing="ij"))
     places = np.column_stack([across, along])
     total = 0.0
     by_element = {element: np.zeros(len(places)) for element in elements}
-    for observation in seen:
+    for observation in field_observations(problem.observations):
         own = problem.seen_by(observation, problem.values_at(refit.fit.theta))
         quantities = problem.assembly.evaluate(observation.conditions_at_nodes, own, wanted=PATTERNS_READ)
         gap = observation.response - observation.responses(problem.assembly, [own])[0]

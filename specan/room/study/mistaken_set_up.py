@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.arrays import Complex, Flags, Real
+from specan.arrays import Flags, Real
 from specan.errors import ComputationError
 from specan.models.model import Model
 from specan.room.model.mode_shifts import SOUND_SPEED, USUAL_PERCENT, with_usual_shifts
@@ -22,7 +22,7 @@ from specan.room.model.places import PATTERNS_READ, source_words, with_source
 from specan.room.model.receivers import FieldReceivers, receivers_of
 from specan.room.model.rig import WALLS, Rig
 from specan.room.model.rigid_modes import mode_names
-from specan.room.study.field_observation import FieldObservation
+from specan.room.study.field_observation import field_observations
 from specan.room.study.matched_field import explained
 from specan.study.estimation.continuation import STAGES, continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import Fit, fit
@@ -110,24 +110,16 @@ def _declared_values(problem: Problem) -> dict[str, Any]:
     return {**problem.values, **{name: mean for name, (mean, _) in problem.priors.items()}}
 
 
-def _coarse(problem: Problem) -> list[tuple[FieldObservation, Complex]]:
-    """Every recording on few lines, uncertain by a part of the level around, and what is predicted of all receivers."""
-    view, values = down_weighted(problem, STAGES[0]), _declared_values(problem)
-    found = []
-    for observation in view.observations:
-        assert isinstance(observation, FieldObservation)
-        own = problem.seen_by(observation, values)
-        found.append((observation, observation.responses(problem.assembly, [own])[0]))
-    return found
-
-
 def _assignment(problem: Problem) -> tuple[NDArray[np.intp], Real]:
     """Place and sign that suit every channel best; a channel that is not used gets a place that is left."""
     from scipy.optimize import linear_sum_assignment
 
     cost: Any = 0.0
     used: Any = False
-    for seen, predicted in _coarse(problem):
+    # every recording on few lines, uncertain by a part of the level around
+    values = _declared_values(problem)
+    for seen in field_observations(down_weighted(problem, STAGES[0]).observations):
+        predicted = seen.responses(problem.assembly, [problem.seen_by(seen, values)])[0]
         gaps = [
             np.sum(np.abs((seen.response[:, None] - sign * predicted) * (seen.kept / seen.noise)[:, None]) ** 2, axis=2)
             for sign in (1.0, -1.0)
@@ -149,15 +141,13 @@ def _assignment(problem: Problem) -> tuple[NDArray[np.intp], Real]:
 def _reassigned(problem: Problem, place: NDArray[np.intp], sign: Real) -> Problem:
     """The problem with what every channel has measured at its place, turned round where the sign is negative."""
     order = np.argsort(place)
-    changed = []
-    for o in problem.observations:
-        assert isinstance(o, FieldObservation)
-        changed.append(
-            replace(
-                o, response=(sign[:, None] * o.response)[order], noise=o.noise[order], random=o.random[order],
-                kept=o.kept[order],
-            )
-        )  # fmt: skip
+    changed = [
+        replace(
+            o, response=(sign[:, None] * o.response)[order], noise=o.noise[order], random=o.random[order],
+            kept=o.kept[order],
+        )
+        for o in field_observations(problem.observations)
+    ]  # fmt: skip
     return problem.over(changed)
 
 
@@ -214,7 +204,7 @@ class _Misfit:
     def __init__(self, problem: Problem, rig: Rig) -> None:
         self._problem, self._rig = problem, rig
         self._values = _declared_values(problem)
-        self._seen = [o for o, _ in _coarse(problem)]
+        self._seen = field_observations(down_weighted(problem, STAGES[0]).observations)
 
     def likely(self, grid: Real) -> list[tuple[str, float, float]]:
         """Of all places on the walls those that explain most with a strength that is free at every line."""
@@ -259,8 +249,8 @@ def _usual_shifts(problem: Problem, model: Model, least: float) -> str:
     """Of the size that built rooms have."""
     seen = [
         replace(o, declared=replace(o.declared, shifts=receivers_of(model).shifts))
-        for o in problem.observations
-        if isinstance(o, FieldObservation) and o.declared is not None
+        for o in field_observations(problem.observations)
+        if o.declared is not None
     ]
     try:
         free = linearised(
@@ -284,8 +274,8 @@ def _rings_elsewhere(problem: Problem, best: Fit) -> str:
     assert receivers.box is not None
     named = mode_names(receivers.box, SOUND_SPEED, receivers.rig.band.f_max_hz)
     told: dict[str, str] = {}
-    for o, predicted in zip(problem.observations, problem.plain(best.theta), strict=True):
-        assert isinstance(o, FieldObservation)
+    seen = field_observations(problem.observations)
+    for o, predicted in zip(seen, problem.plain(best.theta), strict=True):
         powers = [np.sum(np.abs(h * o.kept) ** 2, axis=0) for h in (o.response, o.lines_of(predicted))]
         for f, name in named:
             near = np.flatnonzero(np.abs(o.frequency_hz - f) < NEAR_MODE * f)

@@ -16,7 +16,7 @@ import numpy as np
 
 from specan.models import Assembly
 from specan.room.model.receivers import receivers_of
-from specan.room.study.field_observation import FieldObservation
+from specan.room.study.field_observation import FieldObservation, field_observations
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 
@@ -56,8 +56,7 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
             now = replace(whole, values={**whole.values, **shifts.named(z)})
             seen = [
                 o.about_unshifted(assembly, now.seen_by(o, now.values_at(theta)), seen=False)
-                for o in whole.observations
-                if isinstance(o, FieldObservation)
+                for o in field_observations(whole.observations)
             ]
             here = whole.over(seen)
         now = at(theta, z)
@@ -92,8 +91,7 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
 def _white(problem: Problem, assembly: Assembly, theta: Array) -> Array:
     """One standard uncertainty of every shift, whitened, array (n, 2 modes)."""
     found = []
-    for o in problem.observations:
-        assert isinstance(o, FieldObservation)
+    for o in field_observations(problem.observations):
         columns = o.shift_columns(assembly, problem.seen_by(o, problem.values_at(theta)))
         found.append(o.whiten(o.stack(columns)))
     return np.concatenate(found)
@@ -101,7 +99,7 @@ def _white(problem: Problem, assembly: Assembly, theta: Array) -> Array:
 
 def knowing_shifts(problem: Problem, unseen: Sequence[Observation]) -> list[Observation]:
     """Observations that were put aside, with what the fitted ones tell of the shifts that they have in common."""
-    told = [o for o in problem.observations if isinstance(o, FieldObservation) and o.shifts]
+    told = [o for o in field_observations(problem.observations) if o.shifts]
     if not told:
         return list(unseen)
     inner = np.eye(told[0].shifts)

@@ -20,7 +20,7 @@ import numpy as np
 
 from specan.room.model.places import depth, free_places, with_microphones
 from specan.room.model.receivers import receivers_of
-from specan.room.study.field_observation import FieldObservation
+from specan.room.study.field_observation import FieldObservation, field_observations
 from specan.study.design.operating_points import EXPLORED, SEPARATES, Proposal, name_of
 from specan.study.estimation.linear import chi2_beside, covariance_root
 from specan.study.estimation.problem import Problem
@@ -123,8 +123,7 @@ def _views(rivals: Sequence[Refit], places: Array) -> list[_View]:
         problem = rival.problem
         model, names = with_microphones(problem.assembly.model, places)
         wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
-        first = problem.observations[0]
-        assert isinstance(first, FieldObservation)
+        first = field_observations(problem.observations)[0]
         if seen is None:
             there = planned(first, names)
             seen = there.about(wider.assembly, problem.seen_by(there, problem.values_at(rival.fit.theta)))

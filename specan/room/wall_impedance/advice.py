@@ -14,6 +14,7 @@ import numpy as np
 from specan.result import gathered
 from specan.room.model.places import free_places, with_microphones
 from specan.room.model.receivers import receivers_of
+from specan.room.study.field_observation import field_observations
 from specan.room.study.receiver_places import (
     by_receiver,
     few_lines,
@@ -145,7 +146,8 @@ def information_at(problem: WallProblem, theta: Array, places: Array) -> list[Ar
     """Information matrix that a microphone at each place would bring."""
     model, names = with_microphones(problem.assembly.model, places)
     wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
-    parts = by_receiver(*_seen(wider, planned(problem.observations[0], names), theta))
+    first = field_observations(problem.observations)[0]
+    parts = by_receiver(*_seen(wider, planned(first, names), theta))
     return [part.T @ part for part in parts]
 
 
@@ -159,7 +161,7 @@ def _covered_wall(fit: WallFit, known: Array, goal: _Goal) -> Advice:
     """A wall behind a rigid board takes nothing: what changes was its own."""
     tried = []
     bands = len(fit.mid_hz)
-    few = few_lines(fit.problem.observations[0])
+    few = few_lines(field_observations(fit.problem.observations)[0])
     for number, wall in enumerate(fit.walls):
         beta = fit.beta.copy()
         beta[number] = 0.0

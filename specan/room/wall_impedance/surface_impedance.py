@@ -259,9 +259,7 @@ def _row(wall: str, mid_hz: float, beta: complex, covariance: Array, accuracy: f
         values = function(region)
         low, high = float(values.min()), float(values.max())
         if open_ended and name in ("resistance", "reactance", "magnitude"):
-            high = np.inf
-            low = -np.inf if name == "reactance" else low
-            low = 0.0 if name == "resistance" else low
+            low, high = {"resistance": 0.0, "reactance": -np.inf}.get(name, low), np.inf
         found[name] = Interval(float(function(np.array([best]))[0]), low, high)
     nominal = nominal_frequency(band_at(mid_hz, 3), 3)
     return WallBand(wall, nominal, float(mid_hz), bool(1.96 * 4 * error <= accuracy), best, error, **found)

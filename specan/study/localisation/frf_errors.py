@@ -70,6 +70,7 @@ class FrfErrors:
     band_of_line: NDArray[np.intp]
     measured: Complex
     model: Complex
+    plural: str = "channels"
 
     def mean(self, rows: Sequence[int], bands: Sequence[int]) -> tuple[float, float, float, float]:
         """Mean level error over some receivers and bands, dB, its uncertainty; the same of the phase, degrees."""
@@ -179,7 +180,7 @@ def curve_errors(observation: FrfObservation, predicted: Array) -> FrfErrors:
         common=common, of_all=0 if observation.modal is None else observation.modal.shape[-1],
         frequency_hz=observation.frequency_hz,
         band_of_line=np.searchsorted(bands, labels.max(axis=0)),
-        measured=measured, model=model,
+        measured=measured, model=model, plural=observation.plural,
     )  # fmt: skip
 
 

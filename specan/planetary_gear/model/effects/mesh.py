@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from specan.models import Parameter, effect
+from specan.planetary_gear.model.effects import log_of_factor
 
 HARMONICS = 3
 
@@ -18,12 +19,7 @@ HARMONICS = 3
     "and with thin rims",
     instrument=True,
 )
-def contact_stiffness(
-    *,
-    change=Parameter(
-        -0.2, "1", min=-1.0, max=0.7, lower=-3.0, upper=3.0, doc="natural logarithm of the factor"
-    ),
-):
+def contact_stiffness(*, change=log_of_factor(-0.2, min=-1.0, max=0.7, lower=-3.0, upper=3.0)):
     """Teeth are stiffer or softer than the rig file's contact law says, by one factor for all meshes.
 
     It decides by how much a pin out of place changes the loads, and where the set resonates.
@@ -62,12 +58,7 @@ def contact_exponent(
     reference="damping ratios of gear meshes from 0.01 to 0.1: Kahraman and Singh, J. Sound Vib. 142 (1990) 49",
     instrument=True,
 )
-def contact_damping(
-    *,
-    change=Parameter(
-        -1.0, "1", min=-3.0, max=1.0, lower=-6.0, upper=4.0, doc="natural logarithm of the factor"
-    ),
-):
+def contact_damping(*, change=log_of_factor(-1.0, min=-3.0, max=1.0, lower=-6.0, upper=4.0)):
     """Meshes lose more or less energy than the rig file's contact law says, by one factor for all."""
     return math.exp(change)
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from specan.models import Parameter, effect
+from specan.planetary_gear.model.effects import log_of_factor
 
 
 @effect(
@@ -106,12 +107,7 @@ def speed_fluctuation(
     "to a factor 3 about the third",
     instrument=True,
 )
-def unlike_response(
-    *,
-    change=Parameter(
-        0.3, "1", min=-1.0, max=1.0, lower=-4.0, upper=4.0, doc="natural logarithm of the factor"
-    ),
-):
+def unlike_response(*, change=log_of_factor(0.3, min=-1.0, max=1.0, lower=-4.0, upper=4.0)):
     """The set answers more or less than computed to what its planets do not do alike.
 
     Lines that the ideal set does not have are stronger or weaker by one factor for each harmonic, in all recordings.

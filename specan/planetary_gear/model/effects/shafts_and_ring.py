@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from specan.models import Parameter, effect
+from specan.planetary_gear.model.effects import log_of_factor
 
 
 @effect(
@@ -61,12 +62,7 @@ def shaft_flexibility(
     reference="a disc of the carrier's size; shaft and load that are fixed to it come on top",
     instrument=True,
 )
-def carrier_inertia(
-    *,
-    change=Parameter(
-        1.0, "1", min=-0.7, max=3.0, lower=-3.0, upper=7.0, doc="natural logarithm of the factor"
-    ),
-):
+def carrier_inertia(*, change=log_of_factor(1.0, min=-0.7, max=3.0, lower=-3.0, upper=7.0)):
     """The inertia of carrier, shaft and load differs from that of a disc.
 
     At the mesh the torque holds still, and the carrier moves as little as it is heavy: lines of the ideal set, to which
