@@ -100,21 +100,14 @@ class _Simulations:
         ]  # fmt: skip
         self._kept: dict[bytes, list[float]] = {}
         run = settings.simulation
-        self._process = FmuProcess(
-            str(path),
-            self._folder.name,
-            {
-                "names": [v.variable for v in self.variables.values()],
-                "outputs": [o.variable for o in self.outputs],
-                "kind": run.kind
-                and run.kind.title().replace("-", ""),  # co-simulation first where none is asked for
-                "duration": run.duration,
-                "step": run.step,
-                "average": run.average,
-                "tolerance": run.tolerance,
-            },
-            run.time_limit,
-        )
+        how = {
+            **run.model_dump(),
+            "names": [v.variable for v in self.variables.values()],
+            "outputs": [o.variable for o in self.outputs],
+            "kind": run.kind
+            and run.kind.title().replace("-", ""),  # co-simulation first where none is asked for
+        }
+        self._process = FmuProcess(str(path), self._folder.name, how, run.time_limit)
 
     def quantity_of(self, variable: str) -> str:
         """Name of the quantity that stands for a variable of the FMU."""

@@ -64,12 +64,6 @@ def mesh_spring(mesh_deflection, planet_stiffness, contact_law, mesh_geometry, t
     return slope * (1.0 + stiffness_change[None, :, None, None]) * planet_stiffness[None, None, :, None]
 
 
-@quantity(unit="N/m", axes=("planet",))
-def mesh_stiffness(mesh_spring):
-    """Mean stiffness of each mesh about its load, (points, 2, planets)."""
-    return mesh_spring.mean(axis=-1)
-
-
 @quantity(unit="N*s/m", axes=("planet",))
 def mesh_damping(mesh_deflection, contact_law, damping_scale):
     """Mean damping of each mesh by the cubic step of the contact law, (points, 2, planets)."""

@@ -22,10 +22,10 @@ def torsional_frequencies(model: Model) -> NDArray[np.float64]:
     operation = model.settings["parsed_rig"].operation
     at = {"order": np.ones(1), "sun_speed": np.full(1, operation.sun_speed_hz),
           "carrier_torque": np.full(1, operation.carrier_torque_Nm)}  # fmt: skip
-    wanted = ["mesh_stiffness", "carrier_inertia", "planet_inertia", "base_radii"]
+    wanted = ["mesh_spring", "carrier_inertia", "planet_inertia", "base_radii"]
     found = model.assemble(model.base_effects).evaluate(at, None, wanted)
-    stiffness, (sun, planet, ring) = found["mesh_stiffness"][0].mean(axis=-1), found["base_radii"]
-    planets = found["mesh_stiffness"].shape[-1]
+    stiffness, (sun, planet, ring) = found["mesh_spring"][0].mean(axis=(-2, -1)), found["base_radii"]
+    planets = found["mesh_spring"].shape[-2]
     # Approach of the sun and of the ring mesh by a turn of the carrier and of a planet.
     geometry = np.array([[sun + planet, planet], [ring - planet, -planet]])
     one = geometry.T @ (stiffness[:, None] * geometry)  # of one planet with its part of the carrier

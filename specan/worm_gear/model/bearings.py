@@ -51,9 +51,6 @@ def bearing_quantities(bearings: Sequence[Bearing], gear: Gear) -> list[Quantity
         ("bearing_seal", each("seal_torque"), "N*m", "Torque of rubbing seals; open and shielded ones have none."),
     ]  # fmt: skip
     return [
-        constant(
-            "bearing_dead_load", gear.bearing_dead_load_N, "N", "Load that keeps an idle bearing rolling."
-        ),
         *(constant(*one, AXES) for one in listed),
         *(value for value in globals().values() if isinstance(value, Quantity)),
     ]

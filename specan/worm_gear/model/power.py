@@ -107,7 +107,7 @@ def constants(rig: Rig) -> list[Quantity]:
         ("normal_pressure_angle", math.radians(gear.normal_pressure_angle_deg), "rad",
          "Pressure angle in the section normal to the flank."),
         ("wheel_width", 1e-3 * gear.wheel_width_mm, "m", "Face width of the wheel."),
-        ("oil_density", rig.oil.density_kg_m3, "kg/m^3", "Density of the oil."),
+        ("bearing_dead_load", gear.bearing_dead_load_N, "N", "Load that keeps an idle bearing rolling."),
         ("uncoupled_below", below, "N*m", "Indicated output torque up to which the brake is uncoupled."),
         ("friction_coefficient", 0.0, "1", "Coefficient of friction between the flanks; an ideal gear has none."),
         ("viscous_loss", 0.0, "W", "Power that the oil's viscosity takes without load; an ideal gear loses none."),
