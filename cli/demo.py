@@ -37,11 +37,10 @@ def command(directory: Path) -> None:
     specan batch sample_data/recordings -o results
     """
     written = copy_samples(directory)
-    click.echo(
-        f"{written} files written to {directory}."
-        if written
-        else f"{directory} holds the sample data already."
-    )
+    if written:
+        click.echo(f"{written} files written to {directory}.")
+    else:
+        click.echo(f"{directory} holds the sample data already.")
     click.echo(f"Next: specan info {directory / 'recordings' / 'knock.tdms'}")
 
 

@@ -114,6 +114,8 @@ class SpectrumAccumulator:
 
     def __init__(self, recording: Recording, settings: FourierSpectrum) -> None:
         self.recording, self.settings = recording, settings
+        if settings.averaging == "none" or settings.whole:
+            raise RequestError("a single block is not averaged", remedy="call the settings instead")
         recording, self.reference, self.shown, self.notes = chosen(recording, settings)
         if self.reference is not None and settings.averaging in ("max", "min"):
             raise RequestError(

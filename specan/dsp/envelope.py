@@ -76,11 +76,9 @@ def _band(samples: Real, sampling_rate: float, low_hz: float, high_hz: float) ->
     n = samples.shape[-1]
     frequency = np.fft.rfftfreq(n, 1.0 / sampling_rate)
     edge = 0.05 * (high_hz - low_hz)
-    rise = (
-        np.clip((frequency - low_hz + edge / 2) / edge, 0.0, 1.0)
-        if low_hz > 0
-        else (frequency > 0).astype(float)
-    )
+    rise = np.clip((frequency - low_hz + edge / 2) / edge, 0.0, 1.0)
+    if low_hz == 0:
+        rise = (frequency > 0).astype(float)
     fall = np.clip((high_hz + edge / 2 - frequency) / edge, 0.0, 1.0)
     weight = np.sin(0.5 * np.pi * rise) ** 2 * np.sin(0.5 * np.pi * fall) ** 2
     spectrum = np.zeros((*samples.shape[:-1], n), dtype=complex)

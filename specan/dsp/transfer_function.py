@@ -115,11 +115,9 @@ def estimate(
     """
     if cross.ndim > 1:  # one response after the other: what is between is as large as all spectra
         responses = np.broadcast_to(auto_response, cross.shape)
-        through = (
-            [None] * len(cross)
-            if instrument is None
-            else [instrument._replace(response=r) for r in instrument.response]
-        )
+        through: list[Instrument | None] = [None] * len(cross)
+        if instrument is not None:
+            through = [instrument._replace(response=r) for r in instrument.response]
         one = partial(estimate, estimator, auto_reference, line_correlation=line_correlation)
         found = [
             one(own, over, n_effective, instrument=mine)

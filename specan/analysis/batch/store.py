@@ -8,7 +8,7 @@ import json
 import os
 import stat
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -87,13 +87,11 @@ def _spread_digest(path: str, size: int) -> str:
     return digest.hexdigest()
 
 
-def _starts(size: int) -> Iterator[int]:
+def _starts(size: int) -> Iterable[int]:
     """Beginnings of the blocks: without a gap in a small file, else evenly from the first to the last byte."""
     if size <= BLOCK * BLOCKS:
-        yield from range(0, size, BLOCK)
-        return
-    for number in range(BLOCKS):
-        yield (size - BLOCK) * number // (BLOCKS - 1)
+        return range(0, size, BLOCK)
+    return [(size - BLOCK) * number // (BLOCKS - 1) for number in range(BLOCKS)]
 
 
 def _whole(path: str) -> str:
