@@ -90,15 +90,11 @@ def override(rig: Mapping[str, Any], texts: Iterable[str]) -> dict[str, Any]:
             place = place.setdefault(part, {}) if isinstance(place, dict) else None
         if not equals or not isinstance(place, dict):
             raise RequestError(f"{text!r} cannot be set", expected="TABLE.KEY=VALUE of the rig file")
-        place[last] = _toml_value(value.strip())
+        try:
+            place[last] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            place[last] = value.strip()
     return changed
-
-
-def _toml_value(text: str) -> Any:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
 
 
 def _split(model: Model, text: str) -> tuple[Use, str, str | None]:

@@ -131,6 +131,11 @@ class Parameter:
             else float(convert(value, self.received_unit, self.unit))
         )
 
+    def in_unit(self, value: float, low: float, high: float) -> dict[str, Any]:
+        """A value as the function receives it, and the ends of its interval, as tables of parameters have them."""
+        received = {"value": value, "low": low, "high": high}
+        return {name: self.from_si(one) for name, one in received.items()} | {"unit": self.unit}
+
     @property
     def received_unit(self) -> str:
         """Unit in which the function that owns the parameter receives it."""

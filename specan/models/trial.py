@@ -104,32 +104,28 @@ def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> No
     if model.rates:  # what fails first makes everything fail that comes later
         nodes.sort(key=lambda one: _first_wrong(found.values[one[0]]))
     for name, node in nodes:
-        values = found.values[name]
+        values, what = found.values[name], f"{place_of(node.function)}: {name!r}"
         if values is None:
-            raise RequestError(
-                f"{place_of(node.function)}: {name!r} returns nothing", remedy="return its value"
-            )
+            raise RequestError(f"{what} returns nothing", remedy="return its value")
         try:
             numbers = np.asarray(values, dtype=complex)
         except (TypeError, ValueError):
-            raise RequestError(
-                f"{place_of(node.function)}: {name!r} gives {type(values).__name__}, which is not a number"
-            ) from None
+            raise RequestError(f"{what} gives {type(values).__name__}, which is not a number") from None
         if numbers.shape not in ((), (size,)):
             raise RequestError(
-                f"{place_of(node.function)}: {name!r} gives the shape {numbers.shape} for {size} rows",
+                f"{what} gives the shape {numbers.shape} for {size} rows",
                 expected=f"one value a row, the shape ({size},)",
             )
         if name in tabled and np.iscomplexobj(values):
             raise RequestError(
-                f"{place_of(node.function)}: {name!r} gives complex numbers, and is declared as a column of a table",
+                f"{what} gives complex numbers, and is declared as a column of a table",
                 expected="real numbers",
                 remedy=f'a transfer function is declared as observables={{"{name}": Frf(unit, response=, reference=)}}',
             )
         wrong = ~np.isfinite(numbers)
         if np.any(wrong):
             raise RequestError(
-                f"{place_of(node.function)}: {name!r} is not finite in {int(np.sum(wrong))} of {numbers.size} rows"
+                f"{what} is not finite in {int(np.sum(wrong))} of {numbers.size} rows"
                 + _first_place(model, conditions, wrong),
                 remedy="correct the equation, or narrow the limits to where it holds",
             )

@@ -218,12 +218,8 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
             if prior is None
             else abs(value - prior[0]) <= TOO_FAR * prior[1]
         )
-        ends = intervals[name]
         table[name] = {
-            "value": parameter.from_si(value),
-            "low": parameter.from_si(float(ends[0])),
-            "high": parameter.from_si(float(ends[1])),
-            "unit": parameter.unit,
+            **parameter.in_unit(value, *intervals[name]),
             "plausible": bool(within),
             "at_bound": name in best.at_bound,
             "nuisance": name.whole in problem.priors,

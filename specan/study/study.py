@@ -287,10 +287,7 @@ class Study:
         if not self.problem.strategy.continuation or not _far_from_calibration(self.problem, self.best):
             return self.best
         found = self.kept.find("shown", Fit)
-        if found is None:
-            theta = self.problem.start(self._near)
-            found = self.kept.keep("shown", describe(self.problem, theta))
-        return found
+        return found or self.kept.keep("shown", describe(self.problem, self.problem.start(self._near)))
 
     @cached_property
     def errors(self) -> tuple[ObservableError, ...]:

@@ -329,13 +329,7 @@ def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, A
             # A refit that fails, or an end that is not bracketed, leaves the interval of the covariance.
             with contextlib.suppress(ComputationError, ValueError):
                 low, high = profile_interval(refit.problem, refit.fit, name, inflate=True)
-        parameter = refit.problem.assembly.parameters[name.whole]
-        table[name] = {
-            "value": parameter.from_si(value),
-            "low": parameter.from_si(low),
-            "high": parameter.from_si(high),
-            "unit": parameter.unit,
-        }
+        table[name] = refit.problem.assembly.parameters[name.whole].in_unit(value, low, high)
     return table
 
 

@@ -220,27 +220,24 @@ class _Opened:
     ) -> tuple[Array | None, str]:
         if one.sigma is not None:
             return factor * one.sigma[inside], "as the file says"
+        size = factor * np.abs(one.values[inside])
         if one.coherence is not None and observable.averages:
-            size = factor * np.abs(one.values[inside])
             found = sigma_of(size, one.coherence[inside], observable.averages)
             return found, f"from the coherence and {observable.averages:g} averages"
         percent = self.model.rig.reading_percent.get(observable.name, 0.0)
         floor = self.model.rig.reading.get(observable.name, 0.0)
         if not percent and not floor:
             return None, "unknown"
-        size = factor * np.abs(one.values[inside])
         parts = [f"{percent:g} %" if percent else "", f"{floor:g} {observable.unit}" if floor else ""]
-        return np.hypot(percent / 100 * size, floor), "of " + " and ".join(
-            p for p in parts if p
-        ) + " as declared"
+        said = " and ".join(p for p in parts if p)
+        return np.hypot(percent / 100 * size, floor), f"of {said} as declared"
 
     # --- recordings -----------------------------------------------------------------------------------
 
     def from_recording(self, recording: Recording) -> list[Lines]:
         from specan.analysis.section import aligned
 
-        by_reference: dict[str, list[tuple[Observable, Channel]]] = {}
-        references: dict[str, Channel] = {}
+        by_reference: dict[str, tuple[Channel, list[tuple[Observable, Channel]]]] = {}
         missing = []
         recording, _ = aligned(recording, recording.channels, _reference(recording, self.observables[0]))
         for observable in self.observables:
@@ -250,8 +247,7 @@ class _Opened:
             except SpecanError:
                 missing.append(observable.response)
                 continue
-            references[reference.label] = reference
-            by_reference.setdefault(reference.label, []).append((observable, response))
+            by_reference.setdefault(reference.label, (reference, []))[1].append((observable, response))
         if not by_reference:
             names = [c.label for c in recording.channels]
             raise InputError(
@@ -259,10 +255,7 @@ class _Opened:
                 expected=f"one of {', '.join(names[:12])}",
                 remedy='name it in the model: Frf("um/N", response=CHANNEL, reference=CHANNEL)',
             )
-        return [
-            self.lines_of_recording(recording, references[name], pairs)
-            for name, pairs in by_reference.items()
-        ]
+        return [self.lines_of_recording(recording, *group) for group in by_reference.values()]
 
     def lines_of_recording(
         self, recording: Recording, reference: Channel, pairs: Sequence[tuple[Observable, Channel]]

@@ -86,12 +86,9 @@ def is_transfer_file(path: Path) -> bool:
         return True
     if b"\0" in start or start.startswith((b"RIFF", b"TDSm", b"PK")):
         return False
-    lines = [
-        line for line in start.decode("utf-8", "replace").splitlines() if line.strip() and line[0] != "#"
-    ]
-    titles = (
-        [name_and_unit(cell.strip().strip('"'))[0] for cell in re.split(r"[\t;,]", lines[0])] if lines else []
-    )
+    lines = start.decode("utf-8", "replace").splitlines()
+    header = next((line for line in lines if line.strip() and line[0] != "#"), "")
+    titles = [name_and_unit(cell.strip().strip('"'))[0] for cell in re.split(r"[\t;,]", header)]
     return any(_FREQUENCY.match(title) for title in titles) and any(_part(t)[1] for t in titles)
 
 

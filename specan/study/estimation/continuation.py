@@ -18,7 +18,7 @@ from typing import Any
 from specan.errors import ComputationError
 from specan.models import Assembly
 from specan.models.kept import each_anew
-from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, best_screened, descend_steps
+from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, best_screened, descend_steps, led
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, brought
 
@@ -56,19 +56,10 @@ def continuation_fit(
         No start leads anywhere.
     """
     first, last = (down_weighted(problem, percent) for percent in STAGES)
-
-    def led(values: Mapping[str, Any]) -> tuple[float, Array] | str:
-        try:
-            few = SCREENING_JACOBIANS if len(starts) > CONTINUED else ENOUGH
-            theta = descend_steps(first, problem.start(values), few)
-        except ComputationError as fault:
-            return fault.found
-        return _chi2(first, theta), theta
-
-    tried = each_anew(led, starts)
-    reason = next((why for why in reversed(tried) if isinstance(why, str)), "")
-    reached = sorted((one for one in tried if not isinstance(one, str)), key=lambda one: one[0])
-    near = [theta for _, theta in reached[:CONTINUED]]
+    few = SCREENING_JACOBIANS if len(starts) > CONTINUED else ENOUGH
+    given = [problem.start(values) for values in starts]
+    reached, reason = led(first, given, few)
+    near = reached[:CONTINUED]
     try:
         theta = descend_steps(last, best_screened(last, near), ENOUGH)
     except ComputationError as fault:
@@ -80,11 +71,10 @@ def continuation_fit(
         return problem.values_at(theta)
     # what windows do would hide a small effect
     plain = down_weighted(problem, values=problem.values_at(theta))
-    given = [problem.start(values) for values in starts]
     stepped = each_anew(lambda t: descend_steps(plain, t, SCREENING_JACOBIANS), near)
-    reached = [(_chi2(plain, t), t) for t in (theta, *given, *stepped)]
-    met = max(min(chi2 for chi2, _ in reached), plain.n_data)
-    return problem.values_at(_nearest(problem, [t for chi2, t in reached if chi2 <= met]))
+    seen = [(_chi2(plain, t), t) for t in (theta, *given, *stepped)]
+    met = max(min(chi2 for chi2, _ in seen), plain.n_data)
+    return problem.values_at(_nearest(problem, [t for chi2, t in seen if chi2 <= met]))
 
 
 def _nearest(problem: Problem, thetas: Sequence[Array]) -> Array:
@@ -92,12 +82,12 @@ def _nearest(problem: Problem, thetas: Sequence[Array]) -> Array:
     if len(thetas) == 1:
         return thetas[0]
 
-    def led(theta: Array) -> tuple[float, Array]:
+    def there(theta: Array) -> tuple[float, Array]:
         subsample = problem.subsampled(theta)
-        there = descend_steps(subsample, theta, SCREENING_JACOBIANS)
-        return _chi2(subsample, there), there
+        found = descend_steps(subsample, theta, SCREENING_JACOBIANS)
+        return _chi2(subsample, found), found
 
-    return min(each_anew(led, thetas), key=lambda r: r[0])[1]
+    return min(each_anew(there, thetas), key=lambda r: r[0])[1]
 
 
 def _chi2(problem: Problem, theta: Array) -> float:

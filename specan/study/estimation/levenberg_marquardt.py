@@ -122,20 +122,26 @@ def best_screened(problem: Problem, starts: Sequence[Array]) -> Array:
     """
     if len(starts) == 1:
         return starts[0]
+    reached, why = led(problem, starts, SCREENING_JACOBIANS)
+    if not reached:
+        raise ComputationError(why)
+    return reached[0]
 
-    def led(start: Array) -> tuple[float, Array] | str:
+
+def led(problem: Problem, starts: Sequence[Array], jacobians: int) -> tuple[list[Array], str]:
+    """Where some Jacobians lead from several starts, the lowest first; and why the last of those failed that did."""
+
+    def one(start: Array) -> tuple[float, Array] | str:
         try:
-            theta = descend_steps(problem, start, SCREENING_JACOBIANS)
+            theta = descend_steps(problem, start, jacobians)
         except ComputationError as fault:
             return fault.found
         residual = problem.residual(theta)
         return float(residual @ residual), theta
 
-    tried = each_anew(led, starts)
-    reached = [one for one in tried if not isinstance(one, str)]
-    if not reached:
-        raise ComputationError(next((why for why in tried[::-1] if isinstance(why, str)), ""))
-    return min(reached, key=lambda r: r[0])[1]
+    tried = each_anew(one, starts)
+    reached = sorted((r for r in tried if not isinstance(r, str)), key=lambda r: r[0])
+    return [theta for _, theta in reached], next((why for why in tried[::-1] if isinstance(why, str)), "")
 
 
 def unit(problem: Problem, chi2: float) -> float:
@@ -225,12 +231,33 @@ class _Descent(_Place):
         return None
 
     def _step(self, slope: Array, damping: float) -> tuple[Array, float]:
+        """Damped step inside the bounds and the fall in chi-square that it promises."""
         low, high = (self.low - self.theta) / self.size, (self.high - self.theta) / self.size
-        return _step(slope, self.residual, low, high, damping)
+        gradient, normal = slope.T @ self.residual, slope.T @ slope
+        weight = damping * np.maximum(np.diag(normal), 1e-12)
+        step = _solve(normal + np.diag(weight), -gradient)
+        if np.any((step < low) | (step > high)):
+            root = np.linalg.cholesky(normal + np.diag(weight + 1e-12 * np.diag(normal).max()))
+            right, ends = (
+                np.linalg.solve(root, gradient),
+                (np.minimum(low, 0.0), np.maximum(high, 0.0) + 1e-300),
+            )
+            step = np.clip(held_inside(np.asarray(root.T, dtype=float), right, *ends), low, high)
+        after = self.residual + slope @ step
+        return step, float(self.residual @ self.residual - after @ after)
 
     def _bent(self, slope: Array, step: Array, trial: Array, there: Array) -> tuple[Array, Array]:
-        """Where a step that has failed leads if it is bent with the valley; where it led, if that is better."""
-        turn = _bend(slope, step, there - self.residual - slope @ step, self.damping)
+        """Where a step that has failed leads if it is bent with the valley; where it led, if that is better.
+
+        It takes half the acceleration along the step: with the second difference r'' = 2 off that is
+        -(J'J + damping)^-1 J' r'' (Transtrum & Sethna 2012, arXiv:1201.5885). One that is longer than the step itself
+        is not trusted.
+        """
+        off, normal = there - self.residual - slope @ step, slope.T @ slope
+        weight = self.damping * np.maximum(np.diag(normal), 1e-12)
+        turn = -_solve(normal + np.diag(weight), slope.T @ off)
+        length, most = float(np.linalg.norm(turn)), float(np.linalg.norm(step))
+        turn = turn * min(1.0, most / length) if length > 0 else turn
         other, beside = self.at(self.theta + (step + turn) * self.size)
         return (trial, there) if beside is None or beside @ beside > there @ there else (other, beside)
 
@@ -244,32 +271,6 @@ class _Descent(_Place):
                 break
             theta, trial, there = trial, beyond, residual
         return trial, there
-
-
-def _bend(slope: Array, step: Array, off: Array, damping: float) -> Array:
-    """Half the acceleration along a step that failed: how the valley turns away from it.
-
-    With the second difference r'' = 2 off the acceleration is -(J'J + damping)^-1 J' r'' (Transtrum &
-    Sethna 2012, arXiv:1201.5885); one that is longer than the step itself is not trusted.
-    """
-    normal = slope.T @ slope
-    weight = damping * np.maximum(np.diag(normal), 1e-12)
-    bend = -_solve(normal + np.diag(weight), slope.T @ off)
-    length, most = float(np.linalg.norm(bend)), float(np.linalg.norm(step))
-    return bend * min(1.0, most / length) if length > 0 else bend
-
-
-def _step(slope: Array, residual: Array, low: Array, high: Array, damping: float) -> tuple[Array, float]:
-    """Damped step inside the bounds and the fall in chi-square that it promises."""
-    gradient, normal = slope.T @ residual, slope.T @ slope
-    weight = damping * np.maximum(np.diag(normal), 1e-12)
-    step = _solve(normal + np.diag(weight), -gradient)
-    if np.any((step < low) | (step > high)):
-        root = np.linalg.cholesky(normal + np.diag(weight + 1e-12 * np.diag(normal).max()))
-        right, ends = np.linalg.solve(root, gradient), (np.minimum(low, 0.0), np.maximum(high, 0.0) + 1e-300)
-        step = np.clip(held_inside(np.asarray(root.T, dtype=float), right, *ends), low, high)
-    after = residual + slope @ step
-    return step, float(residual @ residual - after @ after)
 
 
 def _solve(matrix: Array, right: Array) -> Array:

@@ -73,11 +73,8 @@ class Pull:
 def pulls(refit: Refit) -> tuple[Pull, ...]:
     """Every value outside of what was known of it, the worst first."""
     found = [_pull(refit, name) for name in refit.fit.names]
-    return tuple(
-        sorted(
-            (p for p in found if abs(p.pull) > 0 or p.at_bound), key=lambda p: (not p.too_far, -abs(p.pull))
-        )
-    )
+    outside = [p for p in found if abs(p.pull) > 0 or p.at_bound]
+    return tuple(sorted(outside, key=lambda p: (not p.too_far, -abs(p.pull))))
 
 
 def shown(found: tuple[Pull, ...]) -> tuple[Pull, ...]:

@@ -334,11 +334,9 @@ def _slopes(fewer: Refit | None, problem: Problem, theta: Real) -> Real | None:
         if name in known and name.whole in fewer.problem.free:
             columns.append(with_rows_of(known[name], fewer.problem, problem))
             continue
-        step = (
-            SLOPE_STEP * problem.scale[k] * (1 if theta[k] + SLOPE_STEP * problem.scale[k] <= high[k] else -1)
-        )
-        moved = theta.copy()
-        moved[k] = np.clip(theta[k] + step, low[k], high[k])
+        step, moved = SLOPE_STEP * problem.scale[k], theta.copy()
+        there = theta[k] + step if theta[k] + step <= high[k] else theta[k] - step
+        moved[k] = np.clip(there, low[k], high[k])
         columns.append((problem.residual(moved) - here) / (moved[k] - theta[k]))
     return np.column_stack(columns)
 
