@@ -222,18 +222,12 @@ def set_meshes(gear: Gear) -> tuple[Mesh, Mesh]:
     """Sun-planet and ring-planet mesh of a set."""
     module, angle = 1e-3 * gear.module_mm, math.radians(gear.pressure_angle_deg)
     a = None if gear.centre_distance_mm is None else 1e-3 * gear.centre_distance_mm
+    sun = external_mesh(gear.z_sun, gear.z_planet, module, angle, a)
+    ring = internal_mesh(gear.z_ring, gear.z_planet, module, angle, a)
     return (
-        _with_ratio(
-            external_mesh(gear.z_sun, gear.z_planet, module, angle, a), gear.contact_ratio_sun_planet
-        ),
-        _with_ratio(
-            internal_mesh(gear.z_ring, gear.z_planet, module, angle, a), gear.contact_ratio_ring_planet
-        ),
+        replace(sun, contact_ratio=gear.contact_ratio_sun_planet or sun.contact_ratio),
+        replace(ring, contact_ratio=gear.contact_ratio_ring_planet or ring.contact_ratio),
     )
-
-
-def _with_ratio(mesh: Mesh, ratio: float | None) -> Mesh:
-    return mesh if ratio is None else replace(mesh, contact_ratio=ratio)
 
 
 STEEL = 7850.0  # kg/m^3

@@ -27,7 +27,7 @@ class AxisModes:
         Length of the axis, m.
     w : array (lines, modes)
         Squared dimensionless wave numbers ``(q L) ** 2``.
-    a0, a1 : array (lines, 1)
+    a0 : array (lines, 1)
         ``j k beta L`` of the wall at the origin, and of the other.
     norm : array (lines, modes)
         Integral of ``X ** 2`` over the axis, m.
@@ -37,7 +37,6 @@ class AxisModes:
     w: Complex
     a0: Complex
     norm: Complex
-    a1: Complex
     _at: dict[bytes, Complex] = field(default_factory=dict, repr=False, compare=False)
 
     @property
@@ -112,7 +111,7 @@ def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: i
     """
     a0, a1 = (np.atleast_1d(np.asarray(a, dtype=complex))[:, None] for a in (a0, a1))
     w = _zeros(length, a0, a1, count)
-    return AxisModes(length, w, a0, length * norms(w, a0), a1)
+    return AxisModes(length, w, a0, length * norms(w, a0))
 
 
 def _zeros(length: float, a0: Complex, a1: Complex, count: int) -> Complex:

@@ -35,6 +35,7 @@ CONDITIONS = (
               "temperature_difference_K", "K", default=0.0),
     Condition("driven", "1", "Number of the set of loudspeakers that move.", "driven", "1", default=0.0),
 )  # fmt: skip
+FRF = Observable("frf", "indicated_frf", "Pa*s/m", "Sound pressure over diaphragm velocity.", kind="frf")
 MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
 LACKS = {  # why effects at an axis without elements cannot be looked for
     "known_wall": "the rig file states the impedance of no wall ([walls])",
@@ -82,11 +83,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         quantities={q.name: q for q in quantities},
         effects={name: effect for name, effect in effects.items() if name not in unsuited},
         unsuited=unsuited,
-        observables={
-            "frf": Observable(
-                "frf", "indicated_frf", "Pa*s/m", "Sound pressure over diaphragm velocity.", kind="frf"
-            ),
-        },
+        observables={"frf": FRF},
         nuisances=tuple(n for n in _nuisances(settings, tables) if Use.parse(n.effect).name not in unsuited),
         axes={
             "wall": tuple(walls),

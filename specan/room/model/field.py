@@ -234,9 +234,7 @@ def loudspeaker_ratio(frequency, loudspeaker_nominal):
 @quantity(unit="1")
 def loudspeaker_velocity(loudspeaker_ratio, driven, driven_sets):
     """Velocity of the piston and the others over that of the vibrometer's in this recording; zero of one at rest."""
-    all_driven = np.concatenate(
-        [np.ones_like(loudspeaker_ratio, shape=(1, loudspeaker_ratio.shape[1])), loudspeaker_ratio]
-    )
+    all_driven = np.pad(loudspeaker_ratio, ((1, 0), (0, 0)), constant_values=1.0)
     seen, *others = driven_sets[int(driven)]
     moving = np.zeros_like(all_driven)
     moving[seen] = 1.0

@@ -20,7 +20,7 @@ import numpy as np
 from specan.arrays import Complex
 from specan.dsp.bands import mid_frequencies
 from specan.errors import ComputationError, RequestError
-from specan.models import Parameter, Use, effect
+from specan.models import Parameter, effect
 from specan.models.model import Model
 from specan.models.quantity import constant
 from specan.study.estimation.continuation import continuation_fit
@@ -53,7 +53,6 @@ def free_walls(
     return beta @ spline_basis(frequency, free_band_hz)
 
 
-USE = Use("free-walls")
 REAL, IMAGINARY = "free-walls.conductance", "free-walls.susceptance"
 CENTRES = {REAL: START, IMAGINARY: 0.0}  # of the priors
 
@@ -181,7 +180,7 @@ class WallProblem(Problem):
         model = with_free_walls(model, third_octaves(lines.min(), lines.max()))
         as_given = {part.name: getattr(problem, part.name) for part in fields(problem)}
         freed = {
-            "assembly": model.assemble({*problem.assembly.uses, USE}),
+            "assembly": model.assemble({*problem.assembly.uses, "free-walls"}),
             "free": (*problem.free, *CENTRES),
             "priors": {**problem.priors, **_priors(SPREAD)},
         }

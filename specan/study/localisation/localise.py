@@ -271,12 +271,8 @@ def trends_of(
     found = {}
     for name in names:
         alone = [b for b in blocks if set(b.where) == {name}]
-        p = [
-            misfit_p_value(b.z**2, 1.0, noise_dof)
-            if b.z_phase is None
-            else misfit_p_value(b.z**2 + b.z_phase**2, 2.0, noise_dof)
-            for b in alone
-        ]
+        # of blocks without a phase by their direction alone
+        p = [misfit_p_value(b.z**2, 1.0, noise_dof) if b.z_phase is None else b.p_value for b in alone]
         if p:
             found[name] = min(1.0, len(p) * min(p))
     passed = discoveries(list(found.values()), LEVEL)
