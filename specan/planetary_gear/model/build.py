@@ -124,7 +124,6 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
     listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
         ("sun_teeth", gear.z_sun, "1", "Teeth of the sun.", ()),
         ("ring_teeth", gear.z_ring, "1", "Teeth of the ring.", ()),
-        ("planet_count", gear.planets, "1", "Number of planets.", ()),
         ("repeat_turns", turns, "1", "Turns of the carrier after which everything repeats.", ()),
         ("carrier_turn", turn, "1", "Turns of the carrier.", ()),
         ("mesh_waves", np.exp(2j * np.pi * gear.z_ring * np.outer(np.arange(1, HARMONICS + 1), turn)), "1",

@@ -24,9 +24,9 @@ def point_of_line(sun_speed, carrier_torque, order, operating_points):
 
 
 @quantity(unit="N", reference="balance of moments on carrier and planets")
-def mean_load(operating_points, planet_count, base_radii):
+def mean_load(operating_points, planet_angle, base_radii):
     """Force of each mesh where all planets carry the same, one an operating point."""
-    return operating_points[:, 1] / (planet_count * (base_radii[0] + base_radii[2]))
+    return operating_points[:, 1] / (planet_angle.size * (base_radii[0] + base_radii[2]))
 
 
 @quantity(unit="1", reference="K x^e with the same stiffness at the mean of the loads")
