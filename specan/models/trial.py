@@ -188,9 +188,8 @@ def check_units(model: Model, conditions: Mapping[str, NDArray[np.float64]]) -> 
             taken = {n: p for n, p in effect.parameters.items() if n in signature(state.rate).parameters}
             given = [there[r] for r in state.reads]
             _judge(f"d{own}", state.rate, given, taken, {own: f"{state.unit}/s"}, unchecked)
-    if not unchecked:
-        return ()
-    return (f"units could not be checked in {', '.join(unchecked)}: bare numbers may hide a unit",)
+    said = f"units could not be checked in {', '.join(unchecked)}: bare numbers may hide a unit"
+    return (said,) if unchecked else ()
 
 
 def _with_units(

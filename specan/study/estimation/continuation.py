@@ -72,7 +72,7 @@ def continuation_fit(
     # what windows do would hide a small effect
     plain = down_weighted(problem, values=problem.values_at(theta))
     stepped = each_anew(lambda t: descend_steps(plain, t, SCREENING_JACOBIANS), near)
-    seen = [(_chi2(plain, t), t) for t in (theta, *given, *stepped)]
+    seen = [(chi2_at(plain, t), t) for t in (theta, *given, *stepped)]
     met = max(min(chi2 for chi2, _ in seen), plain.n_data)
     return problem.values_at(_nearest(problem, [t for chi2, t in seen if chi2 <= met]))
 
@@ -85,12 +85,12 @@ def _nearest(problem: Problem, thetas: Sequence[Array]) -> Array:
     def there(theta: Array) -> tuple[float, Array]:
         subsample = problem.subsampled(theta)
         found = descend_steps(subsample, theta, SCREENING_JACOBIANS)
-        return _chi2(subsample, found), found
+        return chi2_at(subsample, found), found
 
     return min(each_anew(there, thetas), key=lambda r: r[0])[1]
 
 
-def _chi2(problem: Problem, theta: Array) -> float:
+def chi2_at(problem: Problem, theta: Array) -> float:
     """Sum of squares; infinite where the model has no value, which is no reason to give up the other starts."""
     try:
         residual = problem.residual(theta)

@@ -234,9 +234,8 @@ class LeftOut:
         """Mean relative error of the prediction over the rows of each block, and its z."""
         found = []
         for first in range(0, len(blocks), AT_ONCE):
-            raw = np.stack(
-                [np.where(rows, self.predicted, 0.0) for rows in blocks[first : first + AT_ONCE]], 1
-            )
+            part = blocks[first : first + AT_ONCE]
+            raw = np.stack([np.where(rows, self.predicted, 0.0) for rows in part], 1)
             white = self.problem.whiten(raw)
             columns = self._taken_out(white)
             sizes, wholes = np.sum(columns**2, axis=0), np.sum(white**2, axis=0)

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.special import ndtri
 
 from specan.arrays import Real
-from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
+from specan.study.estimation.continuation import chi2_at
 from specan.study.estimation.fit import quasi_random
 from specan.study.estimation.problem import Problem
 
@@ -49,8 +49,9 @@ def scattered_starts(problem: Problem, values: Mapping[str, Any], new: Collectio
             ends = problem.plausible(name.whole)
             places[:, k] = ends[0] + draws[:, k] * (ends[1] - ends[0])
     inside = np.clip(places, low, high)
-    chi2 = np.array([_chi2(problem, place) for place in inside])
-    return [inside[k] for k in np.argsort(chi2)[:LED] if np.isfinite(chi2[k])]
+    chi2 = [chi2_at(problem, place) for place in inside]
+    level = [c - 2 * problem.ln_volume(p) if np.isfinite(c) else c for c, p in zip(chi2, inside, strict=True)]
+    return [inside[k] for k in np.argsort(level)[:LED] if np.isfinite(level[k])]
 
 
 def _sizes(problem: Problem, name: ParameterName, draws: Real) -> Real:
@@ -59,11 +60,3 @@ def _sizes(problem: Problem, name: ParameterName, draws: Real) -> Real:
     part = 2 * draws % 1
     size = usual * SIZES[0] * (SIZES[1] / SIZES[0]) ** part
     return np.asarray(np.where(draws < 0.5, -size, size))
-
-
-def _chi2(problem: Problem, theta: Real) -> float:
-    try:
-        residual = problem.residual(theta)
-    except ComputationError:
-        return np.inf
-    return float(residual @ residual) - 2 * problem.ln_volume(theta)

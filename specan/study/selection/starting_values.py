@@ -70,9 +70,8 @@ def starting_values(
         return starts
     base = _seen_from(lean, values)
     found = list(scan_shapes(base, new).values())
-    for k in range(max((len(w) for w in found), default=0)):
-        starts.append(start_from(base, [w[min(k, len(w) - 1)] for w in found], problem))
-    return starts
+    most = max(map(len, found), default=0)
+    return starts + [start_from(base, [w[min(k, len(w) - 1)] for w in found], problem) for k in range(most)]
 
 
 def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
