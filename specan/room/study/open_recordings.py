@@ -12,6 +12,7 @@ from specan.data.recording import Recording
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.models import Model
+from specan.result import gathered
 from specan.room.model.places import near_walls
 from specan.room.model.receivers import FieldReceivers, ReceiverErrors, receivers_of
 from specan.room.model.rigid_modes import mode_names
@@ -125,12 +126,9 @@ def _observe(
 
 def _sensitivities(recording: Recording) -> list[str]:
     """Where sensitivities come from; a receiver of another origin is named."""
-    by_source: dict[str, list[str]] = {}
-    for channel in recording.by_role("microphone"):
-        reason = channel.decisions.get("sensitivity", "")
-        by_source.setdefault(reason.partition(": ")[0], []).append(
-            f"{channel.name}: {reason.partition(': ')[2]}"
-        )
+    microphones = recording.by_role("microphone")
+    reasons = [(c.name, *c.decisions.get("sensitivity", "").partition(": ")) for c in microphones]
+    by_source = gathered((source, f"{name}: {reason}") for name, source, _, reason in reasons)
     return [
         f"{recording.label}: sensitivities from {source} ({', '.join(told[:2])}{' ...' if len(told) > 2 else ''})"
         for source, told in by_source.items()
