@@ -261,15 +261,15 @@ def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array
         return
 
     def fault(kind: str, text: str, course: Array | Flags) -> Fault:
-        course = np.asarray(course, dtype=float).reshape(o.n, -1)
+        own = np.asarray(course, dtype=float).reshape(o.n, -1)
 
         def in_words(coefficients: Array) -> str:
-            off = scale * (course @ coefficients)
+            off = scale * (own @ coefficients)
             at = int(np.argmax(np.abs(off)))
             read, true = float(x[at]), float(x[at] + off[at])
             return f": where it says {_shown(condition, read)} it would be {_shown(condition, true)}"
 
-        return Fault(f"{words} {kind}", text, change[:, None] * course, sizes, in_words)
+        return Fault(f"{words} {kind}", text, change[:, None] * own, sizes, in_words)
 
     for text, rows in _levels(condition, o):
         yield fault("of a level", f"the {words} {text} is off", rows)
