@@ -337,14 +337,16 @@ class Delivery:
 
             specan.plot(found, self.plot, **options)
 
-    def draw_beside(self, found: Result) -> None:
-        """The figure of a result that is printed as well: where there is nothing to draw, a line says so."""
+    def draw_beside(self, found: Result) -> Delivery:
+        """Draw a result that is printed as well; what is left to put out, without a figure where there is none."""
         from specan.errors import RequestError
 
         try:
             self.draw(found)
         except RequestError as fault:
             say(f"No figure: {fault}")
+            return replace(self, plot=None)
+        return self
 
 
 def delivered(function: Callable[..., Any]) -> Callable[..., Any]:

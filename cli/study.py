@@ -197,8 +197,7 @@ def next_measurement(directory: Path, effects: tuple[Path, ...], deliver: Delive
         if study.model.words.what_else:
             click.echo(study.model.words.what_else.format(study=directory))
 
-    deliver.draw_beside(found)
-    deliver.put_out(found.to_dict(), show)
+    deliver.draw_beside(found).put_out(found.to_dict(), show)
 
 
 @verb("report")

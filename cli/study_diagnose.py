@@ -35,8 +35,9 @@ def command(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> No
     """
     study = open_study(directory, effects)
     found = study.diagnose(progress=told())
-    deliver.draw_beside(found)
-    deliver.put_out(found.to_dict() if deliver.as_json else {}, lambda: _print(found, directory))
+    deliver.draw_beside(found).put_out(
+        found.to_dict() if deliver.as_json else {}, lambda: _print(found, directory)
+    )
 
 
 def _print(found: Diagnosis, directory: Path) -> None:
