@@ -132,7 +132,18 @@ class Parameter:
         )
 
     def in_unit(self, value: float, low: float, high: float) -> dict[str, Any]:
-        """A value as the function receives it, and the ends of its interval, as tables of parameters have them."""
+        """A value as the function receives it, and the ends of its interval, as tables of parameters have them.
+
+        Parameters
+        ----------
+        value, low, high : float
+            In SI units.
+
+        Returns
+        -------
+        dict
+            ``value``, ``low``, ``high`` in the declared unit, and ``unit``.
+        """
         received = {"value": value, "low": low, "high": high}
         return {name: self.from_si(one) for name, one in received.items()} | {"unit": self.unit}
 
