@@ -16,14 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.planetary_gear.model.dynamics import Motion, force_normal_angle, simulate, system_of
+from specan.planetary_gear.model.dynamics import Motion, force_normal_angle, simulate
 from specan.planetary_gear.model.kinematics import carrier_speed_ratio
 from specan.planetary_gear.model.rig import Rig, read_rig
 from specan.planetary_gear.model.simulated_recording import planet_centres
 from specan.report.figure_style import COLOURS, heading, legend_above, new_figure, save_figure, styled
-
-sys.path.insert(0, str(Path(__file__).parent))
-from gear_pair import PairRig, read_pair, system_of_pair
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,7 +81,7 @@ def compared(number: int, motion: Motion) -> list[Compared]:
     return FIGURES[number].compare(motion)
 
 
-def check_figure(number: int, rig: Rig | PairRig) -> None:
+def check_figure(number: int, rig: Rig) -> None:
     """Refuse a figure that there is not, or that is of another machine than the rig's.
 
     Raises
@@ -94,7 +91,7 @@ def check_figure(number: int, rig: Rig | PairRig) -> None:
     if number not in FIGURES:
         known = ", ".join(map(str, FIGURES))
         raise RequestError(f"there is no figure {number} of the planetary gear", expected=f"one of {known}")
-    given = "pair" if isinstance(rig, PairRig) else "set"
+    given = "pair" if rig.gear is None else "set"
     if FIGURES[number].machine != given:
         names = {"pair": "a gear pair", "set": "a planetary set"}
         possible = [str(n) for n, d in FIGURES.items() if d.machine == given]
@@ -109,8 +106,6 @@ def check_figure(number: int, rig: Rig | PairRig) -> None:
 
 def _vertical(motion: Motion, mesh: str) -> Real:
     """Vertical parts of the forces of all planets on sun or ring, N."""
-    if isinstance(motion.rig, PairRig):
-        return motion.sun_force * np.cos(np.radians(motion.rig.pair.pressure_angle_deg))
     on_sun, on_ring = force_normal_angle(motion.rig, motion)
     force, angle = (motion.ring_force, on_ring) if mesh == "ring" else (motion.sun_force, on_sun)
     return np.asarray(force * np.sin(angle))
@@ -123,13 +118,15 @@ def _spectrum(samples: Real, motion: Motion) -> tuple[Real, Real]:
     return np.arange(found.size) * rate / samples.size, found
 
 
-def _mesh_hz(rig: Rig | PairRig) -> float:
-    if isinstance(rig, PairRig):
+def _mesh_hz(rig: Rig) -> float:
+    if rig.gear is None:
+        assert rig.pair is not None
         return rig.pair.z_driver * rig.pair.driver_speed_hz
     return rig.gear.z_ring * _carrier_hz(rig)
 
 
 def _carrier_hz(rig: Rig) -> float:
+    assert rig.gear is not None
     return rig.operation.sun_speed_hz * carrier_speed_ratio(rig.gear)
 
 
@@ -361,11 +358,9 @@ RATE = 51200.0
 
 def main(rig_file: str, number: str, picture: str) -> None:
     """Draw one figure, and print what the article says of it beside what is found here."""
-    content, wanted = tomllib.loads(Path(rig_file).read_text(encoding="utf-8")), int(number)
-    rig = read_pair(content) if "pair" in content else read_rig(content)
+    rig, wanted = read_rig(tomllib.loads(Path(rig_file).read_text(encoding="utf-8"))), int(number)
     check_figure(wanted, rig)
-    system = system_of_pair(rig) if isinstance(rig, PairRig) else system_of(rig)
-    motion = simulate(system, DURATION_S, sampling_rate=RATE)
+    motion = simulate(rig, DURATION_S, sampling_rate=RATE)
     save_figure(figure(wanted, motion), Path(picture))
     for row in compared(wanted, motion):
         print(f"{row.what}: {row.article} in the article, {row.here} here")

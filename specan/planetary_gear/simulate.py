@@ -39,7 +39,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 
 def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     from specan.planetary_gear.model.compiled import HAS_NUMBA
-    from specan.planetary_gear.model.dynamics import simulate, system_of
+    from specan.planetary_gear.model.dynamics import simulate
     from specan.planetary_gear.model.simulated_recording import recorded_channels
 
     rig, duration = model.settings["parsed_rig"], options["duration"]
@@ -50,7 +50,7 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
         return
     if not HAS_NUMBA:
         note("A simulated second takes about 40 s; with specan[fast] (numba) about 1 s.")
-    motion = simulate(system_of(rig), duration, sampling_rate=RATE)
+    motion = simulate(rig, duration, sampling_rate=RATE)
     channels = recorded_channels(motion, RATE)
     write_recording(path, channels, RATE, _described(rig), noise=(options["noise"], options["seed"]))
     note(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")
@@ -59,6 +59,8 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
 
 
 def _described(rig: Any) -> dict[str, object]:
+    if rig.gear is None:
+        return {"DriverSpeed_Hz": rig.pair.driver_speed_hz, "Torque_Nm": rig.pair.driver_torque_Nm}
     return {"SunSpeed_Hz": rig.operation.sun_speed_hz, "Torque_Nm": rig.operation.carrier_torque_Nm}
 
 
@@ -67,6 +69,11 @@ def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, An
     from specan.models.chosen_model import choose_model
     from specan.planetary_gear.model.kinematics import line_conditions
 
+    if "orders" not in model.for_kinds:
+        raise RequestError(
+            "a gear pair has no order-domain model: no order lines and no effects",
+            remedy="write its run in time: -o run.tdms",
+        )
     request = choose_model(model, options["effects"], options["without"])
     conditions = line_conditions(model)
     found = request.assembly.evaluate(conditions, request.values, ["order_lines"])

@@ -11,14 +11,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from specan.planetary_gear.model import contact_steps, dynamics
+from specan.planetary_gear.model.geometry import pair_mesh
 from specan.planetary_gear.model.rig import read_rig
 from specan.planetary_gear.model.simulated_recording import tacho_channel
 
-ROOT = Path(__file__).parents[2]
-DATA = ROOT / "sample_data" / "planetary_gear"
-sys.path.insert(0, str(ROOT / "docs" / "articles"))
-from gear_pair import pair_mesh, read_pair, system_of_pair  # noqa: E402
-
+DATA = Path(__file__).parents[2] / "sample_data" / "planetary_gear"
 RATE = 204800.0
 # Three planets out of phase (their number does not divide the teeth of sun and ring), so that the carrier shakes.
 UNEQUAL = {
@@ -28,16 +25,8 @@ UNEQUAL = {
 }
 
 
-def content(name):
-    return tomllib.loads((DATA / f"{name}.toml").read_text())
-
-
 def pair():
-    return read_pair(content("pair"))
-
-
-def system(name):
-    return system_of_pair(pair()) if name == "pair" else dynamics.system_of(read_rig(content(name)))
+    return read_rig(tomllib.loads((DATA / "pair.toml").read_text()))
 
 
 def advanced(system, seconds):
@@ -63,12 +52,12 @@ def pair_force(t, x, v, rig, mesh):
 
 def test_the_overdamped_pair_moves_as_radau_says():
     rig = pair()
-    made = system_of_pair(rig)
-    radius, inertia = made.machine[1][0], made.machine[1][3]
+    system = dynamics._system(rig)
+    radius, inertia = system.machine[1][0], system.machine[1][3]
     seconds, load = 0.006, 200.0 * 21 / 24 / radius  # one mesh period and a half
     mass = inertia / radius**2
-    start = [-1e3 * radius * made.state[0], 0.0]
-    found = advanced(made, seconds)[:, 0]
+    start = [-1e3 * radius * system.state[0], 0.0]
+    found = advanced(system, seconds)[:, 0]
     mesh = pair_mesh(rig.pair)
 
     def rates(t, y):
@@ -86,7 +75,7 @@ def test_the_overdamped_pair_moves_as_radau_says():
 
 
 def test_planets_out_of_phase_move_as_radau_says():
-    system = dynamics.system_of(read_rig(UNEQUAL))
+    system = dynamics._system(read_rig(UNEQUAL))
     n, seconds, started = system.machine[0], 0.002, system.state.copy()  # one mesh period and a half
     found = advanced(system, seconds)
     forces, slopes = np.zeros(2 * n + 1), np.zeros((2 * n, contact_steps.SLOPES))
@@ -112,7 +101,7 @@ def test_planets_out_of_phase_move_as_radau_says():
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_linear_equations_are_those_of_the_differences(side):
     """(1/span - J) u = right, J and the slope in time from differences; -1 presses the other flanks."""
-    system = dynamics.system_of(read_rig(UNEQUAL))
+    system = dynamics._system(read_rig(UNEQUAL))
     n, sizes, span, time = *system.machine[:2], 1e-6, 3.1e-4
     random = np.random.default_rng(1)
     state = side * system.state * np.r_[1.5, random.uniform(1.5, 2.0, 2 * n + 1)]
@@ -143,17 +132,19 @@ def test_linear_equations_are_those_of_the_differences(side):
 
 @pytest.mark.parametrize("name", ["pair", "rig"])
 def test_loops_of_python_give_what_compiled_ones_do(name) -> None:
+    rig = read_rig(tomllib.loads((DATA / f"{name}.toml").read_text()))
     code = f"""
 import sys
 from specan.planetary_gear.model import compiled
 compiled.HAS_NUMBA = False
 sys.path.insert(0, {str(Path(__file__).parent)!r})
-from test_contact_steps import advanced, system
-print(*advanced(system({name!r}), 2e-4).ravel())
+from test_contact_steps import advanced, dynamics, read_rig, tomllib
+rig = read_rig(tomllib.loads(open({str(DATA / name)!r} + ".toml").read()))
+print(*advanced(dynamics._system(rig), 2e-4).ravel())
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     plain = np.array(done.stdout.split(), dtype=float)
-    compiled = advanced(system(name), 2e-4).ravel()
+    compiled = advanced(dynamics._system(rig), 2e-4).ravel()
     assert plain.size == compiled.size > 150
     assert plain == pytest.approx(compiled, rel=1e-12, abs=1e-18)
 

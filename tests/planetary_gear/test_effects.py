@@ -228,10 +228,10 @@ def test_the_order_domain_agrees_with_the_run_in_time():
 
     if not HAS_NUMBA:
         pytest.skip("numba is not installed")
-    from specan.planetary_gear.model.dynamics import simulate, system_of
+    from specan.planetary_gear.model.dynamics import simulate
 
     rig = MODEL.settings["parsed_rig"]
-    motion = simulate(system_of(rig), 0.25)
+    motion = simulate(rig, 0.25)
     in_time = np.abs(np.fft.rfft(motion.ring_force[0]))[2 * 66 :: 2 * 66][:3] * 2 / motion.time.size
     assembly = MODEL.assemble([])
     force = assembly.evaluate(ORDERS, wanted=["mesh_force"])["mesh_force"][0, 1, 0]

@@ -1,7 +1,6 @@
 """The article's gear pair and planetary gear: positions of lines by arithmetic, forces by statics."""
 
 import math
-import sys
 import tomllib
 from pathlib import Path
 
@@ -9,30 +8,26 @@ import numpy as np
 import pytest
 
 from specan.planetary_gear.model.compiled import HAS_NUMBA
-from specan.planetary_gear.model.dynamics import force_normal_angle, simulate, system_of
+from specan.planetary_gear.model.dynamics import force_normal_angle, simulate
 from specan.planetary_gear.model.rig import read_rig
 from specan.planetary_gear.model.simulated_recording import recorded_channels
 
-ROOT = Path(__file__).parents[2]
-DATA = ROOT / "sample_data" / "planetary_gear"
-sys.path.insert(0, str(ROOT / "docs" / "articles"))
-from gear_pair import read_pair, system_of_pair  # noqa: E402
-
+DATA = Path(__file__).parents[2] / "sample_data" / "planetary_gear"
 pytestmark = pytest.mark.skipif(not HAS_NUMBA, reason="numba is not installed: the run in time takes minutes")
 
 
-def content(name: str):
-    return tomllib.loads((DATA / f"{name}.toml").read_text())
+def rig(name: str):
+    return read_rig(tomllib.loads((DATA / f"{name}.toml").read_text()))
 
 
 @pytest.fixture(scope="module")
 def planetary():
-    return simulate(system_of(read_rig(content("rig"))), 1.0)
+    return simulate(rig("rig"), 1.0)
 
 
 @pytest.fixture(scope="module")
 def pair():
-    return simulate(system_of_pair(read_pair(content("pair"))), 0.4)
+    return simulate(rig("pair"), 0.4)
 
 
 def lines(x: np.ndarray, seconds: float) -> np.ndarray:
@@ -116,5 +111,5 @@ def test_the_ring_shows_passing_planets_about_the_mesh_only(planetary):
 
 
 def test_the_step_is_small_enough(planetary):
-    coarse, fine = (simulate(system_of(planetary.rig), 0.05, refine=refine).sun_force for refine in (1, 2))
+    coarse, fine = (simulate(planetary.rig, 0.05, refine=refine).sun_force for refine in (1, 2))
     assert np.abs(coarse - fine).max() < 1e-3 * np.abs(fine).max()

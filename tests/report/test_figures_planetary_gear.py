@@ -10,7 +10,7 @@ import pytest
 
 from specan.errors import RequestError
 from specan.planetary_gear.model.compiled import HAS_NUMBA
-from specan.planetary_gear.model.dynamics import Motion, simulate, system_of
+from specan.planetary_gear.model.dynamics import Motion, simulate
 from specan.planetary_gear.model.rig import read_rig
 
 ROOT = Path(__file__).parents[2]
@@ -31,16 +31,14 @@ needs_numba = pytest.mark.skipif(
 
 
 def rig(name: str):
-    content = tomllib.loads((DATA / f"{name}.toml").read_text())
-    return article.read_pair(content) if name == "pair" else read_rig(content)
+    return read_rig(tomllib.loads((DATA / f"{name}.toml").read_text()))
 
 
 @pytest.fixture(scope="module")
 def motions() -> dict[str, Motion]:
     if not HAS_NUMBA:
         pytest.skip("numba is not installed: the run in time takes minutes")
-    of_pair, of_set = article.system_of_pair(rig("pair")), system_of(rig("rig"))
-    return {"pair": simulate(of_pair, 0.5), "set": simulate(of_set, 0.5)}
+    return {"pair": simulate(rig("pair"), 0.5), "set": simulate(rig("rig"), 0.5)}
 
 
 def lines_above(axes, least: float) -> list[float]:

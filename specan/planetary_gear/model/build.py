@@ -1,4 +1,4 @@
-"""From a rig file to the model of a planetary gear."""
+"""From a rig file to the model of a planetary gear, or of a gear pair."""
 
 from __future__ import annotations
 
@@ -50,6 +50,8 @@ def build(rig: Mapping[str, Any]) -> Model:
         The rig file has an unknown key, lacks one, or its teeth do not assemble.
     """
     settings = read_rig(rig)
+    if settings.gear is None:
+        return _pair(settings)
     gear = settings.gear
     check_assembly(gear)
     quantities = [*_constants(settings, gear), *quantities_in(load, excitation, response)]
@@ -175,3 +177,23 @@ def _faultless(gear: Gear, samples: int) -> list[Quantity]:
          ("planet",)),
     ]  # fmt: skip
     return [constant(*one) for one in listed]
+
+
+def _pair(settings: Rig) -> Model:
+    """A gear pair: the run in time has its equations; here stands what is static."""
+    pair = settings.pair
+    assert pair is not None
+    rb = 1e-3 * pair.module_mm * pair.z_driver * math.cos(math.radians(pair.pressure_angle_deg)) / 2
+    quantities = [
+        constant("mesh_order", pair.z_driver, "1", "Order of the mesh, per turn of the driver."),
+        constant("mean_force", pair.driver_torque_Nm / rb, "N", "Mean force along the line of action."),
+    ]
+    return Model(
+        name="planetary-gear",
+        title=f"Gear pair {pair.z_driver}/{pair.z_driven}",
+        conditions={},
+        quantities={q.name: q for q in quantities},
+        effects={},
+        observables={"force": Observable("force", "mean_force", "N", "Mean force of the mesh.")},
+        settings={"rig": settings.model_dump(), "parsed_rig": settings},
+    )

@@ -13,12 +13,14 @@ from specan.errors import ComputationError
 from specan.planetary_gear.model import contact_steps
 from specan.planetary_gear.model.geometry import (
     Mesh,
+    disc,
     inertias,
     mesh_phases,
+    pair_mesh,
     planet_angles,
     set_meshes,
 )
-from specan.planetary_gear.model.rig import Contact, Rig
+from specan.planetary_gear.model.rig import Contact, Gear, Rig
 
 # Of the fastest oscillation of a loaded mesh, at least: forces of the article's pair and set then change by less than
 # 1e-4 of the largest one when the step is halved. How fast contacts are damped does not matter to the method.
@@ -38,15 +40,13 @@ class Motion:
     time : array
         s from the first stored sample on.
     sun_force, ring_force : arrays (planets, samples)
-        Along the lines of action, N.
+        Along the lines of action, N; a pair has one "sun" mesh and no ring.
     carrier_angle : array
-        Steady rotation included, rad.
+        Of the carrier (of the driven gear), steady rotation included, rad.
     sun_angle : array
     torque_in : array
         That the driver gives, N m.
     step_s : float
-    rig : Rig
-        Of the machine.
     """
 
     time: Real
@@ -56,12 +56,12 @@ class Motion:
     sun_angle: Real
     torque_in: Real
     step_s: float
-    rig: Any
+    rig: Rig
 
 
 @dataclass(frozen=True)
-class System:
-    """A machine as the integrator takes it: `contact_steps.advance` gets `machine` from its number of planets on.
+class _System:
+    """One machine as the integrator takes it: `contact_steps.advance` gets `machine` from its number of planets on.
 
     The driver turns at `driver_speed`, its torque is `lever` times that of the sun's base circle.
     """
@@ -72,7 +72,6 @@ class System:
     lever: float
     step: float
     state: Real
-    rig: Any
 
     def advance(self, rows: int, every: int, dt: float, start: float) -> Real:
         """Forces of sun and ring meshes, angle of the carrier and torque, every so many steps; goes on from there."""
@@ -82,15 +81,12 @@ class System:
         return out
 
 
-def simulate(
-    system: System, duration_s: float, *, sampling_rate: float = _STORED_RATE, refine: int = 1
-) -> Motion:
-    """Integrate the equations of motion of a machine.
+def simulate(rig: Rig, duration_s: float, *, sampling_rate: float = _STORED_RATE, refine: int = 1) -> Motion:
+    """Integrate the equations of motion of a set or a pair.
 
     Parameters
     ----------
-    system : System
-        See `system_of`.
+    rig : Rig
     duration_s : float
         After the transients of the start.
     sampling_rate : float
@@ -103,6 +99,7 @@ def simulate(
     ComputationError
         The integration became infinite.
     """
+    system = _system(rig)
     fine = OVERSAMPLED * sampling_rate
     every = math.ceil(1.0 / (fine * system.step)) * refine
     dt = 1.0 / (fine * every)
@@ -130,12 +127,12 @@ def simulate(
     return Motion(
         time=time,
         sun_force=kept[:n],
-        ring_force=kept[n : 2 * n],
+        ring_force=kept[n : 2 * n] if rig.gear is not None else np.empty((0, count)),
         carrier_angle=system.carrier_speed * whole + kept[2 * n],
         sun_angle=system.driver_speed * whole,
         torque_in=kept[2 * n + 1] * system.lever,
         step_s=dt,
-        rig=system.rig,
+        rig=rig,
     )
 
 
@@ -149,15 +146,41 @@ def _low_pass() -> Real:
 
 def force_normal_angle(rig: Rig, motion: Motion) -> tuple[Real, Real]:
     """Directions of the forces on the sun and on the ring, rad from the horizontal, (planets, samples)."""
+    if rig.gear is None:
+        assert rig.pair is not None
+        angle = math.radians(rig.pair.pressure_angle_deg)
+        return np.full((1, motion.time.size), np.pi / 2 - angle), np.empty((0, motion.time.size))
     sun, ring = set_meshes(rig.gear)
     place = planet_angles(rig.gear)[:, None] + motion.carrier_angle[None, :]
     # On the sun against its rotation, on the ring with the planets' way, tilted by the pressure angle.
     return place - np.pi / 2 - sun.pressure_angle, place + np.pi / 2 - ring.pressure_angle
 
 
-def system_of(rig: Rig) -> System:
-    """A planetary set."""
-    gear, contact = rig.gear, rig.contact
+def _system(rig: Rig) -> _System:
+    contact = rig.contact
+    if rig.gear is not None:
+        return _set(rig, rig.gear, contact)
+    assert rig.pair is not None
+    pair, mesh = rig.pair, pair_mesh(rig.pair)
+    cos = math.cos(math.radians(pair.pressure_angle_deg))
+    module = 1e-3 * pair.module_mm
+    rb1, rb2 = module * pair.z_driver * cos / 2, module * pair.z_driven * cos / 2
+    inertia = disc(pair.z_driven * module, 1e-3 * pair.face_width_mm)[1]
+    ratio = pair.z_driver / pair.z_driven
+    load = pair.driver_torque_Nm / ratio
+    # A pair is a set whose "carrier" is the driven gear: x = -rb2 angle, and no planet that turns.
+    sizes = np.array([rb2, 0.0, 0.0, inertia, 1.0, pair.z_driver * pair.driver_speed_hz])
+    depth = _depth(load / rb2, contact)
+    none, phases = np.array([1.0, 1.0, 0.0, 0.0]), np.array([[0.0], [0.5]])
+    speed = 2 * np.pi * pair.driver_speed_hz
+    # Power goes in at the driver: torque there is force times rb1, that of the "sun" force times rb2.
+    return _System(
+        (1, sizes, _law(contact, pair.backlash_mm), _numbers(mesh), none, phases, load), speed * ratio, speed,
+        rb1 / rb2, _step(contact, depth, inertia / rb2**2), np.array([-1e-3 * depth / rb2, 0.0, 0.0, 0.0]),
+    )  # fmt: skip
+
+
+def _set(rig: Rig, gear: Gear, contact: Contact) -> _System:
     sun, ring = set_meshes(gear)
     rb_s, rb_p, rb_r = gear.base_radii_m
     carrier, inertia = inertias(gear, rig.rotors)
@@ -165,36 +188,33 @@ def system_of(rig: Rig) -> System:
     relative = speed * gear.z_ring / (gear.z_sun + gear.z_ring)  # of the sun against the carrier
     sizes = np.array([rb_s, rb_p, rb_r, carrier, inertia, relative * gear.z_sun / (2 * np.pi)])
     phases, load = np.stack(mesh_phases(gear)), rig.operation.carrier_torque_Nm
-    depth = 1e-3 * depth_under(load / (gear.planets * (rb_s + rb_r)), contact)
+    depth = 1e-3 * _depth(load / (gear.planets * (rb_s + rb_r)), contact)
     # Both meshes of a planet are pressed as deep: x_s = x_r = depth.
     angle = -2 * depth / (rb_s + rb_r)
     turn = (depth + (rb_s + rb_p) * angle) / rb_p
-    law, meshes = numbers_of_law(contact, gear.backlash_mm), (numbers_of_mesh(sun), numbers_of_mesh(ring))
-    return System(
-        (gear.planets, sizes, law, *meshes, phases, load), speed - relative, speed, 1.0,
-        step_of(contact, 1e3 * depth, inertia / rb_p**2 / 2),
-        np.array([angle, *([turn] * gear.planets), *([0.0] * (gear.planets + 1))]), rig,
+    law = _law(contact, gear.backlash_mm)
+    return _System(
+        (gear.planets, sizes, law, _numbers(sun), _numbers(ring), phases, load), speed - relative, speed, 1.0,
+        _step(contact, 1e3 * depth, inertia / rb_p**2 / 2),
+        np.array([angle, *([turn] * gear.planets), *([0.0] * (gear.planets + 1))]),
     )  # fmt: skip
 
 
-def depth_under(force: float, contact: Contact) -> float:
-    """How deep a force presses a pair of teeth, mm."""
+def _depth(force: float, contact: Contact) -> float:
     return float((force / contact.K_N_mm_e) ** (1.0 / contact.exponent))
 
 
-def numbers_of_law(contact: Contact, backlash: float) -> Real:
-    """The contact law as `contact_steps` takes it."""
+def _law(contact: Contact, backlash: float) -> Real:
     return np.array([contact.K_N_mm_e, contact.exponent, contact.C_Ns_mm, contact.depth_mm, backlash])
 
 
-def numbers_of_mesh(mesh: Mesh) -> Real:
-    """A mesh as `contact_steps` takes it, in mm."""
+def _numbers(mesh: Mesh) -> Real:
     return np.array(
         [1e3 * mesh.base_pitch, mesh.contact_ratio, 1e-3 * mesh.gap_before, 1e-3 * mesh.gap_after]
     )
 
 
-def step_of(contact: Contact, depth: float, mass: float) -> float:
+def _step(contact: Contact, depth: float, mass: float) -> float:
     """Part of the shortest period: that of a mesh's mass on two pairs of teeth."""
     stiffness = 2e3 * contact.exponent * contact.K_N_mm_e * depth ** (contact.exponent - 1.0)
     return 2 * np.pi / math.sqrt(stiffness / mass) / STEPS_PER_PERIOD

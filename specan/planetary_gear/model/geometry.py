@@ -9,7 +9,7 @@ import numpy as np
 
 from specan.arrays import Real
 from specan.errors import RequestError
-from specan.planetary_gear.model.rig import Gear, Rotors
+from specan.planetary_gear.model.rig import Gear, Pair, Rotors
 
 
 @dataclass(frozen=True)
@@ -216,6 +216,14 @@ def _check_places(gear: Gear) -> None:
                 f"a planet at {angle:g} degrees does not mesh with sun and ring at once",
                 expected=f"multiples of 360/{total} = {step:.6f} degrees, such as {round(angle / step) * step:.4f}",
             )
+
+
+def pair_mesh(pair: Pair) -> Mesh:
+    """The mesh of a gear pair."""
+    mesh = external_mesh(
+        pair.z_driver, pair.z_driven, 1e-3 * pair.module_mm, math.radians(pair.pressure_angle_deg)
+    )
+    return replace(mesh, contact_ratio=pair.contact_ratio or mesh.contact_ratio)
 
 
 def set_meshes(gear: Gear) -> tuple[Mesh, Mesh]:

@@ -156,6 +156,7 @@ def harmonics_of(orders: Any, z_ring: int, most: int) -> NDArray[np.intp]:
 def line_statement(rig: Rig, harmonics: int) -> OrderLines:
     """What a study has to know of the lines: orders, families, speeds and torque."""
     gear = rig.gear
+    assert gear is not None
     orders = kinematic_orders(gear, harmonics=harmonics)
     number = harmonics_of(orders, gear.z_ring, harmonics)
     offset = np.round(orders - number * gear.z_ring, 6)

@@ -1,4 +1,4 @@
-"""The rig file of a planetary gear."""
+"""The rig file of a planetary gear or of a gear pair."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from specan.errors import RequestError
 from specan.schema import Settings, parse
 
 Positive = Annotated[float, Field(gt=0)]
@@ -42,6 +43,20 @@ class Gear(Settings):
         """Of sun, planet and ring."""
         per_tooth = 1e-3 * self.module_mm * math.cos(math.radians(self.pressure_angle_deg)) / 2
         return per_tooth * self.z_sun, per_tooth * self.z_planet, per_tooth * self.z_ring
+
+
+class Pair(Settings):
+    """Two gears on fixed shafts: the driver at constant speed, a torque on the driven one."""
+
+    z_driver: Teeth
+    z_driven: Teeth
+    module_mm: Positive
+    pressure_angle_deg: Annotated[float, Field(gt=5, lt=40)] = 20.0
+    face_width_mm: Positive = 20.0
+    contact_ratio: Annotated[float, Field(ge=1, lt=3)] | None = None
+    driver_speed_hz: Positive
+    driver_torque_Nm: Positive
+    backlash_mm: NotNegative = 0.1
 
 
 class Contact(Settings):
@@ -100,9 +115,10 @@ class Uncertainty(Settings):
 
 
 class Rig(Settings):
-    """A rig file."""
+    """A rig file with either [gear] or [pair]."""
 
-    gear: Gear
+    gear: Gear | None = None
+    pair: Pair | None = None
     contact: Contact = Contact()
     operation: Operation = Operation()
     sensors: Sensors = Sensors()
@@ -118,7 +134,13 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
     RequestError
         Unknown or missing key, impossible value.
     """
-    return parse(Rig, content, "the rig file")
+    rig = parse(Rig, content, "the rig file")
+    if (rig.gear is None) == (rig.pair is None):
+        raise RequestError(
+            "the rig file has " + ("both [gear] and [pair]" if rig.gear else "neither [gear] nor [pair]"),
+            expected="one of them",
+        )
+    return rig
 
 
 EXAMPLE_RIG = {

@@ -27,32 +27,40 @@ _SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 
 
 
 def recorded_channels(motion: Motion, sampling_rate: float) -> list[SimulatedChannel]:
-    """Forces, torques, places of the planets, accelerations, tachos."""
+    """Forces, torques, places of the planets, accelerations, tachos; a pair has forces, torques and tachos."""
     from specan.planetary_gear.model.dynamics import force_normal_angle
 
     rig = motion.rig
     sensors = rig.sensors
     force, torque = sensors.force_N_per_V, sensors.torque_Nm_per_V
     on_sun, on_ring = force_normal_angle(rig, motion)
-    sun, planet, ring = rig.gear.base_radii_m
-    on_carrier = (sun + planet) * motion.sun_force.sum(axis=0)
-    on_carrier += (ring - planet) * motion.ring_force.sum(axis=0)
-    return [
-        *_forces("Sun-planet", motion.sun_force, on_sun, force),
-        *_forces("Ring-planet", motion.ring_force, on_ring, force),
-        SimulatedChannel("Torque sun", "Nm", motion.torque_in, torque, "Nm/V"),
-        SimulatedChannel("Torque carrier", "Nm", on_carrier, torque, "Nm/V"),
-        *_centres(motion, rig),
-        *_accelerations(motion, rig, sampling_rate),
-        tacho_channel("Tacho sun", motion.sun_angle, sensors.tacho_sun_pulses),
-        tacho_channel("Tacho carrier", motion.carrier_angle, sensors.tacho_carrier_pulses),
-    ]
+    found = []
+    if rig.gear is None:
+        found += _forces("Mesh", motion.sun_force, on_sun, 50 * force, numbered=False)
+    else:
+        found += _forces("Sun-planet", motion.sun_force, on_sun, force)
+        found += _forces("Ring-planet", motion.ring_force, on_ring, force)
+    names = ("Torque driver", "Tacho driver") if rig.gear is None else ("Torque sun", "Tacho sun")
+    found.append(SimulatedChannel(names[0], "Nm", motion.torque_in, torque, "Nm/V"))
+    if rig.gear is not None:
+        sun, planet, ring = rig.gear.base_radii_m
+        on_carrier = (sun + planet) * motion.sun_force.sum(axis=0)
+        on_carrier += (ring - planet) * motion.ring_force.sum(axis=0)
+        found.append(SimulatedChannel("Torque carrier", "Nm", on_carrier, torque, "Nm/V"))
+        found += _centres(motion, rig)
+        found += _accelerations(motion, rig, sampling_rate)
+    found.append(tacho_channel(names[1], motion.sun_angle, sensors.tacho_sun_pulses))
+    if rig.gear is not None:
+        found.append(tacho_channel("Tacho carrier", motion.carrier_angle, sensors.tacho_carrier_pulses))
+    return found
 
 
-def _forces(mesh: str, forces: Real, angle: Real, per_volt: float) -> list[SimulatedChannel]:
+def _forces(
+    mesh: str, forces: Real, angle: Real, per_volt: float, numbered: bool = True
+) -> list[SimulatedChannel]:
     found = []
     for i in range(forces.shape[0]):
-        name = f"{mesh} {i + 1} force"
+        name = f"{mesh} {i + 1} force" if numbered else f"{mesh} force"
         found.append(SimulatedChannel(f"{name} normal", "N", forces[i], per_volt, "N/V"))
         found.append(SimulatedChannel(f"{name} vertical", "N", forces[i] * np.sin(angle[i]), per_volt, "N/V"))
     return found
@@ -61,6 +69,7 @@ def _forces(mesh: str, forces: Real, angle: Real, per_volt: float) -> list[Simul
 def planet_centres(motion: Motion) -> list[tuple[Real, Real]]:
     """x and y of each planet's centre, m."""
     gear = motion.rig.gear
+    assert gear is not None
     angles = [motion.carrier_angle + place for place in planet_angles(gear)]
     return [(gear.pin_distance_m * np.cos(angle), gear.pin_distance_m * np.sin(angle)) for angle in angles]
 
@@ -88,6 +97,7 @@ def path_window(angle: Real) -> Real:
 def _accelerations(motion: Motion, rig: Rig, sampling_rate: float) -> list[SimulatedChannel]:
     """The rim gives way to the planets' forces as a spring; the sensor sees the second derivative of that."""
     gear = rig.gear
+    assert gear is not None
     found = []
     for k, degrees in enumerate(rig.sensors.acc_angle_deg):
         pressed = np.zeros(motion.time.size)
@@ -109,6 +119,7 @@ def channels_of_lines(
     rig: Rig, orders: Real, lines: Complex, count: int, rate: float
 ) -> list[SimulatedChannel]:
     """Accelerations made of order lines (sensors, orders), and tachos, at the constant speed of the rig file."""
+    assert rig.gear is not None
     ratio = carrier_speed_ratio(rig.gear)
     sun = 2 * np.pi * rig.operation.sun_speed_hz * np.arange(count) / rate
     heard = np.zeros((len(lines), count))
