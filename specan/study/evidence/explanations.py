@@ -56,9 +56,8 @@ LISTED = 9.0  # ln of the best probability over that of what counts at all
 # Likeliest effects whose pairs are all fitted where something else is likelier than every set; of integrated models.
 PAIRED, PAIRED_RATES = 8, 4
 STARTS = 2  # of another form of the base
-SCATTER = tuple(
-    0.5**k for k in range(12)
-)  # of what an explanation leaves, that may be scatter of the readings
+# Of the variance that an explanation leaves, what may be scatter of the readings.
+SCATTER = tuple(0.5**k for k in range(12))
 BY_CHANCE = 3.0  # standard deviations of chi-square (2 n its variance)
 BESIDE = 4  # sets beside which something else is looked for
 

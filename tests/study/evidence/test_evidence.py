@@ -18,7 +18,7 @@ from specan.study.evidence.diagnosis import told as diagnosis_of
 from specan.study.evidence.explanations import Explanation, Explanations
 from specan.study.evidence.judgement import stated
 from specan.study.evidence.marginal import Marginal, Tangent
-from specan.study.evidence.noise import Autoregression, autoregressions, scatter
+from specan.study.evidence.noise import Autoregression, Rough, autoregressions, scatter
 from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Strategy
 from specan.study.selection.candidates import base_problem
@@ -282,6 +282,16 @@ def test_a_strong_pair_and_its_rival_are_found(tmp_path, of_speed, of_temperatur
     path.write_text("\n".join(["flow,speed,temperature,power", *rows]) + "\n", encoding="utf-8")
     found = diagnose(base_problem(model, read_tables(model, [path]).fitted))
     assert set(found.alternatives) == {("cold", "falls"), *([("falls", "stiff")] if rival else [])}
+
+
+def test_an_error_that_repeats_share_is_that_of_their_covariance():
+    groups, sizes = np.array([0, 0, 0, 1, 2, 2]), np.array([1.5, 0.7, 2.0])
+    shared = groups[:, None] == np.arange(3)
+    covariance = np.eye(6) + shared @ np.diag(sizes**2) @ shared.T
+    noise, columns = Rough(sizes, groups, price=0.25), np.random.default_rng(3).standard_normal((6, 2))
+    seen = noise.innovations(columns)
+    np.testing.assert_allclose(seen.T @ seen, columns.T @ np.linalg.solve(covariance, columns), rtol=1e-12)
+    assert noise.ln_volume == pytest.approx(-0.5 * np.linalg.slogdet(covariance)[1] - 0.25, rel=1e-12)
 
 
 def test_a_pair_of_which_neither_half_promises_the_other_is_found(tmp_path):
