@@ -81,8 +81,8 @@ def _rise(samples: int) -> Real:
 # some signals before the record; a few of one rise, at these frequencies in Hz, are as good as all: from below the
 # lowest pole of A, B and C to the highest, 20.6 Hz to 12 kHz.
 _RISES = (0.3, 3.0, 20.0, 100.0, 700.0, 4000.0)
-# Decays that differ from sums of the others by less are the same.
-_ALIKE = 1e-10
+# Decays that differ from sums of the others by less are the same: what is left of them is an event as well as a decay.
+_ALIKE = 1e-7
 # Seconds in which they fall by 100 dB.
 _WINDOW = 0.09
 # So many later pieces of the signal, this far apart in s, give every phase of some lines at once.

@@ -172,6 +172,17 @@ def test_a_burst_near_an_end_counts(weighting: str, rate: float, frequency: floa
     assert held == pytest.approx(10 * np.log10(largest(y, rate, "impulse") / 4e-10), abs=0.05)
 
 
+@pytest.mark.parametrize("place", [0.01, 0.05])
+def test_the_peak_of_a_low_event_that_begins_with_the_record_is_not_taken_for_the_cut(place: float) -> None:
+    rate, n, m = 8000.0, 8000, 800
+    start = n // 2 + round(place * rate)
+    whole = 2e-5 * np.random.default_rng(3).standard_normal(2 * n)
+    whole[start : start + m] += np.sin(2 * np.pi * 31.5 * np.arange(m) / rate) * np.hanning(m)
+    y = directly(whole, "C", rate)[n // 2 : n // 2 + n]
+    found = Levels()(recording(whole[n // 2 : n // 2 + n], rate=rate)).c_peak_dB[0]
+    assert found == pytest.approx(20 * np.log10(np.abs(y).max() / 2e-5), abs=0.03)
+
+
 @pytest.mark.parametrize("frequency", [10.0, 16.0, 31.5])
 @pytest.mark.parametrize("phase", [0.0, 1.2, 2.5])
 def test_a_steady_low_tone_that_is_cut_is_a_steady_tone(frequency: float, phase: float) -> None:
