@@ -132,9 +132,7 @@ def propose_laws(study: Study) -> ProposedLaws:
     Raises
     ------
     RequestError
-        The uncertainty of the measurement is unknown.
-    ComputationError
-        The data are no table, or too few rows.
+        The uncertainty of the measurement is unknown; the data are no table, or too few rows.
     """
     study.require_uncertainty("propose")
     start = Refit(frozenset(), study.problem, study.best)

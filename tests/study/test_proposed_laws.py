@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from specan.errors import ComputationError
+from specan.errors import RequestError
 from specan.models import Model
 from specan.study.estimation.fit import fit
 from specan.study.evidence.law_grammar import Spread, formulas
@@ -78,7 +78,7 @@ def test_what_the_model_can_do_itself_is_no_law() -> None:
 
 
 def test_too_few_rows_are_told() -> None:
-    with pytest.raises(ComputationError, match="9 rows are too few"):
+    with pytest.raises(RequestError, match="9 rows are too few"):
         search_laws(machine(lambda f, n: 0 * f, side=3))
 
 

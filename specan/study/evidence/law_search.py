@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 
 from specan.arrays import Real
-from specan.errors import ComputationError
+from specan.errors import RequestError
 from specan.models import Effect, Parameter, effect
 from specan.study.estimation.linear import Projection
 from specan.study.evidence.explanations import NOTHING, OF_THE_BEST, SURE
@@ -120,7 +120,7 @@ def search_laws(start: Refit) -> LawSearch:
 
     Raises
     ------
-    ComputationError
+    RequestError
         The data are no table, or too few rows.
     """
     variables, spreads = _variables(start)
@@ -185,11 +185,11 @@ def _variables(start: Refit) -> tuple[dict[str, Real], list[Spread]]:
     """Operating variables of all rows, and those of them that vary."""
     observations = start.problem.observations
     if not all(isinstance(o, TableObservation) for o in observations):
-        raise ComputationError(
+        raise RequestError(
             "laws are searched for in tables only", expected="a measurement with one row an operating point"
         )
     if start.problem.n_data < LEAST_ROWS:
-        raise ComputationError(
+        raise RequestError(
             f"{start.problem.n_data} rows are too few to search for a law", expected=f"at least {LEAST_ROWS}"
         )
     model = start.problem.assembly.model

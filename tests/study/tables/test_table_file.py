@@ -51,6 +51,7 @@ def test_an_empty_cell_is_not_a_number_and_rows_keep_their_line(tmp_path):
         ("a,b\n", "no rows"),
         ("a,b\n1,x\n", "line 2: 'x' in the column 'b'"),
         ("a,b\n1,inf\n", "is not a number"),
+        ("a,b\n1,2\n3,1e300\n", "line 3: '1e300' in the column 'b' is too large"),
         ("a,a\n1,2\n", "twice"),
         ("a,b\n1,5,2,5\n", "decimal comma"),
     ],
