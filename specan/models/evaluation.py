@@ -271,14 +271,19 @@ class Assembly:
                 else:
                     factor = contributions[call.key] if factor is None else factor * contributions[call.key]
             known[name], parts[name] = total if factor is None else total * factor, contributions
-        except ValueError:
-            raise self._of_another_shape(name, contributions) from None
+        except (ValueError, TypeError):
+            raise self._misfit(name, contributions) from None
 
-    def _of_another_shape(self, name: str, contributions: Mapping[str, Any]) -> RequestError:
+    def _misfit(self, name: str, contributions: Mapping[str, Any]) -> RequestError:
         """The error that names the contribution which does not go with the quantity."""
         size = np.shape(contributions[BASE])
         for use, effect, call in self._calls[name][1]:
-            shape = np.shape(contributions[call.key])
+            given = contributions[call.key]
+            shape, kind = np.shape(given), np.asarray(given).dtype.kind
+            if kind not in "biufc":
+                return RequestError(
+                    f"{place_of(effect.function)}: {use} gives {given!r}", expected="one number a row"
+                )
             if shape not in ((), size):
                 return RequestError(
                     f"{place_of(effect.function)}: {use} gives the shape {shape} for {name!r}, "

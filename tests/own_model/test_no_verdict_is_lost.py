@@ -51,6 +51,18 @@ def test_an_effect_without_a_slope_where_it_vanishes_is_found(tmp_path) -> None:
     assert found.ranking[0].parameters["knee.height"]["value"] == pytest.approx(6, abs=0.5)
 
 
+@effect("bend", adds_to="force", neutral={"size": 0.0})
+def bend(x, *, size=Parameter(0.1, "N", min=-5, max=5)):
+    """An offset that goes with the square of its size."""
+    return size**2 + 0 * x
+
+
+def test_the_smallest_size_seen_is_that_of_the_effect_at_that_size(tmp_path) -> None:
+    x = np.repeat(np.linspace(1, 10, 10), 3)
+    sizes = diagnose(problem(tmp_path, model(offset, bend), x, 2 * x)).smallest_visible
+    assert sizes["bend"]["value"] ** 2 == pytest.approx(sizes["offset"]["value"], rel=0.2)
+
+
 @pytest.mark.parametrize("rows", [900, 1200])
 def test_a_dense_table_of_one_condition_has_a_verdict(tmp_path, rows) -> None:
     x = np.linspace(50, 100, rows)

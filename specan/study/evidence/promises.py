@@ -19,6 +19,7 @@ from specan.study.selection.signatures import (
     Known,
     Signature,
     carried,
+    changes,
     not_finite,
     shape_grid,
     signatures,
@@ -77,7 +78,7 @@ class Catalogue:
         before: Catalogue | None = None,
         anew: bool = True,
     ) -> None:
-        self.problem = problem
+        self.problem, self.base, self.worth = problem, base, worth
         self.candidates, self.not_testable = candidates(problem)
         self.signatures: dict[Use, list[Signature]] = {}
         found = self.candidates
@@ -137,7 +138,7 @@ class Catalogue:
 
     def _visible(self, where: Marginal, candidate: Candidate, needed: float) -> float | None:
         """Size of the first amplitude that gains `needed` in four cases of five, its shapes at their defaults."""
-        tangent, n = where.tangent, self.problem.n_data
+        tangent, n, own = where.tangent, self.problem.n_data, self.signatures.get(candidate.use, [])
         if candidate.without_prior:
             name = candidate.without_prior[0]
             if name not in tangent.problem.names:
@@ -145,20 +146,36 @@ class Catalogue:
             column, one_step = tangent.jacobian[:, tangent.problem.names.index(name)], 1.0
             low, high = candidate.extended.domain(name.whole)
             most = max(high, -low)
-        else:
-            own = self.signatures.get(candidate.use, [])
-            if not own:
-                return None
+        elif own:
             column, one_step = own[0].columns[:n, 0], float(abs(own[0].size[0]))
             most = max(abs(end) for end in own[0].multiplier_bounds) * one_step
+        else:
+            return None
         width = float(np.ptp(candidate.plausible(candidate.amplitudes[0]))) / np.sqrt(12) / one_step
         curvature = where.curvature(column)
         if not curvature > 0:
             return None
         unit = -2 * float(tangent.ln_likelihood(where.chi2 + 1.0) - tangent.ln_likelihood(where.chi2))
         fall = (2 * needed + np.log1p(width**2 * curvature)) / unit
-        size = float((np.sqrt(fall) + ONE_SIDED_80) / np.sqrt(curvature)) * one_step
+        more = float((np.sqrt(fall) + ONE_SIDED_80) / np.sqrt(curvature))
+        if not candidate.without_prior:
+            more **= 1 / self._power(where, candidate, own[0], more)
+        size = more * one_step
         return size if size <= most else None
+
+    def _power(self, where: Marginal, candidate: Candidate, one: Signature, more: float) -> float:
+        """Power of its size that an effect goes with, up to so many times that of a signature; 1 is a straight line."""
+        reach = max(one.multiplier_bounds, key=abs)
+        multiple = np.sign(reach) * min(more, abs(reach))
+        if abs(np.log(abs(multiple))) < 0.01:  # the same size
+            return 1.0
+        place = {**one.shapes, one.names[0]: one.neutral[0] + multiple * one.size[0]}
+        (column,) = changes(self.problem, self.base, candidate, [place])
+        if column is None:
+            return 1.0
+        n = self.problem.n_data
+        grown = self.worth * where.curvature(column[:n]) / where.curvature(one.columns[:n, 0])
+        return max(float(np.log(max(grown, 1e-300)) / np.log(multiple**2)), 0.01)
 
     def _certificate(self, beside: Marginal, candidate: Candidate) -> Promise | None:
         """An instrument error whose prior is removed: its columns are those of the fit, beside its other amplitudes."""
