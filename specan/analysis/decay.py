@@ -287,7 +287,7 @@ class ImpulseResponse(SectionSettings):
         recording, others = compared(recording, self.reference, self.channels)
         roles = ("generator", "vibrometer")
         reference = channel_named(recording, self.reference, roles, "a channel that holds the excitation")
-        responses, notes = responses_to(recording, (reference,), self.channels)
+        responses, notes = responses_to(recording, (reference,), self.channels, others)
         method = self.method or ("H1" if recognise(recording).kind == "noise" else "deconvolution")
         how = _averaged if method == "H1" else _deconvolved
         samples, upper, remarks = how(self, recording, reference, responses)
@@ -300,7 +300,7 @@ class ImpulseResponse(SectionSettings):
             sampling_rate=reference.sampling_rate,
             samples=samples,
             upper_hz=upper,
-            notes=(*others, *notes, *remarks),
+            notes=(*notes, *remarks),
             settings=self.model_dump(mode="json"),
         )
 

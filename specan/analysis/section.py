@@ -193,6 +193,9 @@ def compared(
     wanted = {id(c) for c in (*run.select(patterns), *generators, lead)}
     alike = [c for c in run.channels if id(c) in wanted and c.sampling_rate == lead.sampling_rate]
     together, remarks = aligned(run, alike, lead)
+    left = {c.path for c in together.channels}
+    if left.isdisjoint(c.path for c in run.select(patterns)):
+        raise InputError(f"{recording.label}: {'; '.join(remarks)}", expected="channels recorded together")
     return together, (*notes, *remarks)
 
 
@@ -275,9 +278,11 @@ def channel_named(
 
 
 def responses_to(
-    recording: Recording, helpers: Sequence[Channel], patterns: Sequence[str]
+    recording: Recording, helpers: Sequence[Channel], patterns: Sequence[str], others: Sequence[str]
 ) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
     """Channels that respond to the first of the helpers, sampled together with all of these, and notes on others.
+
+    `others` are the notes on those that are gone already.
 
     Raises
     ------
@@ -286,7 +291,8 @@ def responses_to(
     """
     lead = helpers[0]
     every = patterns or [c.path for c in recording.channels if c.role in RESPONSES]
-    chosen, notes = of_one_rate(recording, every, like=lead)
+    chosen, more = of_one_rate(recording, every, like=lead)
+    notes = (*others, *more)
     responses = tuple(c for c in chosen if c not in helpers)
     if not responses or any(c.sampling_rate != lead.sampling_rate for c in helpers):
         raise InputError(

@@ -115,8 +115,7 @@ class TransferFunctionAccumulator:
                 recording, settings.instrument, ("generator",), "an instrument for H3c", remedy
             )
         helpers = (self.reference,) if self.instrument is None else (self.reference, self.instrument)
-        self.responses, notes = responses_to(recording, helpers, settings.channels)
-        self.notes = (*others, *notes)
+        self.responses, self.notes = responses_to(recording, helpers, settings.channels, others)
         self.channels = (*helpers, *self.responses)
         self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
         least, n = settings.lines or LEAST_LINES, self.stop - self.start

@@ -14,7 +14,7 @@ import numpy as np
 from specan.arrays import Complex, Real
 from specan.errors import RequestError
 from specan.result import picked
-from specan.units import MOTION, QUANTITIES, Quantity, is_compatible, scale_to
+from specan.units import MOTION, QUANTITIES, Quantity, convert, is_compatible, scale_to
 
 Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "force", "other"]
 
@@ -306,8 +306,8 @@ def si_unit(text: str) -> tuple[str, float]:
 
     Examples
     --------
-    >>> si_unit("Volts"), si_unit("kPa"), si_unit("g"), si_unit("furlong/fortnight*apple")
-    (('V', 1.0), ('Pa', 1000.0), ('m/s^2', 9.80665), ('furlong/fortnight*apple', 1.0))
+    >>> si_unit("Volts"), si_unit("kPa"), si_unit("g"), si_unit("C"), si_unit("furlong/fortnight*apple")
+    (('V', 1.0), ('Pa', 1000.0), ('m/s^2', 9.80665), ('C', 1.0), ('furlong/fortnight*apple', 1.0))
     """
     plain = _plain(text)
     if plain in _CAPITALS:
@@ -317,7 +317,7 @@ def si_unit(text: str) -> tuple[str, float]:
     if "deg" in plain.lower() or plain.startswith("°"):
         return text.strip(), 1.0
     for unit in QUANTITY_UNITS:
-        if unit != "1" and is_compatible(plain, unit):
+        if unit != "1" and is_compatible(plain, unit) and convert(0.0, plain, unit) == 0.0:
             return unit, scale_to(plain, unit)
     return text.strip(), 1.0
 

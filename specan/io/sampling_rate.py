@@ -105,7 +105,7 @@ def from_increment(properties: Mapping[str, Any], n_samples: int, names: str = "
         return f"wf_increment is in {unit!r}, which is not time"
     if step == 1.0:
         return "wf_increment is 1.0, which stands for 'not set'"
-    if step * scale > 1.0 or step * scale < 1.0 / FASTEST_HZ:
+    if not 1.0 / FASTEST_HZ <= step * scale <= 1.0 / SLOWEST_HZ:
         return f"wf_increment is {step * scale:g} s, which is not a sampling interval"
     hz, rounded = _snap(step * scale)
     how = f"wf_increment {increment!r} {unit or 's'}"

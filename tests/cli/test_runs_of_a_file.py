@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from nptdms import ChannelObject, TdmsWriter
 
 import specan
+from specan.errors import SpecanError
 from specan_cli.main import main
 
 RATE = 8000
@@ -147,6 +148,9 @@ def test_a_channel_that_was_not_recorded_with_the_others_costs_only_itself(tmp_p
     assert found.channels == ("Mic 1",)
     np.testing.assert_allclose(found.response, 2.0, rtol=1e-9)
     assert any("Mic 2 is left out" in note for note in found.notes)
+    for analyse in (specan.frf, specan.fft, specan.impulse):
+        with pytest.raises(SpecanError, match="Mic 2 is left out: it was not recorded at the same time"):
+            analyse(path, reference="Vibrometer", channels="Mic 2")
 
 
 def test_levels_of_tones_need_no_common_time(tmp_path):

@@ -26,7 +26,7 @@ class TestSamplingRate:
         [
             (1.9999999999999998e-05, 50e3), (1.04167e-05, 96e3), (1 / 44100, 44100.0), (1.95313e-05, 51200.0),
             (9.766e-06, 102400.0), (float(np.float32(1 / 25600)), 25600.0), (1 / 12345.6, 12345.6),
-            (3.3e-4, 1 / 3.3e-4),
+            (3.3e-4, 1 / 3.3e-4), (4.0, 0.25), (600.0, 1 / 600),
         ],
     )  # fmt: skip
     def test_rounded_increments_go_back_to_the_nominal_rate(self, path, increment, rate):
@@ -43,7 +43,7 @@ class TestSamplingRate:
         with pytest.raises(RequestError, match="above zero"):
             open_recording(path, sampling_rate=rate)
 
-    @pytest.mark.parametrize("increment", [0.0, -1e-3, float("nan"), 1.0, 12.5])
+    @pytest.mark.parametrize("increment", [0.0, -1e-3, float("nan"), 1.0, 2e6, 5e-324])
     def test_placeholders_and_implausible_increments_are_no_rate(self, path, increment):
         write(path, [("c", self.data, {"wf_increment": increment})])
         with pytest.raises(
