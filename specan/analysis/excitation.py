@@ -278,7 +278,7 @@ def _moving(
     size = len(sections[0]) / rate
     every = np.concatenate([t.frequency_hz for t in tracks])
     low, high = (float(x) for x in np.percentile(every, [2, 98]))
-    ways = f"from {low:.4g} to {high:.4g} Hz"
+    ways = f"from about {float(f'{low:.2g}'):g} to {float(f'{high:.2g}'):g} Hz"
     match path(tracks, [look.look == "tone" for look in looks], size, channel.n_samples / rate - size):
         case "sweep":
             return Excitation("sweep", None, f"{where}: a swept tone {ways}")

@@ -233,10 +233,13 @@ class TransferFunctionAccumulator:
         shifts, first = self.shifts[-len(self.responses) :], len(self.channels) - len(self.responses)
         seen = None if self._longer is None else self._longer.bias(settings.block, first)
         lost = leakage(found.response, found.u_relative, settings.block, settings.window, shifts, seen)
-        u_relative = np.hypot(found.u_relative, lost)
+        cut = self._cut(spectra) if self._passes_once else np.zeros(1)
+        u_leakage = np.hypot(lost, np.minimum(cut, np.sqrt(cut)))
+        u_relative = np.hypot(found.u_relative, u_leakage)
         step = self.reference.sampling_rate / settings.block
+        notes = (*self.notes, *self._remarks(found, lost, cut, spectra.auto[0]))
         return FrequencyResponse(
-            **settings.origin(self.recording, self.responses, (*self.notes, *self._remarks(found, lost))),
+            **settings.origin(self.recording, self.responses, notes),
             frequency_hz=f,
             units=tuple(quotient(c.target_unit, self.reference.target_unit) for c in self.responses),
             reference=self.reference.label,
@@ -244,7 +247,7 @@ class TransferFunctionAccumulator:
             coherence=found.coherence,
             u_magnitude_percent=100 * u_relative,
             u_phase_deg=u_phase_deg(u_relative),
-            u_leakage_percent=100 * lost,
+            u_leakage_percent=100 * u_leakage,
             degrees_of_freedom=found.degrees_of_freedom,
             u_common_percent=self._together(lambda c: np.full(len(f), c.u_gain_percent)),
             u_common_phase_deg=self._together(lambda c: c.u_phase_deg(f)),
@@ -260,6 +263,30 @@ class TransferFunctionAccumulator:
                 for row in range(len(self.responses))
             ),
         )
+
+    def _cut(self, spectra: SpectralMatrix) -> Real:
+        """What drives each line in blocks that reach over the ends of the section, over what does within it.
+
+        A sweep that begins or ends there is on the flank of a window, and its response on another part of it: by so
+        much of itself H1 may be wrong.
+        """
+        block, hop = self.settings.block, hop_of(self.settings.block, self.settings.overlap)
+        past, beyond = self.start + spectra.n_blocks * hop, np.zeros(self.settings.n_lines)
+        ends = ((self.start, self.start + block - hop, (block - hop, 0)), (past, self.stop, (0, block)))
+        for first, last, silence in ends:
+            samples = self.recording.read([self.reference], first, last)
+            grid = CrossSpectra(
+                self.reference.sampling_rate,
+                block,
+                self.settings.window,
+                self.settings.overlap,
+                n_channels=1,
+                lines=self.settings.n_lines,
+            )
+            grid.add(np.pad(samples - samples.mean(), ((0, 0), silence)))
+            beyond += grid.n_blocks * grid.result().auto[0, 1:]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return beyond / (spectra.n_blocks * spectra.auto[0])
 
     def _estimate(self, spectra: SpectralMatrix) -> Estimate:
         first = len(self.channels) - len(self.responses)
@@ -280,8 +307,12 @@ class TransferFunctionAccumulator:
         """Uncertainty of response and reference in quadrature, (responses, lines)."""
         return np.stack([np.hypot(of(c), of(self.reference)) for c in self.responses])
 
-    def _remarks(self, found: Estimate, lost: Real) -> list[str]:
+    def _remarks(self, found: Estimate, lost: Real, cut: Real, drive: Real) -> list[str]:
         remarks = [*self._on_lines(found, lost), *self._on_the_instrument()]
+        if np.nansum(cut * drive) > _NOTED * np.nansum(drive):
+            remarks.append(
+                "leakage at lines that are driven at the ends of the section: record silence before and after a sweep"
+            )
         channels = (self.reference, *self.responses)
         remarks += [f"{c.label}: {c.conversion}" for c in channels if c.conversion]
         late = [c.label for c, shift in zip(self.channels, self.shifts) if shift]
@@ -386,6 +417,8 @@ TOLERATED_LEAKAGE, TOLERATED_SHARE = 0.01, 0.5
 # for a line's own noise is 1.09.
 LEAST_AVERAGES = 8.0
 _NEIGHBOURS = (1 / 15,) * 15
+# Part of the drive beyond the ends of the section that is worth a note.
+_NOTED = 1e-3
 # Median coherence with the generator from which on it is what drives the reference.
 _DRIVEN = 0.1
 

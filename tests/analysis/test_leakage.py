@@ -131,6 +131,21 @@ def test_of_a_sweep_the_interval_holds_the_truth_and_is_not_far_above_it(kind, s
     assert "leakage" not in found.flags[0]
     assert np.mean(found.line_flags["leakage"][0, driven]) < 0.15
     assert any("75 %" in note for note in found.notes)
+    # Blocks of 2.56 s reach over the half second before the sweep.
+    assert lines == 12800 or not any("ends of the section" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("kind", ["exponential", "linear"])
+def test_lines_that_a_sweep_drives_at_the_ends_of_the_record_are_flagged(kind):
+    impulse = room(0.2) / np.sqrt(21)
+    around = swept(kind, impulse, 10.0)
+    found = TransferFunction()(recording([s[int(RATE / 2) : -int(RATE)] for s in around]))
+    driven = slice(*np.searchsorted(found.frequency_hz, [30.0, 0.44 * RATE]))
+    away = np.abs(found.magnitude[0] / np.abs(truth(impulse, found)) - 1)[driven]
+    assert away.max() > 1.0
+    assert np.mean(found.line_flags["leakage"][0, driven][away > 0.2]) > 0.9
+    assert np.mean(away < 2 * found.u_magnitude_percent[0, driven] / 100) > 0.99
+    assert any("record silence before and after a sweep" in note for note in found.notes)
 
 
 def test_an_overlap_that_is_asked_for_stays():
