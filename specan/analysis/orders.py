@@ -410,7 +410,7 @@ class OrderAccumulator:
             at_start = self._fitted[0].amplitude[channel] * np.exp(2j * np.pi * orders * self.first_turn)
             strongest = np.abs(at_start).max() or 1.0
             known = [(o, a / strongest) for o, a in zip(orders.tolist(), at_start.tolist()) if a]
-        highest, found = float(orders.max()), []
+        highest, found = float(orders.max() if wanted else self.order[-1]), []
         for k in np.argsort(weight)[-STRONGEST:]:
             if weight[k] and (sharp[k] or self.shaft.tacho.channel is None):
                 beside = [line for line in known if abs(line[0] - orders[k]) <= NEIGHBOURS]

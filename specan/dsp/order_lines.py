@@ -126,7 +126,7 @@ class Departure:
     slope : float
         Mean change of the phase, cycles a turn.
     steady : bool
-        Whether the slope alone makes the loss: the angle is right but for a factor.
+        Whether the slope makes the loss, most of it at least: the angle is right but for a factor.
     """
 
     order: float
@@ -213,7 +213,7 @@ def _departure_of(
         loss_dB = float(as_one * 10 * np.log10(size / max(left, 1e-30 * size))) if size else 0.0
         of_angle = power - size < OTHERS * (power - left)
         if of_angle and loss_dB > max(least_dB, found.loss_dB if found else 0.0):
-            steady = size < 10 ** (LOSS_DB / 10) * levelled
+            steady = size < levelled * min(10 ** (LOSS_DB / 10), np.sqrt(size / left))
             cycles = slope / (2 * np.pi) * part * order / middle
             found = Departure(order, loss_dB, float(cycles), bool(steady))
     return found
