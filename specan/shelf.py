@@ -27,7 +27,7 @@ Named = tuple[str, float, str]  # name, usual size, unit
 Effects = list[Effect] | list[Unsized]
 
 OVER = 0.005  # (3 % of the usual level) to the power 1.5: a brim lets the usual flow out at that height
-SHARP = 0.003  # of the usual speed, over which friction turns round
+SHARP = 0.001  # of the usual speed, over which friction turns round
 
 NAYFEH = "A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley 1979"
 SHAW = "S. W. Shaw, P. J. Holmes, J. Sound Vib. 90 (1983) 129"
@@ -227,7 +227,7 @@ def _friction(on: _Shelf, displacement: _Usual, velocity: _Usual) -> None:
     @on("dry-friction", "C. A. Coulomb, Théorie des machines simples, 1785")
     def dry(v, *, size=on.once("friction")):
         """Friction that knows only the direction."""
-        return size * np.tanh(v / sharp)
+        return size * np.minimum(np.maximum(v / sharp, -1.0), 1.0)
 
     @on("viscous-friction", "G. G. Stokes, Trans. Camb. Phil. Soc. 9 (1851) 8")
     def viscous(v, *, size=on.either("damping", unit, speed)):
@@ -237,7 +237,7 @@ def _friction(on: _Shelf, displacement: _Usual, velocity: _Usual) -> None:
     @on("stribeck-friction", "L. C. Bo, D. Pavelescu, Wear 82 (1982) 277")
     def stribeck(v, *, size=on.once("rise at rest"), slow=_speed_of_fall(velocity)):
         """Friction that is larger near rest and falls while a film of oil builds up."""
-        return size * np.exp(-((v / slow) ** 2)) * np.tanh(v / sharp)
+        return size * np.exp(-((v / slow) ** 2)) * np.minimum(np.maximum(v / sharp, -1.0), 1.0)
 
     @on("quadratic-drag", "J. R. Morison et al., J. Petroleum Technol. 2 (1950) 149")
     def drag(v, *, size=on.once("drag", f"({unit})^2", speed**2)):
@@ -252,7 +252,7 @@ def _friction(on: _Shelf, displacement: _Usual, velocity: _Usual) -> None:
     @on("root-friction", "B. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083")
     def root(v, *, size=on.once("friction at the usual speed")):
         """Friction that grows ever more slowly, with the root of the speed."""
-        return size * np.sqrt(np.abs(v) / speed) * np.tanh(v / sharp)
+        return size * np.sqrt(np.abs(v) / speed) * np.minimum(np.maximum(v / sharp, -1.0), 1.0)
 
     @on("one-way-damping", "S. Duym, Vehicle System Dynamics 33 (2000) 247")
     def one_way(v, *, size=on.either("damping", unit, speed)):
@@ -267,7 +267,7 @@ def _friction(on: _Shelf, displacement: _Usual, velocity: _Usual) -> None:
     @on("leaf-friction", "T. J. Reid, J. R. Aeronaut. Soc. 60 (1956) 283")
     def leaf(x, v, *, size=on.once("friction at the usual size")):
         """Friction in proportion to the displacement: leaf springs, damping of a material."""
-        return size * np.abs(x) / reach * np.tanh(v / sharp)
+        return size * np.abs(x) / reach * np.minimum(np.maximum(v / sharp, -1.0), 1.0)
 
 
 def _speed_of_fall(velocity: _Usual) -> Parameter:

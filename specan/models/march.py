@@ -151,7 +151,12 @@ class Program:
                 "def moved(s, h, slope):",
                 _giving("s[{k}] + h * slope[{k}]", states),
                 "def stiff(k1, k2, k3, most):",
-                f"    return {self._stiff()}",
+                self._of_any("abs(k3[{k}] - k2[{k}]) > most * abs(k2[{k}] - k1[{k}])"),
+                "def bent(k1, k2, k3, k4, most):",
+                self._of_any(
+                    "abs(k4[{k}] - k3[{k}] - k2[{k}] + k1[{k}])"
+                    " > most * (abs(k2[{k}] - k1[{k}]) + abs(k4[{k}] - k3[{k}]))"
+                ),
                 "def between(drives, i, part):",
                 "    n, rest = drives.shape[0] // 2, 1 - part",
                 "    here, there = rest * rest * (1 + 2 * part), part * part * (3 - 2 * part)",
@@ -164,13 +169,17 @@ class Program:
             ]
         )
 
-    def _stiff(self) -> str:
-        """Whether |h df/ds| of a state is above 2 `most`, by Hairer and Wanner (1996, IV.2); of any set of values."""
+    def _of_any(self, change: str) -> str:
+        """Whether a change of slopes of any state is large, or of any set of values.
+
+        Of the second over that of the first: |h df/ds| is above 2 `most` then (Hairer and Wanner 1996, IV.2).
+        """
         each = [
-            f"(abs(k3[{k}] - k2[{k}]) > most * abs(k2[{k}] - k1[{k}]) + SHARE * (abs(k1[{k}]) + abs(k2[{k}])))"
+            f"({change} + SHARE * (abs(k1[{{k}}]) + abs(k2[{{k}}])))".format(k=k)
             for k in range(len(self.states))
         ]
-        return " or ".join(each) if self.switched else f"np.any({' | '.join(each)})"
+        found = " or ".join(each) if self.switched else f"np.any({' | '.join(each)})"
+        return f"    return {found}"
 
     @cached_property
     def explicit(self) -> Any:
@@ -206,7 +215,7 @@ class Program:
         )
         for name, _ in inspect.getmembers(marching, inspect.isfunction):
             cached = file is not None and name == method
-            inline = name in ("rates", "moved", "between", "stiff")
+            inline = name in ("rates", "moved", "between", "stiff", "bent")
             space[name] = numba.njit(error_model="numpy", cache=cached, forceinline=inline)(space[name])
         n, d = len(self.states), max(len(self.drives), 1)
         p, on, start = (1.0,) * len(self.parameters), (True,) * len(self.uses), (1.0,) * n

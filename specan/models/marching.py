@@ -11,6 +11,7 @@ What goes from step to step are tuples, which a compiler keeps in registers: arr
 import numpy as np
 
 FINEST = 32  # steps between two samples, of those that are taken more finely
+CORNERS = 8  # where a slope has a corner
 SHARE = 0.02  # of a slope, below which its changes matter to nothing
 
 
@@ -30,8 +31,13 @@ def stiff(k1, k2, k3, most):
     """Whether the second and third slope of a step differ too much for what the first two do; written out too."""
 
 
+def bent(k1, k2, k3, k4, most):
+    """Whether slopes change over the second half of a step unlike over the first; written out too."""
+
+
 def explicit(times, steps, drives, p, on, s, states, grid):
-    """Runge-Kutta's method; more steps between two samples where a slope depends on its own state too much for them.
+    """Runge-Kutta's method; more steps between two samples where a slope depends on its own state too much for them,
+    or turns a corner.
 
     `grid` holds how many, once one march has found them: others beside it then differ smoothly from it.
     """
@@ -44,11 +50,13 @@ def explicit(times, steps, drives, p, on, s, states, grid):
             d = between(drives, i, (done + 0.5) / finer)
             k2 = rates(moved(s, 0.5 * h, k1), d, p, on)
             k3 = rates(moved(s, 0.5 * h, k2), d, p, on)
-            if finer < FINEST and stiff(k1, k2, k3, most):
+            k4 = rates(moved(s, h, k3), between(drives, i, (done + 1) / finer), p, on)
+            if (finer < FINEST and stiff(k1, k2, k3, most)) or (
+                finer < CORNERS and bent(k1, k2, k3, k4, most)
+            ):
                 s, done, finer = begin, 0, 2 * finer
                 continue
             done += 1
-            k4 = rates(moved(s, h, k3), between(drives, i, done / finer), p, on)
             s = moved(moved(moved(moved(s, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
         grid[i] = finer
         for k in range(len(s)):

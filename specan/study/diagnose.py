@@ -17,7 +17,7 @@ from specan.study.evidence.of_responses import OfResponses
 from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
 from specan.study.observation.table import TableObservation
 from specan.study.progress import Progress, unheard
-from specan.study.recorded_noise import with_noise_of_largest
+from specan.study.recorded_noise import NoiseError, with_noise_of_largest
 from specan.study.selection.initial_fit import InitialFit, initial_fit
 from specan.study.selection.refits import Refit
 from specan.study.verdict import Diagnosis, LackOfFit
@@ -59,10 +59,11 @@ def diagnose(
     progress = progress or unheard
     progress("explanations of the data", 0.0)
     if all(isinstance(o, TableObservation) for o in problem.observations):
-        problem, fitted, why = with_noise_of_largest(problem, start.fit)
-        if why:
-            return Diagnosis("cannot-tell", why)
-        return told(Explanations(problem, fitted, progress))
+        try:
+            problem, fitted, catalogue = with_noise_of_largest(problem, start.fit)
+        except NoiseError as fault:
+            return Diagnosis("cannot-tell", fault.found)
+        return told(Explanations(problem, fitted, progress, catalogue))
     near = InitialFit(start)
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data", 0.0)

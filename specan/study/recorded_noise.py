@@ -12,7 +12,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Assembly
 from specan.study.estimation.fit import Fit, describe, fit
-from specan.study.estimation.levenberg_marquardt import Minimum, descend
+from specan.study.estimation.levenberg_marquardt import best_screened, descend
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.promises import Catalogue, Promise
@@ -24,8 +24,12 @@ LEAST_DOF = 10  # of the variance of the noise
 IMPULSE = 1e-3  # standard deviations of a state, small enough for a straight line
 
 
-def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, str]:
-    """Observations whitened by what the model with every effect leaves, the model fitted under that, and a doubt.
+class NoiseError(ComputationError):
+    """What is left is no noise."""
+
+
+def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, Catalogue | None]:
+    """Observations whitened by what the model with every effect leaves, the model fitted under that, its catalogue.
 
     Parameters
     ----------
@@ -35,33 +39,43 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, st
 
     Returns
     -------
-    tuple of Problem, Fit and str
-        The last says why the noise cannot be told; empty where it can.
+    tuple of Problem, Fit and Catalogue
+        Of other data as they are, and without catalogue.
+
+    Raises
+    ------
+    NoiseError
+        It cannot be told.
     """
     if not all(isinstance(o, TimeObservation) for o in problem.observations):
-        return problem, base, ""
-    largest, reached = problem, base
-    for _ in range(2):  # effects that are added before the noise is looked at
-        catalogue = Catalogue(largest, reached)
+        return problem, base, None
+    largest, reached, first = problem, base, Catalogue(problem, base)
+    for catalogue in (first, None):  # effects that are added before the noise is looked at
+        catalogue = catalogue or Catalogue(largest, reached, before=first, anew=False)
         marginal = Marginal(Tangent.at(largest, reached.theta, reached.residual, reached.jacobian))
         promises = sorted(catalogue.promises(marginal), key=lambda p: -p.ln_gain)
         if not promises or promises[0].ln_gain <= 0:
             break
-        found = [fit for promise in promises[:TRIED] for fit in _fits_with(promise, largest, reached)]
-        best = min(found, key=lambda one: one[1].chi2, default=None)
-        if best is None or best[1].chi2 >= reached.chi2:
+        found = [one for promise in promises[:TRIED] for one in _led_with(promise, largest)]
+        if not found:
             break
-        largest, reached = best[0], describe(best[0], best[1].theta)
+        _, more, theta = min(found, key=lambda one: one[0])
+        with suppress(ComputationError):
+            theta = descend(more, theta).theta
+        best = describe(more, theta)
+        if best.chi2 >= reached.chi2:
+            break
+        largest, reached = more, best
     residual = problem.split(reached.residual[: problem.n_data])
     noisy: list[TimeObservation] = []
     for o, left in zip(problem.observations, residual, strict=False):
         assert isinstance(o, TimeObservation)
         # the variance of the noise is known with so many degrees of freedom, by the kurtosis of what is left
         if 2 * np.sum(left**2) ** 2 < LEAST_DOF * np.sum(left**4):
-            return problem, base, _lies_in_few(o, left)
+            raise NoiseError(_lies_in_few(o, left))
         noisy.append(o.with_noise_of(left, _responses(o, largest.assembly, largest.values_at(reached.theta))))
     known = replace(problem, observations=tuple(noisy))
-    return known, fit(known, start=base.theta), ""
+    return known, fit(known, start=base.theta), first.whitened_by(known)
 
 
 def _lies_in_few(o: TimeObservation, left: Array) -> str:
@@ -75,12 +89,12 @@ def _lies_in_few(o: TimeObservation, left: Array) -> str:
     )
 
 
-def _fits_with(promise: Promise, problem: Problem, reached: Fit) -> Iterator[tuple[Problem, Minimum]]:
-    """Fits with one effect more, from where a straight line leads and from its default values."""
-    more = problem.with_uses([promise.use])
-    for start in (promise.starts[0], problem.values_at(reached.theta)):
-        with suppress(ComputationError):
-            yield more, descend(more, more.start(start))
+def _led_with(promise: Promise, problem: Problem) -> Iterator[tuple[float, Problem, Array]]:
+    """Chi-square, problem and place that some steps with one effect more lead to."""
+    more = replace(problem, one_sided=True).with_uses([promise.use])
+    with suppress(ComputationError):
+        theta = best_screened(more, promise.on_the_way(more))
+        yield float(np.sum(more.residual(theta) ** 2)), more, theta
 
 
 def _responses(o: TimeObservation, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Array]:

@@ -51,7 +51,6 @@ OF_THE_BEST = 1 / 30  # probability over that of the best set, from which a set 
 WITHIN = -log(OF_THE_BEST)
 SLACK = 1.5  # ln by which a linear promise may fall short of a fit, or more where that of the best did
 AS_GOOD = 1.0  # ln of the best probability over that of something else, from where every effect is fitted
-SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to a promise
 LISTED = 9.0  # ln of the best probability over that of what counts at all
 # Likeliest effects whose pairs are all fitted where something else is likelier than every set; of integrated models.
 PAIRED, PAIRED_RATES = 8, 4
@@ -169,6 +168,8 @@ class Explanations:
         The model as it is.
     base : Fit
         A fit of it.
+    catalogue : Catalogue, optional
+        Of the base as it is declared, where it is known already.
 
     Attributes
     ----------
@@ -180,7 +181,13 @@ class Explanations:
     # expected beside a set as soon as it is fitted.
     cheap = True
 
-    def __init__(self, problem: Problem, base: Fit, progress: Progress = unheard) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        base: Fit,
+        progress: Progress = unheard,
+        catalogue: Catalogue | None = None,
+    ) -> None:
         self.problem, self.base, self.progress = problem, base, progress
         self.found: list[Explanation] = []
         # By the parameters of a fit: the likeliest errors of its form, and the probability that they are the largest.
@@ -192,6 +199,8 @@ class Explanations:
         self._slack: dict[int, float] = {}
         self._left: dict[tuple[int, EffectSet], tuple[float, Form, Promise]] = {}
         self.set_up()
+        if catalogue is not None:
+            self.forms[0].catalogue = catalogue
         self._search()
         progress("unknown effects, implausible values, noise, faults of the data", SETS)
         self._beyond()
@@ -300,17 +309,14 @@ class Explanations:
         """Whether predictions are integrated: a straight line tells little of them then."""
         return any(o.kind == "time" for o in self.problem.observations)
 
-    def _along(self, promise: Promise) -> Sequence[Mapping[str, Any]]:
-        """Where to fit from; also on the way there, where predictions bend."""
-        if not self._bends:
-            return promise.starts
-        effect = self.problem.assembly.model.effects[promise.use.name]
-        origin = {f"{promise.use}.{n}": v for n, v in effect.neutral_si.items()} | dict(promise.origin)
-        return [
-            {n: origin.get(n, v) + share * (v - origin.get(n, v)) for n, v in start.items()}
-            for start in promise.starts
-            for share in SHARES
-        ]
+    def _starts(
+        self, form: Form, uses: EffectSet, promise: Promise, fewer: Fit
+    ) -> Sequence[Mapping[str, Any]]:
+        """Where to fit from; also from the default values, and on the way there where predictions bend."""
+        if self._bends and promise.origin:
+            problem = form.refits.with_uses(uses)
+            return [problem.values_at(theta) for theta in promise.on_the_way(problem)]
+        return [*promise.starts, *([fewer.values] if self.cheap and len(uses) == 1 else [])]
 
     def _forms_in_reach(self) -> list[Form]:
         """Forms of the base, the likeliest first, that something smooth could make as probable as the likeliest."""
@@ -326,8 +332,7 @@ class Explanations:
     def _add(self, form: Form, uses: EffectSet, promise: Promise) -> Explanation | None:
         """Fit a set and keep it, and what is to be expected beside it; None where no fit is found."""
         start = form.refits.done[uses - {promise.use}]
-        default = [start.fit.values] if self.cheap and len(uses) == 1 else []
-        refit = form.refits.fit(start, uses, [*self._along(promise), *default])
+        refit = form.refits.fit(start, uses, self._starts(form, uses, promise, start.fit))
         if refit is None:
             return None
         one = self._keep(form, uses)

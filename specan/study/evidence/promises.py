@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,6 +27,7 @@ from specan.study.selection.signatures import (
 )
 
 ONE_SIDED_80 = 0.84  # standard deviations below which four of five values of a normal law lie
+SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to a promise
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,25 @@ class Promise:
     ln_gain: float
     starts: tuple[dict[str, Any], ...]
     origin: Mapping[str, Any] = field(default_factory=dict)
+
+    def on_the_way(self, problem: Problem) -> list[Array]:
+        """Of each start the place on the way there with the least chi-square, and the default values.
+
+        A straight line leads too far where predictions bend.
+        """
+        effect = problem.assembly.model.effects[self.use.name]
+        origin = {f"{self.use}.{n}": v for n, v in effect.neutral_si.items()} | dict(self.origin)
+        found = [problem.start(self.origin)]
+        for start in self.starts:
+            places = [
+                problem.start(
+                    {n: origin.get(n, v) + share * (v - origin.get(n, v)) for n, v in start.items()}
+                )
+                for share in SHARES
+            ]
+            left = [float(np.sum(problem.residual(place) ** 2)) for place in places]
+            found.append(places[int(np.argmin(np.nan_to_num(left, nan=np.inf)))])
+        return found[::-1]
 
 
 class Catalogue:
@@ -94,6 +115,21 @@ class Catalogue:
         for one in signatures(problem, base, found, points, changed):
             one = replace(one, columns=np.sqrt(worth) * one.columns)
             self.signatures.setdefault(one.use, []).append(one)
+
+    def whitened_by(self, problem: Problem) -> Catalogue:
+        """The same effects on the same rows, of independent noise here, under the noise of another problem."""
+        found, n = copy(self), problem.n_data
+        found.problem, found.candidates = problem, candidates(problem)[0]
+        sigma = np.concatenate([o.sigma for o in self.problem.observations])[:, None]
+
+        def under(columns: Array) -> Array:
+            return np.concatenate([problem.whiten(columns[:n] * sigma), columns[n:]])
+
+        found.signatures = {
+            use: [replace(one, columns=under(one.columns)) for one in own]
+            for use, own in self.signatures.items()
+        }
+        return found
 
     def promises(self, beside: Marginal) -> Iterator[Promise]:
         """The best of each effect that the fit does not have."""
