@@ -79,6 +79,7 @@ def command(
         show_sheets(calibration.sheets(budget))
         for text in calibration.notes:
             note(f"Note: {text}.")
+        note(f"Note: recordings in the directory of {output} use it; others with --calibration {output}.")
 
     deliver.put_out({**calibration.to_dict(), "failures": failures(faults), "output": str(output)}, show)
     failed = any(c.verdict == "failed" for c in calibration.channels)

@@ -25,6 +25,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "octave": ("octave", "Levels in octave bands, and overall levels; against time."),
     "fft": ("fft", "Magnitude and phase spectra, spectrograms."),
     "frf": ("frf", "Transfer functions: magnitude, phase, coherence, uncertainty."),
+    "tones": ("tones", "Amplitude, phase and distortion of sine recordings."),
     "orders": ("orders", "Order spectra, lines and averages against a tacho or a known speed."),
     "impulse": ("impulse", "Impulse responses from noise, sweeps, sequences and impulses."),
     "decay": ("decay", "Reverberation times, clarity, definition (ISO 3382)."),
@@ -84,7 +85,10 @@ class LazyGroup(click.Group):
         from specan.errors import nearest
 
         if args and args[0] not in self.verbs and not args[0].startswith("-"):
-            ctx.fail(f"no such command {args[0]!r}; {nearest(args[0], self.verbs)}")
+            word = args[0].lower()
+            about = [verb for verb, (_, text) in self.verbs.items() if len(word) > 2 and word in text.lower()]
+            hint = f"see {', '.join(about)}" if about else nearest(word, self.verbs)
+            ctx.fail(f"no such command {args[0]!r}; {hint}")
         return super().resolve_command(ctx, args)
 
 

@@ -53,7 +53,7 @@ def _print(found: Diagnosis, directory: Path) -> None:
     for remark in found.remarks:
         click.echo(f"But: {remark}.")
     if found.residual_law is not None:
-        click.echo(f"With this law it would fit better: {found.residual_law['text']}.")
+        click.echo(f"This law would fit better: {found.residual_law['text']}.")
     if found.pulls:
         click.echo("")
         show_sheets([study_sheets.pulls(found.pulls)])

@@ -152,8 +152,8 @@ class Recording(Result):
     def __iter__(self) -> Iterator[Channel]:
         return iter(self.channels)
 
-    def __getitem__(self, name: str) -> Channel:
-        return self.channel(name)
+    def __getitem__(self, name: str | int) -> Channel:
+        return self.channels[name] if isinstance(name, int) else self.channel(name)
 
     def __contains__(self, name: object) -> bool:
         return name in (*self.channels, *(c.name for c in self.channels))

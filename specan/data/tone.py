@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from specan.arrays import Real
 from specan.data.levels import rms_level
-from specan.result import Result, counted, picked
+from specan.result import RecordingResult, Sheet, cell, counted, picked
 
 
-@dataclass(frozen=True, repr=False)
-class ToneTable(Result):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ToneTable(RecordingResult):
     """One tone on several channels; arrays have one entry a channel.
 
     Attributes
     ----------
-    label : str
     frequency_hz : float
         As measured on `leader`.
     leader : str
         Channel that gave the frequency.
     reference : str or None
         Channel over which phases and magnitudes stand.
-    channels, roles, units : tuple of str
+    roles, units : tuple of str
     rms : array
         RMS of the whole signal without its mean.
     tone_rms : array
@@ -57,11 +55,12 @@ class ToneTable(Result):
         Whether somebody said that it is a sine recording; else it was found in the signal.
     """
 
-    label: str
+    verb = "tones"
+    common = "frequency_hz leader reference"
+
     frequency_hz: float
     leader: str
     reference: str | None
-    channels: tuple[str, ...]
     roles: tuple[str, ...]
     units: tuple[str, ...]
     rms: Real
@@ -81,8 +80,6 @@ class ToneTable(Result):
     mean: Real
     flags: tuple[tuple[str, ...], ...]
     n_blocks: int
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
     stated: bool = True
 
     def summary(self) -> str:
@@ -99,6 +96,46 @@ class ToneTable(Result):
             **picked(self, "u_magnitude_percent thd_percent noise_rms"),
             "flags": [" ".join(words) for words in self.flags],
         }
+
+    def of_channels(self) -> dict[str, Any]:
+        """What `content` says of each channel."""
+        known = self.columns()
+        return {**{name: known[name] for name in known if name != "channel"}, "harmonics_rms": self.harmonics_rms}
+
+    def sheets(self) -> list[Sheet]:
+        """The tone on every channel."""
+        over = f", phases over {self.reference}" if self.reference else ""
+        rows = zip(
+            self.channels, self.tone_rms, self.units, self.phase_deg, self.u_phase_deg, self.thd_percent,
+            self.noise_rms,
+        )  # fmt: skip
+        return [
+            Sheet(
+                f"{self.label}: {self.frequency_hz:.6g} Hz on {self.leader}{over}",
+                ["channel", "RMS of tone", "unit", "phase deg", "u deg", "THD %", "noise RMS"],
+                [
+                    [
+                        name,
+                        cell(tone, ".5g"),
+                        unit,
+                        cell(phase),
+                        cell(u, ".2g"),
+                        cell(thd, ".3g"),
+                        cell(noise, ".3g"),
+                    ]
+                    for name, tone, unit, phase, u, thd, noise in rows
+                ],
+            )
+        ]
+
+    def about(self) -> list[str]:
+        """Lines above the table in a text file."""
+        over = f"phases over {self.reference}, exp(+j w t)" if self.reference else "no reference, no phases"
+        return [f"tone of {self.label}: {self.frequency_hz:.9g} Hz on {self.leader}", over]
+
+    def tables(self) -> list[dict[str, Any]]:
+        """Columns of the text file."""
+        return [self.columns()]
 
     @property
     def level_dB(self) -> Real:

@@ -54,7 +54,7 @@ def batch_report(report: BatchReport, settings: BatchSettings) -> str:
     named = ["recording", "excitation", "duration / s", *_HEADS]
     parts = [
         f"<h1>{escape(title)}</h1>",
-        table(["", ""], _facts(roots, [one.recording for one in seen], report)),
+        table([], _facts(roots, [one.recording for one in seen], report)),
         "<h2>Recordings</h2>",
         table(named, [one.row(number) for number, one in enumerate(seen, 1)]),
         *([f"<p>{len(done) - MOST_PAGES} more are in the tables.</p>"] if len(done) > MOST_PAGES else []),
@@ -77,10 +77,14 @@ def _facts(roots: Sequence[str], recordings: Sequence[Recording], report: BatchR
         ["Report of", f"{datetime.date.today():%Y-%m-%d}"],
         *([[what, " to ".join(f"{day:%Y-%m-%d}" for day in dict.fromkeys((days[0], days[-1])))]] if days else []),
         ["Directory", ", ".join(roots)],
-        *(["Rig", f"{rig} ({counted(n, 'recording')})"] for rig, n in rigs.most_common()),
-        *(["Calibration", line] for line in report.calibration),
+        *_under("Rig", [f"{rig} ({counted(n, 'recording')})" for rig, n in rigs.most_common()]),
+        *_under("Calibration", report.calibration),
         ["Result", f"{report.summary().partition(';')[0]}"],
     ]  # fmt: skip
+
+
+def _under(name: str, lines: Sequence[str]) -> list[list[str]]:
+    return [[name if k == 0 else "", line] for k, line in enumerate(lines)]
 
 
 def _day(recording: Recording) -> datetime.date | None:
@@ -138,7 +142,7 @@ class _Measured:
     def row(self, number: int) -> list[Any]:
         """Its line in the list of recordings."""
         duration = max(channel.duration_s for channel in self.recording.channels)
-        return [f"{number}  {self.entry.label}", self.excitation, f"{duration:.4g}", *self._loudest()]
+        return [f"{number}\N{NO-BREAK SPACE}{self.entry.label}", self.excitation, f"{duration:.4g}", *self._loudest()]
 
     def _loudest(self) -> list[str]:
         found = self.levels

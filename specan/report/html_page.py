@@ -26,9 +26,10 @@ def page(title: str, parts: Iterable[str]) -> str:
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<meta name="generator" content="specan {__version__}">'
-        f"<title>{escape(title)}</title><style>{STYLE}</style></head>\n<body>\n"
-        + "\n".join(parts)
-        + "\n</body></html>\n"
+        f"<title>{escape(title)}</title><style>{STYLE}</style></head>\n<body><main>\n"
+        # A narrow screen scrolls a table; the keyboard does so where it has the focus.
+        + "\n".join(parts).replace("<table", '<table tabindex="0"')
+        + "\n</main></body></html>\n"
     )
 
 
@@ -40,7 +41,8 @@ def table(header: Sequence[str], rows: Iterable[Sequence[Any]], grey: Sequence[b
     >>> "<b>" in table(["channel"], [["<b>Mic 1</b>"]])
     False
     """
-    lines = ["<table><tr>" + "".join(f"<th>{escape(h)}</th>" for h in header) + "</tr>"]
+    heads = "".join(f"<th>{escape(name)}</th>" if name else "<td></td>" for name in header)
+    lines = ["<table>", *([f"<tr>{heads}</tr>"] if any(header) else [])]
     for k, row in enumerate(rows):
         kind = ' class="grey"' if grey is not None and grey[k] else ""
         lines.append(f"<tr{kind}>" + "".join(_cell(value) for value in row) + "</tr>")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def command(
     directory: Path, effects: tuple[Path, ...], deliver: Delivery, wall: str | None, accuracy: float
 ) -> None:
-    """Surface impedance and absorption of every wall of a room, per third octave, with 95 % intervals.
+    """Surface impedance and absorption of the walls of a room.
 
     All walls are estimated together in every third octave, with the errors of the instruments. The walls of the
     study's model are not used. Where the microphones do not determine a value, specan says so and proposes positions,

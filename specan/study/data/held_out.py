@@ -15,7 +15,10 @@ from specan.models import Condition
 from specan.units import convert, is_compatible, printed_unit
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_VALUES = re.compile(rf"(?P<low>{_NUMBER})(?:\s*\.\.\s*(?P<high>{_NUMBER}))?\s*(?P<unit>[^\d\s.].*)?")
+_UNIT = r"[^\d\s.].*"
+_VALUES = re.compile(
+    rf"(?P<low>{_NUMBER})(?:\s*(?P<of_low>{_UNIT}?)?\s*\.\.\s*(?P<high>{_NUMBER}))?\s*(?P<unit>{_UNIT})?"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +77,18 @@ class Column:
                 f"{word!r} in {where!r} is not a number",
                 expected=f"{key}=value,value or {key}=low..high, with a unit if need be",
             )
-        found, known = [float(said[end]) for end in ("low", "high") if said[end]], self.condition
-        given = said["unit"] or self._given
+        unit = said["unit"] or said["of_low"]
+        ends = [(float(said["low"]), said["of_low"] or unit)]
+        ends += [(float(said["high"]), unit)] if said["high"] else []
+        return [self._in_its_unit(value, unit, where, key) for value, unit in ends]
+
+    def _in_its_unit(self, value: float, unit: str | None, where: str, key: str) -> float:
+        given, known = unit or self._given, self.condition
         if known is None or not is_compatible(given, known.column_unit):
-            if said["unit"]:
+            if unit:
                 raise RequestError(f"{given!r} in {where!r} is not a unit of {key}", expected=self._given)
-            return found
-        return [
-            float(convert(convert(v, given, known.column_unit), known.column_unit, known.unit)) for v in found
-        ]
+            return value
+        return float(convert(convert(value, given, known.column_unit), known.column_unit, known.unit))
 
 
 def chosen(columns: Mapping[str, Column], where: str, *, elsewhere: bool = False) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Condition, Model, SettingError
+from specan.result import counted
 from specan.study.observation import Array
 from specan.units import convert
 
@@ -323,7 +324,7 @@ class SetPoints:
         left = [g for g in groups if np.unique(self._alike[g]).size > 1]
 
         def some(found: list[NDArray[np.intp]]) -> str:
-            more = f", and {len(found) - 3} more groups" if len(found) > 3 else ""
+            more = f", and {counted(len(found) - 3, 'more group')}" if len(found) > 3 else ""
             return "; ".join(place(g[:4]) for g in found[:3]) + more
 
         if left:

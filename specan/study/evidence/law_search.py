@@ -70,7 +70,7 @@ class Law:
     def text_with_values(self) -> str:
         """The same with the fitted values."""
         unit = "" if self.unit == "1" else f" {self.unit}"
-        found = self.text.replace("+ size", f"{self.size:+.3g}{unit}".replace("+", "+ ").replace("-", "- "))
+        found = self.text.replace("+ size", f"{'-' if self.size < 0 else '+'} {abs(self.size):.3g}{unit}")
         for shape, value in zip(self.formula.shapes, self.shapes, strict=True):
             own = "" if shape.unit == "1" else f" {shape.unit}"
             found = found.replace(shape.name, f"{value:.3g}{own}")
