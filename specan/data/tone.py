@@ -100,7 +100,10 @@ class ToneTable(RecordingResult):
     def of_channels(self) -> dict[str, Any]:
         """What `content` says of each channel."""
         known = self.columns()
-        return {**{name: known[name] for name in known if name != "channel"}, "harmonics_rms": self.harmonics_rms}
+        return {
+            **{name: known[name] for name in known if name != "channel"},
+            "harmonics_rms": self.harmonics_rms,
+        }
 
     def sheets(self) -> list[Sheet]:
         """The tone on every channel."""

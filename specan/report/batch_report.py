@@ -142,7 +142,12 @@ class _Measured:
     def row(self, number: int) -> list[Any]:
         """Its line in the list of recordings."""
         duration = max(channel.duration_s for channel in self.recording.channels)
-        return [f"{number}\N{NO-BREAK SPACE}{self.entry.label}", self.excitation, f"{duration:.4g}", *self._loudest()]
+        return [
+            f"{number}\N{NO-BREAK SPACE}{self.entry.label}",
+            self.excitation,
+            f"{duration:.4g}",
+            *self._loudest(),
+        ]
 
     def _loudest(self) -> list[str]:
         found = self.levels
