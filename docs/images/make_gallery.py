@@ -156,7 +156,7 @@ def workplace() -> Iterator[None]:
 def page(entries: dict[str, list[Entry]]) -> str:
     """``docs/gallery.md``."""
     parts = [
-        "# Gallery\n\nEvery figure that a command draws, with the command. `--plot` also writes `.svg` and `.pdf`. "
+        "# Gallery\n\nFigures that commands draw, with the commands. `--plot` also writes `.svg` and `.pdf`. "
         "The pictures are made by `docs/images/make_gallery.py` from the sample data. "
         "[What the figures have in common](figures.md).\n"
     ]

@@ -135,7 +135,7 @@ class ShockSettings(SectionSettings):
             raise RequestError(f"{recording.label} has no acceleration", expected="a channel in m/s^2 or g")
         channels, notes = of_one_rate(recording, wanted)
         if other := [c.label for c in channels if c.unit != "m/s^2"]:
-            raise RequestError(f"{', '.join(other)} is no acceleration", expected="channels in m/s^2 or g")
+            raise RequestError(f"{', '.join(other)}: no acceleration", expected="channels in m/s^2 or g")
         return channels, notes
 
     def _frequencies(self, rate: float) -> np.ndarray:

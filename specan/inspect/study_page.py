@@ -182,6 +182,8 @@ class StudyPage(Page):
     def _show_candidates(self, found: Diagnosis | None) -> None:
         known, not_testable = candidates(self.study.problem)
         self.ranking.show(self.study, [str(c.use) for c in known], not_testable, found)
+        if self.tried is not None:
+            self.ranking.explain(self.tried.uses)
         self.verdict.text = ""
         if found is not None:
             because = reason(found.to_dict())

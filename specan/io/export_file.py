@@ -22,7 +22,7 @@ from specan.data.spectrum import Spectrum
 from specan.errors import RequestError, library
 from specan.io.output_file import text_file, whole_file
 from specan.io.results_text import escaped, harmless, table_lines, word, write_table
-from specan.result import RecordingResult, finite
+from specan.result import RecordingResult, finite, gathered, shortened
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,8 +73,8 @@ def write_excerpt(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
 
 def together(channels: Sequence[Channel]) -> str:
     """Units of several channels in words: ``Pa (Mic 1, Mic 2), V (Generator)``."""
-    units = dict.fromkeys(c.unit for c in channels)
-    return ", ".join(f"{unit} ({', '.join(c.label for c in channels if c.unit == unit)})" for unit in units)
+    named = gathered((c.unit, c.label) for c in channels)
+    return ", ".join(f"{unit} ({shortened(names)})" for unit, names in named.items())
 
 
 def write_csv(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:

@@ -26,7 +26,6 @@ from specan.report.figure_style import (
     styled,
 )
 from specan.report.panels import (
-    BARS,
     Curve,
     Drawing,
     Panel,
@@ -72,7 +71,7 @@ def figure_band_levels(found: BandLevels) -> Figure:
     draw_panels(list(sheet[:, 0]), drawing.panels)
     numbers = numbered(drawing.panels)
     for (axes, totals), rows in zip(sheet, grouped(r.text for r in found.references).values(), strict=True):
-        if len(rows) <= BARS:
+        if len(rows) == 1:
             for row in rows:
                 level = np.where(np.isneginf(found.level_dB[row]), np.nan, found.level_dB[row])
                 axes.errorbar(found.exact_hz, level, found.u_dB, fmt="none", ecolor="0.35", elinewidth=0.8)
@@ -96,8 +95,8 @@ def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: Se
                 zorder=2 if colour == "0.75" else 3,
             )  # fmt: skip
             if len(rows) == 1 and np.isfinite(values[row]):
-                axes.annotate(f"{values[row]:.1f}", (place, values[row]), (0, 3), textcoords="offset points",
-                              ha="center", va="bottom", fontsize=8)  # fmt: skip
+                axes.annotate(f"{values[row]:.1f}", (place, values[row]), (0, -3), textcoords="offset points",
+                              ha="center", va="top", fontsize=8, rotation=90)  # fmt: skip
     axes.set_xticks(range(len(found.overall_dB)), labels=list(found.overall_dB))
     axes.set_xlim(-1.0, len(found.overall_dB))
     axes.grid(False, axis="x")
@@ -219,15 +218,14 @@ def figure_decay(found: DecayTimes) -> Drawing:
     t20, u = found.t20_s, found.u_t20_s
     times = tuple(Curve(name, x, t20[r], t20[r] - u[r], t20[r] + u[r]) for r, name in rows)
     clarity = tuple(Curve(name, x, found.c80_dB[r]) for r, name in rows)
-    panels = (
-        Panel("Reverberation time T20 / s", times, (0.0, 1.05 * top)),
-        Panel("Clarity C80 / dB", clarity, leads=False),
-    )
+    panels = [Panel("Reverberation time T20 / s", times, (0.0, 1.05 * top))]
+    if np.isfinite(found.c80_dB).any():
+        panels.append(Panel("Clarity C80 / dB", clarity, leads=False))
     known = found.t20_s[np.isfinite(found.t20_s)]
     result = f"T20 {known.min():.3g} to {known.max():.3g} s" if known.size else "No band has a decay of 20 dB"
     facts = f"1/{found.fraction} octave, ISO 3382-1; bands: one standard deviation", result
     edge = 10 ** (0.15 / found.fraction)
     return Drawing(
-        found.label or "Decay times", facts, "Mid-band frequency / Hz", panels, hertz=True,
+        found.label or "Decay times", facts, "Mid-band frequency / Hz", tuple(panels), hertz=True,
         x_limits=(float(x[0] / edge), float(x[-1] * edge)),
     )  # fmt: skip

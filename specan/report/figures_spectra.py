@@ -116,7 +116,7 @@ def figure_spectrogram(found: Spectrogram) -> Drawing:
     ]  # fmt: skip
     about = (
         f"{scale.scaling}, {scale.window}, line spacing {scale.line_spacing_hz:.4g} Hz, noise bandwidth "
-        f"{scale.enbw_hz:.4g} Hz, blocks averaged in a column: {found.blocks_per_column}"
+        f"{scale.enbw_hz:.4g} Hz, {counted(found.blocks_per_column, 'block')} per column"
     )
     return Drawing(
         found.label or "Spectrogram", (about,), "Time / s", pictures=tuple(pictures), dynamics_dB=_PICTURE_DB,

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 FEW = 8  # channels that are drawn each in its own colour
 APART = 3  # of many: those that are drawn over the range
 _SPARSE = 60  # points up to which a line has marks
-BARS = 2  # channels up to which steps are filled; more are outlines
 
 
 @dataclass(frozen=True)
@@ -274,7 +273,7 @@ def _draw(axes: Axes, panel: Panel, curve: Curve, style: dict[str, Any]) -> None
     if curve.low is not None and curve.high is not None:
         axes.fill_between(curve.x, curve.low, curve.high, color=style["color"], alpha=0.2, linewidth=0)
     if curve.x.size == curve.y.size + 1:
-        filled = len(panel.curves) <= BARS and panel.kind == "line"
+        filled = len(panel.curves) == 1 and panel.kind == "line"
         values = np.where(np.isneginf(curve.y), np.nan, curve.y)
         axes.stairs(
             values, curve.x, baseline=-999.0 if filled else None, fill=filled, alpha=0.45 if filled else 1.0,

@@ -118,8 +118,7 @@ class Ranking:
         for text, ranked in ((alone, asked), ("Refitted, less likely", likely), ("Not plausible", unlikely)):
             if ranked:
                 children.append(_heading(f"{text}: remaining error, probability"))
-                by_error = sorted(ranked, key=lambda r: r.error_after)
-                children += [self._row(uses_of(r), r) for r in by_error[:MOST_ROWS]]
+                children += [self._row(uses_of(r), r) for r in ranked[:MOST_ROWS]]
         return children
 
     def _plain(self, left: Sequence[Uses]) -> list[Any]:
