@@ -30,8 +30,9 @@ class _Call:
         """The function's value; what is a user's mistake is raised as such."""
         try:
             own = {name: parameters[full] for name, full in self.parameters}
-            return self.function(*map(known.__getitem__, self.reads), **own)
-        except Exception as fault:
+            found = self.function(*map(known.__getitem__, self.reads), **own)
+            return np.asarray(found) if isinstance(found, list) else found
+        except (Exception, SystemExit) as fault:
             missing = next((name for name in self.reads if name not in known), None)
             if missing is not None:
                 raise RequestError(

@@ -277,7 +277,7 @@ _OF_ARRAYS = ("truth value of an array", "0-dimensional arrays", "length-1 array
 _ARRAYS = "functions receive arrays, one value a row: use numpy's, np.sqrt for math.sqrt and np.where for if"
 
 
-def users_mistake(fault: Exception, function: Callable[..., Any], name: str) -> RequestError | None:
+def users_mistake(fault: BaseException, function: Callable[..., Any], name: str) -> RequestError | None:
     """An exception of a quantity or an effect as a mistake in the user's file that it comes from; None if from none.
 
     Parameters

@@ -343,7 +343,11 @@ class Study:
             found = diagnose(
                 self.problem, base=self.best, set_up=self.kept.find("set_up", MistakenSetUp), progress=progress
             )  # fmt: skip
-            found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
+            found = replace(
+                found,
+                model_discrepancy_percent=self.data.discrepancy_percent,
+                remarks=(*found.remarks, *self.data.doubts),
+            )
             if self.problem.strategy.linearised_covariance:
                 found = self._as_shown(found)
             found = self._with_held_out(found)

@@ -149,3 +149,22 @@ def test_a_fit_that_does_not_settle_is_a_remark(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(fitting, "_trust_region", fitting.descend)
     with pytest.raises(ComputationError, match="nowhere"):
         fit(asked)
+
+
+@pytest.mark.parametrize(
+    ("y", "verdict", "words"),
+    [
+        # an effect that is a hundred times what the model predicts, and no candidate's
+        (lambda x: 300 * x**2, "unknown-effect", "the model does not fit, and no"),
+        (
+            lambda x: 2 * x + np.random.default_rng(3).normal(0, 5, x.size),
+            "nothing-missing",
+            "with the declared uncertainty the model does not fit",
+        ),
+    ],
+)
+def test_a_model_that_is_far_off_is_not_said_to_fit(tmp_path, y, verdict, words) -> None:
+    x = np.linspace(0.2, 10, 40)
+    found = diagnose(problem(tmp_path, model(offset), x, y(x)))
+    assert found.verdict == verdict
+    assert words in found.reason

@@ -62,6 +62,17 @@ def test_the_lines_near_the_background_are_named(room):
     assert "149 to 151" in text
 
 
+def test_lines_of_hum_are_not_fitted_and_that_is_said(room):
+    found = open_data(*with_background(room, None))
+    o = found.fitted[0]
+    lines = o.frequency_hz[o.kept.any(axis=0)]
+    assert not {99.0, 100.0, 101.0, 149.0, 150.0, 151.0, 250.0} & set(lines)
+    assert {98.0, 102.0, 148.0, 152.0, 200.0 - 2} <= set(lines)
+    (said,) = found.doubts
+    assert "hum at 50 Hz" in said
+    assert "not fitted" in said
+
+
 def test_a_background_with_the_source_on_is_refused(room):
     with pytest.raises(InputError, match="as loud as take on most lines"):
         open_data(*with_background(room, "recording.tdms"))

@@ -31,7 +31,7 @@ def said(change, seed=1, full_scale=None):
         for name in samples
     )
     recording = Recording("r", channels, ArraySource(list(samples.values())))
-    return doubts(recording, channels[:2], channels[2])
+    return doubts(recording, channels[:2], channels[2])[0]
 
 
 @pytest.mark.parametrize(

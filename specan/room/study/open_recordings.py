@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from specan.room.study.matched_field import likely_places  # noqa: F401
 from specan.room.study.mistaken_set_up import mistaken_set_up, undeclared_shifts  # noqa: F401  see `brought`
 from specan.room.study.mode_shifts import knowing_shifts, mode_shifts, with_mode_shifts  # noqa: F401
 from specan.room.study.receiver_places import explore_places, propose_places  # noqa: F401
-from specan.study.data.recordings import doubts, parted, reads  # noqa: F401  a recording is one by its content
+from specan.study.data.recordings import doubts, off_the_mains, parted, reads  # noqa: F401  a recording is one by its content
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation import by_band_and_channel
@@ -46,14 +47,15 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     receivers = receivers_of(model)
     files = (*wanted.measurements, *wanted.validations)
     opened = [(file, *_observe(model, receivers, wanted, file)) for file in files]
-    fitted, held_out = parted([(file, whole) for file, whole, _ in opened], wanted)
-    statements = [text for *_, said in opened for text in said]
+    fitted, held_out = parted([(file, whole) for file, whole, *_ in opened], wanted)
+    statements = [text for _, _, said, doubtful in opened for text in (*said, *doubtful)]
     given = (fitted[0].declared or receivers).errors
     return OpenedData(
         fitted=tuple(fitted),
         held_out=tuple(held_out),
         statements=(*statements, _of_receivers(given, wanted.calibration)),
         discrepancy_percent=100 * given.discrepancy,
+        doubts=tuple(text for *_, doubtful in opened for text in doubtful),
     )
 
 
@@ -96,7 +98,7 @@ def _of_receivers(given: ReceiverErrors, calibration: Path | None) -> str:
 
 def _observe(
     model: Model, receivers: FieldReceivers, wanted: MeasuredFiles, file: DataFile
-) -> tuple[FieldObservation, list[str]]:
+) -> tuple[FieldObservation, list[str], list[str]]:
     given = receivers.rig.background.recording
     from specan.analysis.section import aligned
 
@@ -111,17 +113,23 @@ def _observe(
         if wanted.calibration
         else 0.0,
     )
+    doubtful, heard = doubts(recording, recording.by_role("microphone"), recording.by_role("vibrometer")[0])
+    if not given:  # with a background the lines of hum are as uncertain as it makes them
+        found = replace(found, kept=found.kept & off_the_mains(found.frequency_hz, heard, found.line_hz))
     block_s = receivers.rig.band.block_s or 1 / found.line_hz
     settle = settling_s(recording.by_role("vibrometer")[0].duration_s, block_s)
-    return found, [
-        f"{file.name}: {int(found.kept.any(axis=1).sum())} microphones, {found.frequency_hz.size} lines of "
-        f"{1 / block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {block_s:.3g} s "
-        f"after {settle:.3g} s; "
-        "the model filters the recorded velocity and goes through the same blocks",
-        *_sensitivities(recording),
-        *doubts(recording, recording.by_role("microphone"), recording.by_role("vibrometer")[0]),
-        *found.notes,
-    ]
+    return (
+        found,
+        [
+            f"{file.name}: {int(found.kept.any(axis=1).sum())} microphones, {found.frequency_hz.size} lines of "
+            f"{1 / block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {block_s:.3g} s "
+            f"after {settle:.3g} s; "
+            "the model filters the recorded velocity and goes through the same blocks",
+            *_sensitivities(recording),
+            *found.notes,
+        ],
+        doubtful,
+    )
 
 
 def _sensitivities(recording: Recording) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import welch
 from scipy.stats import linregress
 
-from specan.arrays import Real
+from specan.arrays import Flags, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
@@ -19,6 +19,7 @@ from specan.study.data.held_out import Column, chosen
 from specan.study.observation import DataFile, MeasuredFiles, Observation
 
 ObservationT = TypeVar("ObservationT", bound=Observation)
+HUM_LINES = 1.5  # lines around a multiple of the mains' frequency that a Hann window lets it reach
 SECTIONS = 24  # of a recording, over which a drift is sought
 
 
@@ -67,8 +68,10 @@ def parted(
     return fitted, held_out
 
 
-def doubts(recording: Recording, channels: Sequence[Channel], reference: Channel) -> list[str]:
-    """What looks wrong with the samples of a steady recording, in sentences: clipping, hum, a drift.
+def doubts(
+    recording: Recording, channels: Sequence[Channel], reference: Channel
+) -> tuple[list[str], list[int]]:
+    """What looks wrong with the samples of a steady recording, in sentences: clipping, hum, a drift; mains heard, Hz.
 
     Parameters
     ----------
@@ -83,23 +86,42 @@ def doubts(recording: Recording, channels: Sequence[Channel], reference: Channel
     part = replace(recording, channels=tuple(channels))
     looks = rms_and_quality(part)
     flags = {channel.name: looks[k][1].flags for k, channel in enumerate(channels)}
+    heard: set[int] = set()
     excitation = recording.read([reference])[0]
     found: dict[str, list[str]] = {}
     for channel in channels:
         samples = recording.read([channel])[0]
         said = [*flags[channel.name]]
         if "nan" not in said and "dead" not in said and samples.size == excitation.size:
-            said += [*_hum(samples, excitation, channel.sampling_rate), *_drift(samples, excitation)]
+            hum = _hum(samples, excitation, channel.sampling_rate)
+            heard |= set(hum)
+            said += [f"hum at {mains} Hz and multiples" for mains in hum]
+            said += _drift(samples, excitation)
         for text in said:
             found.setdefault(text, []).append(channel.name)
     return [
-        f"{recording.label}: {text} in {', '.join(names)}: check before anything else"
+        f"{recording.label}: {text} in {', '.join(names)}: "
+        + ("lines there are not fitted" if text.startswith("hum") else "check before anything else")
         for text, names in found.items()
-    ]
+    ], sorted(heard)
 
 
-def _hum(samples: Real, excitation: Real, rate: float) -> list[str]:
-    """Lines at multiples of the mains' frequency that the excitation does not have."""
+def off_the_mains(frequency_hz: Real, heard: Iterable[int], line_hz: float) -> Flags:
+    """Lines that are no multiple of a mains frequency, nor reached by one through a Hann window.
+
+    Examples
+    --------
+    >>> off_the_mains(np.arange(97.0, 104.0), [50], 1.0)
+    array([ True,  True, False, False, False,  True,  True])
+    """
+    apart = [np.abs(frequency_hz - mains * np.maximum(np.rint(frequency_hz / mains), 1)) for mains in heard]
+    return np.all([gap > HUM_LINES * line_hz for gap in apart], axis=0) & np.ones(
+        len(frequency_hz), dtype=bool
+    )
+
+
+def _hum(samples: Real, excitation: Real, rate: float) -> list[int]:
+    """Mains frequencies at multiples of which stand lines that the excitation does not have."""
     block = round(rate)  # one second: multiples of 50 and 60 Hz are lines
     if samples.size < 4 * block:
         return []
@@ -114,7 +136,7 @@ def _hum(samples: Real, excitation: Real, rate: float) -> list[str]:
         ]
         # A mode may lie on one of the multiples: hum has the first or the second beside others.
         if len(stands) >= 2 and stands[0] in places[:2]:
-            heard.append(f"hum at {mains} Hz and multiples")
+            heard.append(mains)
     return heard
 
 

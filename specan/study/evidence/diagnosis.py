@@ -171,7 +171,9 @@ class _Telling:
                     "enough to be named"
                 )
             else:
-                parts.append("the model fits, and no effect of the catalogue improves it")
+                rough = self._best.best.noise is not None and self.given.fit.p_value < LACK_OF_FIT
+                fits = "with the declared uncertainty the model does not fit" if rough else "the model fits"
+                parts.append(f"{fits}, and no effect of the catalogue improves it")
         if kind in ("effect", "group"):
             parts.append(self._others())
         if kind in ("effect", "group") and self._off_form:

@@ -130,7 +130,10 @@ def _mean(ln: Array) -> Array:
 
 
 def sizes_of(problem: Problem, predicted: Array) -> tuple[Array, Array]:
-    """What an error may be a share of: what the effects do to each row, and the RMS of that over an observable."""
+    """What an error may be a share of: what the effects do to each row, and the RMS of that over an observable.
+
+    A prediction that is off by more than all of it tells no size: what it is off by does.
+    """
     percent = problem.assembly.model.rig.discrepancy_percent
     parts = []
     for o, own in zip(problem.observations, problem.split(np.abs(predicted)), strict=False):
@@ -138,8 +141,9 @@ def sizes_of(problem: Problem, predicted: Array) -> tuple[Array, Array]:
         parts.append(own if declared is None or not percent else np.abs(declared) / percent * 100)
     relative = np.concatenate(parts)
     level = np.empty_like(relative)
+    off = np.abs(np.concatenate([o.measured for o in problem.observations]) - predicted)
     for rows in problem.observable_rows.values():
-        level[rows] = np.sqrt(np.mean(relative[rows] ** 2))
+        level[rows] = np.sqrt(max(np.mean(relative[rows] ** 2), np.mean(off[rows] ** 2)))
     return relative, level
 
 

@@ -102,8 +102,10 @@ def scatter(problem: Problem, residual: Array, predicted: Array, times: float) -
         sizes, price, told = means(course[:, None], groups)[:, 0], 0.0, []
         for name, rows in problem.observable_rows.items():
             own = np.unique(groups[rows])
-            known = float(np.mean(variance[own]))
-            sizes[own] *= np.sqrt(max(known - 1, 0.0) / np.mean(count[own] * sizes[own] ** 2))
+            known, power = float(np.mean(variance[own])), np.mean(count[own] * sizes[own] ** 2)
+            if not power:  # nothing is read
+                continue
+            sizes[own] *= np.sqrt(max(known - 1, 0.0) / power)
             price += 0.5 * np.log(own.size)
             told += [f"{name} {np.sqrt(known):.2g} times"] if known > LEAST_SCATTER else []
         if told:

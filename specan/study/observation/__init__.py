@@ -365,6 +365,8 @@ class OpenedData:
         Declared discrepancy of the model that the covariance holds.
     model : Model, optional
         Completed by what was measured.
+    doubts : tuple of str
+        What looks wrong with the samples, among the statements and beside every verdict.
     """
 
     fitted: tuple[Observation, ...]
@@ -373,6 +375,7 @@ class OpenedData:
     known: bool = True
     discrepancy_percent: float = 0.0
     model: Model | None = None
+    doubts: tuple[str, ...] = ()
 
 
 def kind_named(kind: str) -> Any:
@@ -441,4 +444,5 @@ def together(parts: Sequence[OpenedData]) -> OpenedData:
         known=all(p.known for p in parts),
         discrepancy_percent=max((p.discrepancy_percent for p in parts), default=0.0),
         model=next((p.model for p in parts if p.model), None),
+        doubts=tuple(d for p in parts for d in p.doubts),
     )
