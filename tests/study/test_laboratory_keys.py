@@ -1,5 +1,6 @@
 """What a laboratory declares of its recordings, on rooms of the independent simulator."""
 
+import re
 import tomllib
 from copy import deepcopy
 from dataclasses import replace
@@ -11,6 +12,7 @@ from specan.errors import RequestError
 from specan.io.open import open_recording
 from specan.models.catalogue import load_model
 from specan.room.study.estimate_frf import observe_recording
+from specan.room.study.mistaken_set_up import undeclared_shifts
 from specan.room.study.open_recordings import open_data
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
@@ -144,3 +146,16 @@ def test_longer_blocks_bring_lines_nearer_and_fit_as_well(recorded):
 def test_what_cannot_be_is_refused(recorded, keys, said):
     with pytest.raises(RequestError, match=said):
         described(recorded, **keys)
+
+
+@pytest.mark.long
+def test_air_that_warms_while_it_is_recorded_is_told(tmp_path):
+    made = simulate(SEED, {"drifting-air": 1.0}, n_mics=4, cache=tmp_path)
+    made.rig["band"] |= {"f_min_hz": 60.0, "f_max_hz": 300.0}
+    path, rig = write(made, tmp_path)
+    problem, _ = described((path, tomllib.loads(rig.read_text(encoding="utf-8"))))
+    best = fit(problem)
+    assert best.p_value < 1e-3
+    said = undeclared_shifts(problem, best, 1e-3)
+    kelvin = float(re.search(r"air that warms by \+([\d.]+) K during take would explain it", said)[1])
+    assert kelvin == pytest.approx(0.8, abs=0.3)  # the first fifth of the record is not looked at

@@ -77,6 +77,7 @@ def observe_recording(
     noise = _in_rows(own, len(names), found.noise, 1)
     kept = np.zeros(noise.shape, dtype=bool)
     kept[own.rows] = _looked_at(receivers, frequency_hz)
+    power = _block_power(driven[found.start :], block, found.numbers)
     plain = FieldObservation(
         name=recording.label,
         recording=recording.label,
@@ -92,9 +93,8 @@ def observe_recording(
         shared=np.empty((*noise.shape, 0), dtype=complex),
         kept=kept,
         notes=tuple(said),
-        drift=Drift.of(*own.drift, _block_power(driven[found.start :], block, found.numbers))
-        if own.drift
-        else None,
+        drift=Drift.of(*own.drift, power) if own.drift else None,
+        warming=Drift.of("temperature_difference", np.linspace(-0.5, 0.5, 101), power),
     )
     here = replace(receivers, positions_m=_own_places(receivers, own))
     calibrated = _as_calibrated(here, own, channels, u_calibrator_percent)

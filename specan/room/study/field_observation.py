@@ -72,6 +72,8 @@ class FieldObservation(FrfObservation):
         them back along these columns: they are uncertain about no shift.
     drift : Drift, optional
         Of a condition that changed while it was recorded.
+    warming : Drift, optional
+        What `drift` is where the air warms steadily, by one kelvin from the beginning to the end.
     """
 
     declared: FieldReceivers | None = None
@@ -79,6 +81,7 @@ class FieldObservation(FrfObservation):
     offset: Complex | float = 0.0
     shifts: int = 0
     drift: Drift | None = None
+    warming: Drift | None = None
     kind: ClassVar[str] = "frf"
     plural: ClassVar[str] = "microphones"
 
@@ -89,7 +92,7 @@ class FieldObservation(FrfObservation):
         here, drift = self.conditions_at_nodes, self.drift
         if drift is None:
             return [response + self.offset for response in self.at_each(assembly, many, here)]
-        sides = [{**here, drift.condition: here[drift.condition] + s * drift.sd} for s in (-1, 1)]
+        sides = [{**here, drift.condition: here.get(drift.condition, 0.0) + s * drift.sd} for s in (-1, 1)]
         low, high = (self.at_each(assembly, many, at) for at in sides)
         # two places with the mean and the spread of the condition; and the slope between them
         means = [(a + b) / 2 + (b - a) / 2 * drift.by_line for a, b in zip(low, high, strict=True)]

@@ -25,7 +25,8 @@ from specan.room.model.rigid_modes import mode_names
 from specan.room.study.field_observation import field_observations
 from specan.room.study.matched_field import explained
 from specan.study.estimation.continuation import STAGES, continuation_fit, down_weighted, linearised
-from specan.study.estimation.fit import Fit, fit
+from specan.study.estimation.fit import Fit, fit, misfit_p_value
+from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_band_and_channel import NEAR_MODE
 from specan.study.localisation.localise import MistakenSetUp
@@ -230,7 +231,9 @@ class _Misfit:
 
 
 def undeclared_shifts(problem: Problem, best: Fit, least: float) -> str:
-    """Shifts of single modes that nobody has declared, as a sentence: they explain all, or are seen; else empty.
+    """Modes that move and nobody has said so, as a sentence, where that explains all or is seen; else empty.
+
+    All while it was recorded, with the temperature of the air, or each by itself.
 
     Parameters
     ----------
@@ -241,8 +244,36 @@ def undeclared_shifts(problem: Problem, best: Fit, least: float) -> str:
     least : float
         Probability of its misfit from which a model meets the data.
     """
-    model = with_usual_shifts(problem.assembly.model) if problem.strategy.linearised_covariance else None
-    return "" if model is None else _usual_shifts(problem, model, least) or _rings_elsewhere(problem, best)
+    if not problem.strategy.linearised_covariance:
+        return ""
+    warming, model = _warming(problem, best, least), with_usual_shifts(problem.assembly.model)
+    if warming or model is None:
+        return warming
+    return _usual_shifts(problem, model, least) or _rings_elsewhere(problem, best)
+
+
+def _warming(problem: Problem, best: Fit, least: float) -> str:
+    """Of air that warms or cools steadily while it is recorded."""
+    seen = field_observations(problem.observations)
+    if any(o.drift or not o.warming for o in seen):
+        return ""
+    warm = problem.over([replace(o, drift=o.warming) for o in seen]).residual(best.theta)
+    whole = Projection.of(best.residual, best.jacobian)
+    rows = np.repeat(np.arange(len(seen)), [o.n for o in seen])
+    one_kelvin = np.zeros((best.residual.size, len(seen)))
+    one_kelvin[np.arange(rows.size), rows] = (warm - best.residual)[: rows.size]
+    columns = whole.project_out(one_kelvin)
+    left = whole.project_out(best.residual)
+    kelvin = np.linalg.lstsq(columns, -left)[0]
+    fall = float(np.sum((columns @ kelvin) ** 2))
+    chi2, dof = best.chi2 - problem.pulled(best.residual) - fall, best.dof - len(seen)
+    if misfit_p_value(chi2, dof, problem.noise_dof) < least:
+        return ""
+    told = ", ".join(f"by {k:+.2g} K during {o.name}" for k, o in zip(kelvin, seen, strict=True))
+    return (
+        f"air that warms {told} would explain it (reduced chi-square {chi2 / dof:.2f}): give its temperature by "
+        "[air] temperature_log, or record it again when it is steady"
+    )
 
 
 def _usual_shifts(problem: Problem, model: Model, least: float) -> str:
