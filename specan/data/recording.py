@@ -453,7 +453,8 @@ class Recording(Result):
             )
         gains = np.array([[c.gain] for c in chosen])
         if np.any(gains != 1.0):
-            samples *= gains
+            with np.errstate(invalid="ignore", over="ignore"):  # a damaged file may hold any number
+                samples *= gains
         return samples
 
     def _place(self, channel: Channel) -> int:

@@ -3,8 +3,14 @@
 import json
 import subprocess
 import sys
+import tracemalloc
 
+import numpy as np
 import pytest
+
+from specan.analysis.levels import Levels
+from specan.analysis.octave import Octave
+from specan.data.recording import Recording
 
 pytest.importorskip("resource", reason="peak memory is read as POSIX gives it")
 
@@ -76,3 +82,15 @@ def test_memory_is_bounded_and_does_not_grow(analysis: str) -> None:
     start, short, long = json.loads(done.stdout)
     assert long - start < LIMIT
     assert long - short < GROWTH
+
+
+@pytest.mark.parametrize("analysis", [Levels(), Octave(averaging="fast", fmin=20e3)], ids=["rms", "octave"])
+def test_memory_is_bounded_in_the_rate(analysis) -> None:
+    """Eight thousand samples at 10 MHz: a response of 0.2 s would be as many megabytes again and again."""
+    mics = {"Mic 1": np.random.default_rng(1).standard_normal(8000)}
+    few = Recording.from_arrays(mics, 1e7, units={"Mic 1": "Pa"})
+    tracemalloc.start()
+    analysis(few)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 60e6
