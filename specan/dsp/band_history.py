@@ -146,11 +146,8 @@ _UNSEEN = 0.001
 _CYCLES_WITHOUT_RIPPLE = 100.0
 # A thinned output is faithful up to this part of half its rate.
 _FAITHFUL = 0.8
-# Up to so many numbers are added column by column: a sum over an axis so short costs more.
-_FEW = 6
-# Rows whose transforms numpy computes side by side in single precision, and points of an inverse transform that stay
-# in the cache with what they are made from.
-_SIDE_BY_SIDE, _POINTS = 4, 1 << 17
+# Points of inverse transforms that stay in the cache with what they are made from.
+_POINTS = 1 << 16
 
 
 @dataclass
@@ -234,62 +231,56 @@ class FilterAtWork:
 
     def squares(
         self,
-        spectrum: NDArray[Any],
+        spectrum: NDArray[np.complex128],
         count: int,
         cut: tuple[int, float] | None,
-        record: slice | None = None,
-        watch: Watch | None = None,
-        with_cut: Watch | None = None,
-    ) -> NDArray[np.float32]:
+        record: slice | None,
+        watch: Watch,
+        with_cut: Watch,
+    ) -> NDArray[np.float64]:
         """Mean square of the output over each of `count` intervals from the first new sample on.
 
-        Computed in the precision of `spectrum`. `cut` is an interval and which part of it belongs to the record.
-        `record` are the samples of the record in a section that it begins in; `watch` sees the output,
-        `with_cut` that of a weighting at the record's beginning before its decays are taken off.
+        `cut` is an interval and which part of it belongs to the record. `record` are the samples of the record in a
+        section that it begins in; `watch` sees the output, `with_cut` that of a weighting at the record's beginning
+        before its decays are taken off.
         """
-        rows, size = spectrum.shape[0], self.shape.points // GRAIN * self.intervals * self.kept
+        size = self.shape.points // GRAIN * self.intervals * self.kept
         width = (2 if self.envelope else 1) * self.kept
-        values = self.values.astype(spectrum.dtype)
         first = self.shape.before // GRAIN * self.intervals
-        square = np.empty((rows, count), dtype=np.float32)
-        step = max(1, _POINTS // (size * _SIDE_BY_SIDE)) * _SIDE_BY_SIDE
-        for start in range(0, rows, step):
-            # At the end some rows again: that is faster than fewer rows.
-            some = min(step, -(-(rows - start) // _SIDE_BY_SIDE) * _SIDE_BY_SIDE, rows)
-            top = min(start, rows - some)
-            part = spectrum[top : top + some]
-            output = (self._envelope if self.envelope else self._real)(part, values, size)
+        square = np.empty((len(spectrum), count))
+        step = max(4, _POINTS // size)
+        for top in range(0, len(spectrum), step):
+            rows = slice(top, top + step)
+            output = (self._envelope if self.envelope else self._real)(spectrum[rows], size)
             flat = output[:, first * width : (first + count) * width]
             if self.start is not None and record is not None:
-                if with_cut is not None:
-                    with_cut(slice(start, top + some), flat[start - top :])
+                with_cut(rows, flat)
                 flat[:, record] = self.start.without(flat[:, record])
-            if watch is not None:
-                watch(slice(start, top + some), flat[start - top :])
-            mine = flat.reshape(part.shape[0], count, width)
+            watch(rows, flat)
+            mine = flat.reshape(len(flat), count, width)
             if cut is not None:  # what comes after the end of the record is not part of it
                 inside = math.ceil(cut[1] * self.kept)
                 mine[:, cut[0], width * inside // self.kept :] = 0.0
                 mine[:, cut[0]] *= math.sqrt(self.kept / inside)
-            _sum_of_squares(mine, square[top : top + some])
+            square[rows] = np.einsum("ijk,ijk->ij", mine, mine)
         square /= self.kept
         return square
 
-    def _real(self, part: NDArray[Any], values: NDArray[Any], size: int) -> NDArray[Any]:
+    def _real(self, part: NDArray[np.complex128], size: int) -> NDArray[np.float64]:
         """`size` samples of the filter's output."""
-        product = _scratch.take("lines", part.shape[0], size // 2 + 1, part.dtype)
-        lines = slice(self.low, self.low + values.size)
+        product = _scratch.take("lines", len(part), size // 2 + 1, part.dtype)
+        lines = slice(self.low, self.low + self.values.size)
         product[:, : lines.start] = 0.0
         product[:, lines.stop :] = 0.0
-        np.multiply(part[:, lines], values, out=product[:, lines])
+        np.multiply(part[:, lines], self.values, out=product[:, lines])
         return np.fft.irfft(product, size, out=_output(part, size))
 
-    def _envelope(self, part: NDArray[Any], values: NDArray[Any], size: int) -> NDArray[Any]:
+    def _envelope(self, part: NDArray[np.complex128], size: int) -> NDArray[np.float64]:
         """`size` complex samples of the filter's output, each as two real numbers."""
-        product, used = _scratch.take("lines", part.shape[0], size, part.dtype), values.size
-        product[:, used:] = 0.0
-        for begin in range(0, used, size):
-            some = values[begin : begin + size]
+        product = _scratch.take("lines", len(part), size, part.dtype)
+        product[:, self.values.size :] = 0.0
+        for begin in range(0, self.values.size, size):
+            some = self.values[begin : begin + size]
             lines = part[:, self.low + begin : self.low + begin + some.size]
             if begin == 0:
                 np.multiply(lines, some, out=product[:, : some.size])
@@ -303,23 +294,9 @@ class FilterAtWork:
 _scratch = Memory()
 
 
-def _output(part: NDArray[Any], size: int) -> NDArray[Any]:
-    """Memory for real numbers in the precision of complex ones."""
-    return _scratch.take("output", part.shape[0], size, np.dtype(part.real.dtype))
-
-
-def _sum_of_squares(numbers: NDArray[Any], result: NDArray[np.float32]) -> None:
-    """Sum over the last axis; the numbers are lost."""
-    if numbers.shape[2] > _FEW:
-        np.einsum("ijk,ijk->ij", numbers, numbers, out=result, casting="same_kind")
-        return
-    np.multiply(numbers, numbers, out=numbers)
-    if numbers.shape[2] == 1:
-        result[...] = numbers[:, :, 0]
-        return
-    np.add(numbers[:, :, 0], numbers[:, :, 1], out=result, casting="same_kind")
-    for column in range(2, numbers.shape[2]):
-        result += numbers[:, :, column]
+def _output(part: NDArray[np.complex128], size: int) -> NDArray[Any]:
+    """Memory for real numbers."""
+    return _scratch.take("output", len(part), size, np.dtype(float))
 
 
 def stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> Stage:
@@ -360,8 +337,6 @@ def _grid(need: int, least: int, numbers: int) -> tuple[int, int]:
         ways.append(((numbers * kept + 1) * intervals, intervals, kept))
     return min(ways)[1:]
 
-
-Real = NDArray[np.float64] | NDArray[np.float32]
 
 # What a band filter makes of the cut at the record's beginning has fallen by 60 dB after 2 times 3 / B: 10 dB
 # in every 1 / B.
@@ -468,19 +443,19 @@ class RunningLevel:
         """Which of the next intervals belong to the record, behind a filter that has answered to its beginning."""
         return slice(max(self._start - self._position, 0), max(min(count, self._end - self._position), 0))
 
-    def take(self, square: Real, factor: NDArray[np.float64] | None = None) -> None:
-        """Weight the next mean squares (channels, intervals), each channel's times a factor, and read the result."""
+    def take(self, square: NDArray[np.float64]) -> None:
+        """Weight the next mean squares (channels, intervals), and read the result."""
         high, low = self._span(square, self._start), self._span(square, self._settled)
         counted = self._span(square, self._first)
         if self._whole:
             square[:, : counted.start] = 0.0
-            self._add_up(square, factor)
-        weighted = self._weighting(square, factor)
+            self._add_up(square)
+        weighted = self._weighting(square)
         self._minimum = np.fmin(self._minimum, np.fmin.reduce(weighted[:, low], axis=1, initial=np.nan))
         self._counted = np.fmax(self._counted, np.fmax.reduce(weighted[:, counted], axis=1, initial=np.nan))
         if self._peaks is not None:  # what a peak holder has held cannot be taken off
             square[:, : max(self._start - self._position, 0)] = 0.0
-            later = self._peaks(square, factor)[:, high]
+            later = self._peaks(square)[:, high]
         else:
             later = self._without_beginning(weighted, high)
         self._maximum = np.fmax(self._maximum, np.fmax.reduce(later, axis=1, initial=np.nan))
@@ -494,22 +469,20 @@ class RunningLevel:
         self.highest_with_cut[rows] = np.max(weighted, axis=1, initial=0.0)
         self._cut_intervals, self._cut_sum[rows] = square.shape[1], np.add.reduce(square, axis=1)
 
-    def _add_up(self, square: Real, factor: NDArray[np.float64] | None) -> None:
+    def _add_up(self, square: NDArray[np.float64]) -> None:
         """Add the next mean squares to the sum over the record, the last interval as far as it belongs to it."""
         last = self._last_interval - self._position
         if self._position == 0 and self._cut_intervals:
-            known = np.add.reduce(square[:, : self._cut_intervals], axis=1, dtype=np.float64)
-            self._cut_sum -= known if factor is None else known * factor
-        found = np.add.reduce(square[:, : max(last, 0)], axis=1, dtype=np.float64)
+            self._cut_sum -= np.add.reduce(square[:, : self._cut_intervals], axis=1)
+        self._sum += np.add.reduce(square[:, : max(last, 0)], axis=1)
         if 0 <= last < square.shape[1]:
-            found += self._last_part * square[:, last]
-        self._sum += found if factor is None else found * factor
+            self._sum += self._last_part * square[:, last]
 
     def mean_square(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Over the record, of what comes out of a weighting, or of the record itself; and with the cut."""
         return self._sum / self._intervals, (self._sum + self._cut_sum) / self._intervals
 
-    def _span(self, square: Real, since: int) -> slice:
+    def _span(self, square: NDArray[np.float64], since: int) -> slice:
         """Which of the next intervals belong to the record from an interval of it on."""
         return slice(max(since - self._position, 0), max(min(square.shape[1], self._end - self._position), 0))
 
@@ -565,10 +538,6 @@ class RunningLevel:
             self._read = done
 
 
-# The rounding of a transform in single precision, 1e-7 of the RMS of its section, is spread over all of the section. A
-# moment of so many intervals that is 50 dB below the mean has it at 3e-5 of its own amplitude, which changes its mean
-# square by less than 1e-4 dB. Where there is a quieter one, double precision is used.
-_MOMENT, _QUIET = 16, 1e-5
 # Samples of which a constant part is taken off at once.
 _PIECE = 1 << 15
 
@@ -668,8 +637,7 @@ class BandHistoryAccumulator:
 
     Filtering is multiplication of the transform of a section with the filter's response: neither the bilinear
     transform's warping nor a sampled filter's rounding at low frequencies. A section begins with so many known
-    samples as its filters ring for. What comes out of a filter is found in single precision unless it has very quiet
-    moments; transforms of the samples, and the weighting in time, are in double precision.
+    samples as its filters ring for.
 
     Parameters
     ----------
@@ -715,7 +683,6 @@ class BandHistoryAccumulator:
             filters = [replace(one, ringing=math.inf, identity=False) for one in filters]
         stages = stages_of(record.rate)
         at = [stage_for(one, stages, average.time_constant).number for one in filters]
-        self._store: list[NDArray[np.complex64]] = []
         self._stages: list[_AtStage] = []
         self._levels: dict[int, RunningLevel] = {}
         for stage in stages[: max(at) + 1]:
@@ -732,7 +699,7 @@ class BandHistoryAccumulator:
         if self._derivatives.any():
             factor = _differentiation(self._derivatives, stage.rate, shape.points)
         filtered = any(not one.identity for one in filters.values())
-        section = Sections(record.rows, shape, factor, filtered=filtered, thinned=thinned, store=self._store)
+        section = Sections(record.rows, shape, factor, filtered=filtered, thinned=thinned)
         ways = {k: FilterAtWork.of(one, stage, shape, tau) for k, one in filters.items()}
         for k, way in ways.items():
             self._levels[k] = RunningLevel(filters[k], stage, way, record, average, k < self._read)
@@ -777,25 +744,19 @@ class BandHistoryAccumulator:
                 continue
             more = None if way.start is None else drifting
             spectrum = section.spectrum if more is None else section.spectrum + more
-            square = way.squares(spectrum, count, cut, begins, *self._watchers(k, way, section, inside))
-            uneven = _uneven(square[:, running.inside(count)])
-            if uneven.any():
-                exact = section.exact() if more is None else section.exact() + more
-                chosen = exact if uneven.all() else exact[uneven]
-                square[uneven] = way.squares(chosen, count, cut, begins)
-            running.take(square, np.square(section.scale))
+            running.take(way.squares(spectrum, count, cut, begins, *self._watchers(k, way, inside)))
         if section.low.size:
             self._pass_on(number + 1, section.low)
 
-    def _watchers(self, k: int, way: FilterAtWork, section: Sections, inside: slice) -> tuple[Watch, Watch]:
+    def _watchers(self, k: int, way: FilterAtWork, inside: slice) -> tuple[Watch, Watch]:
         """What sees the output of a filter, and that of a weighting before its decays are taken off a beginning."""
 
         def watch(rows: slice, output: NDArray[Any]) -> None:
             if k == self._peak_of:
-                self._peaks.look(rows, output[:, inside] * section.scale[rows, None])
+                self._peaks.look(rows, output[:, inside])
 
         def before(rows: slice, output: NDArray[Any]) -> None:
-            seen = output[:, inside] * section.scale[rows, None]
+            seen = output[:, inside]
             if k == self._peak_of:
                 self._peaks_with_cut.look(rows, seen)
             whole = seen.shape[1] // way.kept * way.kept
@@ -832,16 +793,6 @@ def _differentiation(derivatives: NDArray[np.int64], rate: float, points: int) -
         row[1:] = (1j * omega[1:]) ** int(times)
         row[0] = times == 0
     return factor
-
-
-def _uneven(square: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which rows have a moment that is so quiet beside the others that the rounding of these would be seen."""
-    whole = square.shape[1] // _MOMENT
-    if not whole:
-        return np.zeros(square.shape[0], dtype=np.bool_)
-    pieces = square[:, : whole * _MOMENT].reshape(square.shape[0], whole, _MOMENT)
-    moments = np.matmul(pieces, np.ones(_MOMENT, dtype=square.dtype))
-    return np.asarray(moments.min(axis=1) < _QUIET * moments.mean(axis=1))
 
 
 def _unfiltered_square(

@@ -205,6 +205,9 @@ def fast_length(count: int) -> int:
         count += 1
 
 
+_memory = Memory()
+
+
 class Sections:
     """Transforms of the sections of a stream.
 
@@ -219,16 +222,11 @@ class Sections:
         Multiplies the transforms (not the thinned stream).
     filtered, thinned : bool
         Whether transforms are wanted, and the stream at one eighth of the rate.
-    store : list, optional
-        Memory that several streams use for `spectrum`, if each has been used before another goes on.
 
     Attributes
     ----------
-    spectrum : complex64 array, shape (rows, points / 2 + 1)
-        Transform of the section, each row over its `scale`, by which its numbers are between -1 and 1. Single precision
-        leaves an error of 1e-7 of each line.
-    scale : ndarray, shape (rows,)
-        Powers of two.
+    spectrum : complex array, shape (rows, points / 2 + 1)
+        Transform of the section, in memory that the next one of any stream uses again.
     low : ndarray, shape (rows, hop / 8)
         The thinned stream, `LATE` samples behind the section's new ones.
 
@@ -249,42 +247,18 @@ class Sections:
         *,
         filtered: bool = False,
         thinned: bool = False,
-        store: list[NDArray[np.complex64]] | None = None,
     ) -> None:
         self.shape, self._factor = shape, factor
         self._filtered, self._thinned = filtered, thinned
         self._known = np.zeros((rows, shape.points))
         self._filled = shape.before
-        lines = shape.points // 2 + 1
-        self._store = [] if store is None else store
-        self._shared = (rows if filtered else 0, lines)
-        if not self._store or self._store[0].size < self._shared[0] * lines:
-            self._store[:] = [np.empty(self._shared[0] * lines, dtype=np.complex64)]
-        self.scale = np.ones(rows)
+        self.spectrum: Complex = np.empty((0, 0), dtype=complex)
         self.low = np.empty((rows if thinned else 0, shape.hop // FACTOR))
-        self._exact: Complex | None = None
-        self._lines = np.empty((min(rows, ROWS), lines), dtype=np.complex128)
 
-    @property
-    def spectrum(self) -> NDArray[np.complex64]:
-        """Transform of the section."""
-        rows, lines = self._shared
-        return self._store[0][: rows * lines].reshape(rows, lines)
-
-    def exact(self) -> Complex:
-        """`spectrum` in double precision, for the few sections that need it."""
-        if self._exact is None:
-            self._exact = np.fft.rfft(self._known)
-            if self._factor is not None:
-                self._exact *= self._factor
-            self._exact /= self.scale[:, None]
-        return self._exact
-
-    def lines_of(self, samples: Real) -> NDArray[np.complex64]:
+    def lines_of(self, samples: Real) -> Complex:
         """What samples (rows, points) would add to `spectrum`."""
         lines = np.fft.rfft(samples)
-        lines *= (1.0 if self._factor is None else self._factor) / self.scale[:, None]
-        return lines.astype(np.complex64)
+        return lines if self._factor is None else lines * self._factor
 
     @property
     def fresh(self) -> Real:
@@ -315,7 +289,7 @@ class Sections:
             left -= self.shape.hop
 
     def _move_on(self) -> None:
-        hop, self._exact = self.shape.hop, None
+        hop = self.shape.hop
         for row in self._known:  # overlaps itself: numpy makes a copy of what it moves
             row[:-hop] = row[hop:]
         self._filled = max(self._filled - hop, 0)
@@ -323,26 +297,15 @@ class Sections:
     def _transform(self) -> None:
         if not (self._filtered or self._thinned):
             return
-        for top in range(0, self._known.shape[0], ROWS):
-            rows = slice(top, top + ROWS)
-            known = self._known[rows]
-            lines = np.fft.rfft(known, out=self._lines[: known.shape[0]])
-            if self._thinned:
-                self.low[rows] = self._thin(lines)
-            if self._filtered:
-                self._round(lines, rows)
+        rows, lines = self._known.shape[0], self.shape.points // 2 + 1
+        self.spectrum = np.fft.rfft(self._known, out=_memory.take("spectrum", rows, lines, np.dtype(complex)))
+        if self._thinned:
+            self.low = self._thin(self.spectrum)
+        if self._factor is not None:
+            self.spectrum *= self._factor
 
     def _thin(self, lines: Complex) -> Real:
         low = self.shape.points // (2 * FACTOR)
         first = (self.shape.before - LATE) // FACTOR
         thin = np.fft.irfft(lines[:, : low + 1] * low_pass(low), 2 * low)
         return thin[:, first : first + self.shape.hop // FACTOR]
-
-    def _round(self, lines: Complex, rows: slice) -> None:
-        if self._factor is not None:
-            lines *= self._factor[rows]
-        numbers = lines.view(np.float64)
-        largest = np.maximum(numbers.max(axis=1), -numbers.min(axis=1))
-        usable = np.isfinite(largest) & (largest > 0.0)
-        self.scale[rows] = np.where(usable, 2.0 ** np.frexp(np.where(usable, largest, 1.0))[1], 1.0)
-        np.multiply(lines, 1.0 / self.scale[rows][:, None], out=self.spectrum[rows], casting="same_kind")

@@ -231,11 +231,9 @@ class TimeWeighting:
         self._fall = 0.0 if decay is None else 1.0 / (sampling_rate * decay)
         self._peak = np.zeros((rows, 1))
 
-    def __call__(self, squared: Real | NDArray[np.float32], factor: Real | None = None) -> Real:
-        """Weighted mean square at every sample; `squared` has the shape (rows, n), `factor` multiplies its rows."""
+    def __call__(self, squared: Real) -> Real:
+        """Weighted mean square at every sample; `squared` has the shape (rows, n)."""
         given = squared.astype(np.float64)
-        if factor is not None:
-            given *= factor[:, None]
         for first in range(0, given.shape[1], self._rise.size):
             piece = given[:, first : first + self._rise.size]
             rise = self._rise[: piece.shape[1]]
