@@ -333,6 +333,7 @@ class Model:
         units: Mapping[str, str] | None = None,
         effects: Sequence[Effect] = (),
         base_effects: Sequence[str] = (),
+        window_s: float | None = None,
         name: str = "",
         title: str = "",
     ) -> Model:
@@ -358,6 +359,9 @@ class Model:
             What may be missing.
         base_effects : sequence of str, optional
             Those of them that the model has.
+        window_s : float, optional
+            Recordings are compared in pieces of this length, each with a start of its own: for runs that are chaotic,
+            or so long that what nobody measured drives them away.
         name, title : str
             As in `from_function`.
 
@@ -384,7 +388,7 @@ class Model:
         return cls(
             name or name_of(functions[0]) or next(iter(observables)),
             title or title_of(functions[0]) or "a model of rates",
-            **fields_from_rates(functions, states, inputs, observables, more),
+            **fields_from_rates(functions, states, inputs, observables, more, window_s),
             base_effects=tuple(base_effects),
             declared_units=True,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from specan.units import is_compatible, scale_to
 KIND = "time"  # of measurement
 TIME = "time"
 MEASURED = "measured"  # of a state's start
+FEW = 15  # samples whose slope tells how quickly a piece begins
 UNSIZED = "ranges of effects of the shelf are for usual sizes of 1; a recording tells them (--measurement)"
 
 
@@ -113,6 +114,8 @@ class Rates:
         Change of a state that no reading shows.
     exact : bool
         Whether states are integrated to a billionth of their RMS, whatever the noise: a simulation.
+    window_s : float, optional
+        Pieces in which recordings are compared, each with its own start.
     """
 
     states: Mapping[str, State]
@@ -121,6 +124,7 @@ class Rates:
     unsized: tuple[Unsized, ...] = ()
     tolerances: dict[str, float] = field(default_factory=dict)
     exact: bool = False
+    window_s: float | None = None
 
     def allow(self, noise: Mapping[str, float]) -> None:
         """Take a tenth of the noise of observables, in their unit, for what no reading shows."""
@@ -140,6 +144,23 @@ class Rates:
         """
         if not self.unsized:
             return model
+        names = {pair for one in self.unsized for pair in one.named.values()}
+        sizes = self._sizes(model, recordings, {name for _, name in names})
+        for name, size in sizes.items():
+            if not (np.isfinite(size) and size > 0):
+                raise RequestError(
+                    f"{name} is {size:g} in what the model answers at its starting values",
+                    remedy=f'change these, or give the shelf its usual size: ("{name}", 5, "{_units(model)[name]}")',
+                )
+        made = [effect for one in self.unsized for effect in one.effects(sizes, _units(model))]
+        return replace(model.with_effect(*made), notes=())
+
+    def _sizes(
+        self,
+        model: Any,
+        recordings: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]],
+        names: Iterable[str],
+    ) -> dict[str, float]:
         own = {name: model.effects[Use.parse(name).name] for name in model.base_effects}
         base = replace(model, effects=own).assemble(model.base_effects)
         with np.errstate(all="ignore"):
@@ -149,17 +170,54 @@ class Rates:
         }
         told = {name: _usual_size(parts) for name, parts in shown.items() if parts}
         ratio = float(np.mean([told[n] / _usual_size([one[n] for one in found]) for n in told] or 1.0))
-        sizes: dict[str, float] = {}
-        for _, name in {pair for one in self.unsized for pair in one.named.values()}:
-            scale = 1.0 if name in self.inputs else ratio
-            sizes[name] = told.get(name) or scale * _usual_size([one[name] for one in found])
-            if not (np.isfinite(sizes[name]) and sizes[name] > 0):
-                raise RequestError(
-                    f"{name} is {sizes[name]:g} in what the model answers at its starting values",
-                    remedy=f'change these, or give the shelf its usual size: ("{name}", 5, "{_units(model)[name]}")',
+        scale = {name: 1.0 if name in self.inputs else ratio for name in names}
+        return {n: told.get(n) or scale[n] * _usual_size([one[n] for one in found]) for n in names}
+
+    def in_pieces(self, model: Any, recordings: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> Any:
+        """The model with a start of every state that each piece of a recording tells.
+
+        A state that is measured, or whose change is, starts near what its first samples show.
+        """
+        conditions, starts, sizes = {}, {}, self._sizes(model, recordings, self.states)
+        for name, state in self.states.items():
+            size = sizes[name] if np.isfinite(sizes[name]) and sizes[name] > 0 else 1.0
+            start = Parameter(
+                0.0, state.unit, min=-size, max=size, lower=-100 * size, upper=100 * size, per="recording",
+                as_declared=True,
+            )  # fmt: skip
+            found = of_parameter(f"{name}_start", start, f"{name} when a piece begins.")
+            if name in self.scales or self._moving(model, name):
+                conditions |= _first(name, state.unit)
+                found = replace(
+                    found, function=lambda first, *, value: first + value, reads=(f"{name}_first",)
                 )
-        made = [effect for one in self.unsized for effect in one.effects(sizes, _units(model))]
-        return replace(model.with_effect(*made), notes=())
+            starts[found.name] = replace(found, unit=state.unit)
+        return replace(
+            model,
+            quantities={**model.quantities, **starts},
+            conditions={**model.conditions, **conditions},
+        )
+
+    def _moving(self, model: Any, name: str) -> list[str]:
+        """States that are measured and whose rate is this one."""
+        of = {x: model.quantities[f"d{x}"] for x in self.scales}
+        return [x for x, node in of.items() if node.reads == (name,) and not node.parameters]
+
+    def firsts(self, model: Any, time: Any, measured: Mapping[str, Any]) -> dict[str, float]:
+        """What the first samples show of the states that start from them."""
+        found = {}
+        for name in self.states:
+            if f"{name}_first" not in model.conditions:
+                continue
+            value, unit = 1.0, self.states[name].unit
+            if name in measured:
+                value = float(measured[name][0]) * scale_to(model.observables[name].unit, unit)
+            for x in [] if name in measured else self._moving(model, name)[:1]:
+                few = slice(0, FEW)
+                slope = np.polyfit(time[few] - time[0], measured[x][few] * self.scales[x], 2)[1]
+                value = float(slope / model.quantities[f"d{x}"].function(1.0))
+            found[f"{name}_first"] = value
+        return found
 
     def states_of(self, assembly: Any) -> dict[str, State]:
         """States of the model and of the effects that are on."""
@@ -222,6 +280,7 @@ def fields_from_rates(
     inputs: Mapping[str, Any],
     observables: Mapping[str, Any],
     more: Mapping[str, Any],
+    window_s: float | None = None,
 ) -> dict[str, Any]:
     """Fields of a model made of rates; `more` are parameters, units and effects as `fields_from_functions` takes them.
 
@@ -261,7 +320,7 @@ def fields_from_rates(
     }  # fmt: skip
     noise = {name: one.uncertainty for name, one in signals.items() if one.uncertainty is not None}
     scales = {n: scale_to(one.unit, states[n].unit) for n, one in signals.items() if n in states}
-    rates = Rates(states, channels, scales, unsized)
+    rates = Rates(states, channels, scales, unsized, window_s=window_s)
     rates.allow(noise)
     starts = [_start_of(name, state) for name, state in states.items()]
     return fields | {
@@ -305,14 +364,18 @@ def _conditions(
             channel: Condition(channel, known[n], f"Recorded {n}.", n, known[n], label=n)
             for n, channel in channels.items()
         },
-        **{
-            f"{n}_first": Condition(
-                f"{n}_first", known[n], f"First value of {n}.", f"{n}_first", known[n], 0.0, varies=False
-            )
+        **dict(
+            pair
             for n, state in states.items()
             if state.start == MEASURED
-        },
+            for pair in _first(n, known[n]).items()
+        ),
     }
+
+
+def _first(name: str, unit: str) -> dict[str, Condition]:
+    first = f"{name}_first"
+    return {first: Condition(first, unit, f"First value of {name}.", first, unit, 0.0, varies=False)}
 
 
 def _signal(name: str, given: Any, known: Mapping[str, str]) -> Signal:

@@ -22,7 +22,7 @@ from specan.models.from_function import PREFIX, place_of
 from specan.models.model import Assembly, Model
 from specan.units import convert, same_dimension, with_unit
 
-LIMIT_S = 20.0  # of one evaluation: a diagnosis takes hundreds
+LIMIT_S = 60.0  # of one evaluation: a diagnosis takes hundreds
 
 Conditions = Mapping[str, NDArray[np.float64]]
 

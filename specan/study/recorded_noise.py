@@ -11,6 +11,7 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Assembly
+from specan.models.rates import TIME
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.levenberg_marquardt import best_screened, descend
 from specan.study.estimation.problem import Problem
@@ -21,6 +22,7 @@ from specan.study.observation.time import TimeObservation
 
 TRIED = 5  # effects that promise most
 LEAST_DOF = 10  # of the variance of the noise
+APART = 100.0  # times by which a change of a start grows, beyond what constant rates make of it
 IMPULSE = 1e-3  # standard deviations of a state, small enough for a straight line
 
 
@@ -73,7 +75,10 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, Ca
         # the variance of the noise is known with so many degrees of freedom, by the kurtosis of what is left
         if 2 * np.sum(left**2) ** 2 < LEAST_DOF * np.sum(left**4):
             raise NoiseError(_lies_in_few(o, left))
-        noisy.append(o.with_noise_of(left, _responses(o, largest.assembly, largest.values_at(reached.theta))))
+        responses = _responses(o, largest.assembly, largest.values_at(reached.theta))
+        if why := _runs_apart(o, responses):
+            raise NoiseError(why)
+        noisy.append(o.with_noise_of(left, responses))
     known = replace(problem, observations=tuple(noisy))
     return known, fit(known, start=base.theta), first.whitened_by(known)
 
@@ -95,6 +100,26 @@ def _led_with(promise: Promise, problem: Problem) -> Iterator[tuple[float, Probl
     with suppress(ComputationError):
         theta = best_screened(more, promise.on_the_way(more))
         yield float(np.sum(more.residual(theta) ** 2)), more, theta
+
+
+def _runs_apart(o: TimeObservation, responses: Mapping[str, Array]) -> str:
+    """Why nobody can foretell a recording to its end; empty where one can."""
+    for chains in o.chains.values():
+        rows = max(chains, key=lambda chain: chain.size)
+        time = o.conditions[TIME][rows]
+        for state, response in responses.items():
+            size = np.abs(response[rows])
+            soon = float(np.max(size[: rows.size // 10], initial=0.0))
+            late = float(np.max(size))
+            if soon > 0 and late > APART * soon:
+                # over which it grows by e squared
+                seconds = 2 * float(time[np.argmax(size)] - time[0]) / np.log(late / soon)
+                return (
+                    f"a small change of {state} at the start grows more than {APART:g} times over the recording: the "
+                    "motion is chaotic, or runs away, and no model can foretell it to the end. Compare it in pieces "
+                    f"with starts of their own: Model.from_rates(..., window_s={seconds:.1g})"
+                )
+    return ""
 
 
 def _responses(o: TimeObservation, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Array]:

@@ -136,4 +136,4 @@ def of_file(file: str | None, recordings: Sequence[str], recording: NDArray[np.i
         return np.ones(recording.size, dtype=bool)
     if file not in recordings:
         raise RequestError(f"no measurement {file!r}", remedy=nearest(file, recordings))
-    return np.asarray(recording == list(recordings).index(file))
+    return np.array([one == file for one in recordings])[recording]

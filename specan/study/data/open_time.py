@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,8 +21,49 @@ from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.time import TimeObservation
 from specan.units import convert, is_compatible
 
+LEAST_PIECE = 20  # samples
 CHECKED = 2000  # samples that a model is checked with
 TITLE = "a recording (TDMS, WAV, CSV, MAT, HDF5, UFF)"
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A recording, or a piece of one: conditions, measured values, and what was found."""
+
+    file: str
+    conditions: dict[str, Array]
+    measured: dict[str, Array]
+    said: str = ""
+    begin_s: float | None = None
+
+    @property
+    def name(self) -> str:
+        return self.file if self.begin_s is None else f"{self.file} from {self.begin_s:.6g} s"
+
+    @property
+    def both(self) -> tuple[dict[str, Array], dict[str, Array]]:
+        return self.conditions, self.measured
+
+    def begun(self, model: Model) -> _Part:
+        """With the first values that states of a model start from."""
+        firsts = _rates(model).firsts(model, self.conditions[TIME], self.measured)
+        size = self.conditions[TIME].size
+        return replace(self, conditions=self.conditions | {n: np.full(size, v) for n, v in firsts.items()})
+
+    def pieces(self, model: Model, seconds: float) -> list[_Part]:
+        """Pieces of equal length, the last one with what remains if that is less than half of one."""
+        time = self.conditions[TIME]
+        each = max(round(seconds / float(time[1])), LEAST_PIECE)
+        begins = [*range(0, max(time.size - each // 2, 1), each)]
+        spans = [slice(a, b) for a, b in zip(begins, [*begins[1:], time.size], strict=True)]
+        return [
+            replace(
+                self, begin_s=float(time[span.start]),
+                conditions={n: v[span] for n, v in self.conditions.items()},
+                measured={n: v[span] for n, v in self.measured.items()},
+            ).begun(model)
+            for span in spans
+        ]  # fmt: skip
 
 
 def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
@@ -38,30 +78,41 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     """
     fitted = [_read(model, file, wanted.calibration) for file in wanted.measurements]
     checked = [_read(model, file, wanted.calibration) for file in wanted.validations]
-    noise = {name: _noise(model, name, [one[1][name] for one in fitted]) for name in model.observables}
+    statements = [one.said for one in (*fitted, *checked)]
+    noise = {name: _noise(model, name, [one.measured[name] for one in fitted]) for name in model.observables}
     rates = _rates(model)
-    model = rates.sized(model, [one[:2] for one in fitted])
+    model = rates.sized(model, [one.both for one in fitted])
     rates.allow({name: size for name, (size, _) in noise.items()})
-    whole = _observation(model, wanted.measurements, fitted, noise)
+    if rates.window_s:
+        model = rates.in_pieces(model, [one.both for one in fitted])
+        fitted, checked = (
+            [p for one in some for p in one.pieces(model, rates.window_s)] for some in (fitted, checked)
+        )
+        statements.append(
+            f"compared in {len(fitted)} pieces of {rates.window_s:g} s, each with its own start"
+        )
+    whole = _observation(model, fitted, noise)
     aside = np.zeros(whole.n, dtype=bool)
     columns = {
         TIME: Column(whole.conditions[TIME], model.conditions[TIME], reach=lambda value: 0.0),
         "channel": Column(whole.observable),
     }
+    files = tuple(one.file for one in fitted)
     for file, where in wanted.hold_out:
-        aside |= chosen(columns, where) & of_file(file, whole.recordings, np.asarray(whole.recording))
+        aside |= chosen(columns, where) & of_file(file, files, np.asarray(whole.recording))
     if np.all(aside):
         raise RequestError(
             "all samples are held out", expected="some to fit", remedy="hold out a shorter time"
         )
     kept = whole.take(~aside) if np.any(aside) else whole
     held_out = [whole.take(aside)] if np.any(aside) else []
-    held_out += [_observation(model, wanted.validations, checked, noise)] if checked else []
-    few = {n: v[:1000] for n, v in fitted[0][0].items()}  # samples on which a user's functions are tried
+    held_out += [_observation(model, checked, noise)] if checked else []
+    few = {
+        n: v[:1000] for n, v in fitted[0].conditions.items()
+    }  # samples on which a user's functions are tried
     # compiles, which takes seconds
     model.assemble(model.base_effects).evaluate({n: v[:2] for n, v in few.items()})
     try_model(model, few)
-    statements = [said for *_, said in (*fitted, *checked)]
     statements.append(f"solved by {model.solver.method()}")
     for name, (size, stated) in noise.items():
         how = "as stated" if stated else "from the quickest changes"
@@ -74,22 +125,19 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
 
 def inputs_of(model: Model, file: DataFile) -> tuple[Model, dict[str, Array], float]:
     """Conditions of a recording that need only hold inputs, the exact model for these, and the sampling rate."""
-    conditions, measured, _ = _read(model, file, None, needs_outputs=False)
-    sized = _rates(model).sized(model, [(conditions, measured)])
-    return (
-        replace(sized, rates=replace(_rates(sized), exact=True)),
-        conditions,
-        1 / float(conditions[TIME][1]),
-    )
+    found = _read(model, file, None, needs_outputs=False)
+    sized = _rates(model).sized(model, [found.both])
+    exact = replace(sized, rates=replace(_rates(sized), exact=True))
+    return exact, found.conditions, 1 / float(found.conditions[TIME][1])
 
 
 def for_check(model: Model, file: DataFile) -> tuple[Model, dict[str, Array]]:
     """A model that knows the noise of a recording's channels, and the first conditions of that."""
-    conditions, measured, _ = _read(model, file, None)
-    noise = {name: _noise(model, name, [values])[0] for name, values in measured.items()}
-    known = _rates(model).sized(model, [(conditions, measured)])
+    found = _read(model, file, None)
+    noise = {name: _noise(model, name, [values])[0] for name, values in found.measured.items()}
+    known = _rates(model).sized(model, [found.both])
     known = replace(known, rig=replace(model.rig, reading={**model.rig.reading, **noise}))
-    return known, {name: values[:CHECKED] for name, values in conditions.items()}
+    return known, {name: values[:CHECKED] for name, values in found.conditions.items()}
 
 
 def _rates(model: Model) -> Rates:
@@ -97,10 +145,7 @@ def _rates(model: Model) -> Rates:
     return model.rates
 
 
-def _read(
-    model: Model, file: DataFile, calibration: Path | None, needs_outputs: bool = True
-) -> tuple[dict[str, Array], dict[str, Array], str]:
-    """Conditions and measured values of a file, and what was found."""
+def _read(model: Model, file: DataFile, calibration: Path | None, needs_outputs: bool = True) -> _Part:
     recording = open_recording(file.path, calibration=calibration)
     inputs = {c.name: c for c in model.conditions.values() if c.name in _rates(model).inputs.values()}
     firsts = {name.removesuffix("_first") for name in model.conditions if name.endswith("_first")}
@@ -122,13 +167,9 @@ def _read(
     conditions = {TIME: np.arange(size) / rate}
     conditions |= {name: found[name][1][:size] for name in inputs}
     measured = {name: found[name][1][:size] for name in outputs}
-    for name in model.conditions:
-        of = name.removesuffix("_first")
-        if name != of and of in measured:
-            unit = model.observables[of].unit
-            conditions[name] = np.full(size, convert(measured[of][0], unit, model.conditions[name].unit))
     channels = ", ".join(channel.name for channel, _ in found.values())
-    return conditions, measured, f"{file.name}: {channels}; {size} samples at {rate:g} Hz" + "".join(notes)
+    said = f"{file.name}: {channels}; {size} samples at {rate:g} Hz" + "".join(notes)
+    return _Part(file.name, conditions, measured, said).begun(model)
 
 
 def _channel(
@@ -169,24 +210,24 @@ def _noise(model: Model, name: str, values: Sequence[Array]) -> tuple[float, boo
 
 
 def _observation(
-    model: Model, files: Sequence[DataFile], parts: Sequence[Any], noise: dict[str, tuple[float, bool]]
+    model: Model, parts: Sequence[_Part], noise: dict[str, tuple[float, bool]]
 ) -> TimeObservation:
     """Everything that was measured in some files, one observable behind the other."""
     names = list(noise)
-    sizes = [next(iter(conditions.values())).size for conditions, *_ in parts]
-    series = {n: np.concatenate([conditions[n] for conditions, *_ in parts]) for n in parts[0][0]}
+    sizes = [one.conditions[TIME].size for one in parts]
+    series = {n: np.concatenate([one.conditions[n] for one in parts]) for n in parts[0].conditions}
     recording = np.repeat(np.arange(len(parts)), sizes)
-    measured = np.concatenate([np.concatenate([own[name] for _, own, _ in parts]) for name in names])
+    measured = np.concatenate([np.concatenate([one.measured[name] for one in parts]) for name in names])
     count, every = sum(sizes), len(names)
     position = np.tile(np.arange(count), every)
     sigma = np.repeat([noise[name][0] for name in names], count)
     return TimeObservation(
-        name=files[0].name if len(files) == 1 else f"{len(files)} recordings",
+        name=parts[0].name if len(parts) == 1 else f"{len(parts)} recordings",
         observable=np.repeat(names, count),
         measured=measured,
         conditions={n: v[position] for n, v in series.items()},
         covariance=sigma**2,
-        recordings=tuple(file.name for file in files),
+        recordings=tuple(one.name for one in parts),
         recording=recording[position],
         # a noise that is stated is known with ten degrees of freedom, one that the data tell with one
         noise_dof=10.0 if all(stated for _, stated in noise.values()) else 1.0,

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit
+from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import chi2_beside, covariance_root, orthonormal
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
@@ -162,7 +163,7 @@ class HeldOut:
 def held_out_error(problem: Problem, best: Fit, observations: Sequence[Observation]) -> HeldOut:
     """Predict observations that were not fitted, with the covariance of the prediction."""
     joint = problem.over([*problem.observations, *observations])
-    theta, covariance = _carried_over(problem, best, joint)
+    theta, covariance = _begun(problem, *_carried_over(problem, best, joint), joint)
     seen = len(problem.observations)
     predictions = joint.predictions(theta)[seen:]
     slopes = joint.sensitivities(theta)[seen:]
@@ -195,6 +196,25 @@ def _carried_over(problem: Problem, best: Fit, joint: Problem) -> tuple[Array, A
         if name not in place:
             fitted = [best.theta[i] for n, i in place.items() if n.whole == name.whole]
             theta[k], covariance[k, k] = np.mean(fitted), np.var(fitted)
+    return theta, covariance
+
+
+def _begun(problem: Problem, theta: Array, covariance: Array, joint: Problem) -> tuple[Array, Array]:
+    """The same with the starts of states that recordings beside the fitted ones tell themselves."""
+    rates, fitted = problem.assembly.model.rates, set(problem.names)
+    starts = {f"{name}_start" for name in (rates.states if rates else ())}
+    place = {name: k for k, name in enumerate(joint.names) if name not in fitted and name.owner in starts}
+    free = tuple(dict.fromkeys(name.whole for name in place))
+    for o in joint.observations if free else ():
+        if set(o.recordings) <= set(problem.recordings):
+            continue
+        known = dict(joint.seen_by(o, joint.values_at(theta)))
+        alone = replace(joint, observations=(o,), free=free, values=known)
+        found = descend(alone, alone.start())
+        of = [k for k, name in enumerate(alone.names) if name in place]
+        at = [place[alone.names[k]] for k in of]
+        theta[at] = found.theta[of]
+        covariance[np.ix_(at, at)] = np.linalg.pinv(found.jacobian.T @ found.jacobian)[np.ix_(of, of)]
     return theta, covariance
 
 

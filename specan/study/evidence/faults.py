@@ -198,12 +198,13 @@ def _courses(o: TableObservation) -> Iterator[tuple[str, str, Array]]:
         text = "the {} of the readings drifts with the order of the rows"
         yield "drift of the {}", text, (u - 0.5)[:, None]
         text = "the first rows differ from the others and settle, as while warming up"
-        for share in WARM_UP:
+        for share in WARM_UP if o.kind == "table" else ():  # of a recording what its start leaves settles too
             yield "first rows", text, np.exp(-u / share)[:, None]
     for line, after in _from_a_row_on(o):
         text = f"the {{}} of the readings differs from {line} on"
         yield "{} from a row on", text, after[:, None].astype(float)
-    if o.recording is not None and np.unique(o.recording).size > 1:
+    # pieces of a recording are no files
+    if o.recording is not None and np.unique(o.recording).size > 1 and o.kind == "table":
         inside = o.recording[:, None] == np.unique(o.recording)[1:]
         yield "{} of a file", "the {} of the readings differs between the files", inside.astype(float)
 

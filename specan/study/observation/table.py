@@ -197,11 +197,18 @@ class TableObservation(Observation):
                 {n: v[number] if n in of_recordings and np.ndim(v) == 1 else v for n, v in values.items()}
                 for values in many
             ]
+            # values that differ by those of other recordings alone are alike here
+            keys = [tuple(np.asarray(v).tobytes() for v in values.values()) for values in own]
+            first = {key: k for k, key in reversed([*enumerate(keys)])}
+            wanted = list(quantities.values())
             with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
-                for k, found in enumerate(assembly.evaluate_many(conditions, own, list(quantities.values()))):
+                each = assembly.evaluate_many(conditions, [own[k] for k in sorted(first.values())], wanted)
+                for k, found in zip(sorted(first.values()), each, strict=True):
                     for name, rows, places in picks:
                         whole = np.broadcast_to(np.asarray(found[quantities[name]], float), (size,))
                         table[rows, k] = whole[places]
+            for _, rows, _ in picks:
+                table[rows] = table[rows][:, [first[key] for key in keys]]
         return table
 
     def by_row(self, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -69,6 +69,16 @@ class TimeObservation(TableObservation):
             found[name] = np.split(rows, np.flatnonzero(gaps) + 1)
         return found
 
+    def take(self, mask: NDArray[np.bool_]) -> TimeObservation:
+        """Some of the rows, and the recordings that these are of."""
+        found = super().take(mask)
+        kept, recording = np.unique(found._recording, return_inverse=True)
+        conditions, of = found._series
+        number = np.full(len(found.recordings), -1)
+        number[kept] = np.arange(kept.size)
+        names = tuple(found.recordings[k] for k in kept)
+        return replace(found, recordings=names, recording=recording, series=(conditions, number[of]))
+
     def place_of(self, row: int) -> str:
         """``3.2 s of run.tdms``."""
         return f"{self.conditions[TIME][row]:.4g} s of {self.recordings[int(self._recording[row])]}"
