@@ -60,7 +60,7 @@ setup(
     ],
     package_dir={"specan_cli": "cli", "specan_cli.sample_data": "sample_data"},
     package_data={
-        "specan": ["py.typed", "*.pyi", "inspect/browser/*", "report/page.css"],
+        "specan": ["py.typed", "*.pyi", "inspect/browser/*", "report/page.css", "report/figures.mplstyle"],
         "specan_cli": ["py.typed"],
         "specan_cli.sample_data": samples(),
     },

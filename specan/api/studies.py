@@ -78,7 +78,7 @@ class Study:
             self._place = TemporaryDirectory(prefix="specan-study-")
             initial = [str(name) for name in effects] or None
             made = Study.new(self._place.name, directory, measurement, effects=initial, **begun)
-            self._now(made.opened)
+            self._opened = made.opened
             return
         if not isinstance(directory, (str, Path)) or begun:
             raise RequestError(
@@ -86,7 +86,6 @@ class Study:
                 expected="Study(model, frame), or the directory of a study",
             )
         self._opened = OpenedStudy(Path(directory), accept_changes, [Path(e) for e in effects])
-        self._diagnosis: Diagnosis | None = None
 
     @classmethod
     def new(
@@ -155,7 +154,7 @@ class Study:
             sheet=sheet,
         )
         made = cls.__new__(cls)
-        made._now(begun.study)
+        made._opened = begun.study
         return made
 
     @property
@@ -206,9 +205,7 @@ class Study:
         Diagnosis
             The verdict; its data frame holds what was tried, most likely first.
         """
-        if self._diagnosis is None:
-            self._diagnosis = self._opened.diagnose(progress=progress)
-        return self._diagnosis
+        return self._opened.diagnose(progress=progress)
 
     def add(self, effect: str | Path, because: str = "") -> Change:
         """Add an effect, or a file with one, refit and keep the step.
@@ -248,7 +245,7 @@ class Study:
 
         if effect.endswith(".py"):
             drop_effect_file(self.directory, effect)
-            self._now(OpenedStudy(self.directory))
+            self._opened = OpenedStudy(self.directory)
             return None
         return self._changed(drop_effect(self._opened, effect, because))
 
@@ -334,11 +331,8 @@ class Study:
         return f"<p>{escape(repr(self))}</p>{self.history()._repr_html_()}"
 
     def _changed(self, change: Change) -> Change:
-        self._now(change.study)
+        self._opened = change.study
         return change
-
-    def _now(self, opened: OpenedStudy) -> None:
-        self._opened, self._diagnosis = opened, None
 
 
 def diagnose(study: Study | str | Path) -> Diagnosis:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import time
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bokeh.models import CustomJS, Div, InlineStyleSheet, TextInput, Toggle
+from bokeh.models import CustomJS, Div, TextInput, Toggle
 from bokeh.themes import Theme
 
 from specan.report.figure_style import COLOURS as PRINTED
@@ -20,27 +21,10 @@ if TYPE_CHECKING:
 # Black and white would vanish on one of the two backgrounds: grey in the place of black.
 COLOURS = (*PRINTED[:6], "#8b8f98")
 
-_LIGHT = {
-    "ink": "#1d2530", "soft": "#5b6675", "line": "#dfe4ea", "paper": "#ffffff", "panel": "#f5f7f9", "wrong": "#b83224",
-}  # fmt: skip
-_DARK = {
-    "ink": "#e4e8ee", "soft": "#a3adba", "line": "#343d4a", "paper": "#161b22", "panel": "#1e2530", "wrong": "#f28b7d",
-}  # fmt: skip
-_ACCENT = {"light": "#0072B2", "dark": "#56B4E9"}
-
-
-def _variables(colours: dict[str, str], accent: str) -> str:
-    return "".join(f"--{name}: {value};" for name, value in {**colours, "accent": accent}.items())
-
-
 # What the browser has: the document's own style, whose custom properties pass into the shadow roots of widgets,
 _BROWSER = Path(__file__).with_name("browser")
-TEMPLATE = (
-    (_BROWSER / "page.html")
-    .read_text(encoding="utf-8")
-    .replace("LIGHT", _variables(_LIGHT, _ACCENT["light"]))
-    .replace("DARK", _variables(_DARK, _ACCENT["dark"]))
-)
+TEMPLATE = (_BROWSER / "page.html").read_text(encoding="utf-8")
+_LIGHT, _DARK = (dict(re.findall(r"--(\w+): (#\w+)", root)) for root in re.findall(r":root.*", TEMPLATE))
 # the widgets' style, and scripts that save and copy.
 WIDGETS, _SAVE, _COPY = (
     (_BROWSER / name).read_text(encoding="utf-8") for name in ("widgets.css", "save.js", "copy.js")
@@ -53,52 +37,11 @@ PANEL = {
 }
 
 
-STACKED = "flex: none !important; flex-direction: column !important; height: auto !important; width: 100% !important;"
-FIGURES = (
-    ".bk-Column, .bk-Figure { flex: none !important; width: 100% !important; height: 420px !important; }"
-    ".bk-MultiSelect { flex: none !important; height: 110px !important; }"
-)
-
-
-def whole_width(height: str) -> InlineStyleSheet:
-    """A part that has a line of its own where the window is narrow."""
-    size = f"height: {height} !important; width: 100% !important"
-    return on_phone(f"flex: none !important; box-sizing: border-box; {size};")
-
-
-def on_phone(css: str, inside: str = "") -> InlineStyleSheet:
-    """A style of a part of the page where the window is narrow, and rules for what is inside."""
-    return InlineStyleSheet(css=f"@media (max-width: 720px) {{ :host {{ {css} }} {inside} }}")
-
-
 def _theme(colours: dict[str, str]) -> Theme:
-    return Theme(
-        json={
-            "attrs": {
-                "Plot": {
-                    "background_fill_color": colours["paper"], "border_fill_color": colours["paper"],
-                    "outline_line_color": colours["line"], "border_line_color": None,
-                },
-                "Grid": {"grid_line_color": colours["line"], "grid_line_alpha": 0.8},
-                "Axis": {
-                    "axis_line_color": colours["soft"], "major_tick_line_color": colours["soft"],
-                    "minor_tick_line_color": None, "axis_label_text_color": colours["ink"],
-                    "major_label_text_color": colours["soft"], "axis_label_text_font_style": "normal",
-                    "axis_label_text_font_size": "12px", "major_label_text_font_size": "11px",
-                },
-                "Title": {"text_color": colours["ink"], "text_font_size": "12px", "text_font_style": "normal"},
-                "Legend": {
-                    "background_fill_color": colours["paper"], "background_fill_alpha": 0.8,
-                    "label_text_color": colours["ink"], "border_line_color": None,
-                },
-                "BaseColorBar": {
-                    "background_fill_color": colours["paper"], "major_label_text_color": colours["soft"],
-                    "title_text_color": colours["ink"],
-                },
-                "Span": {"line_color": colours["soft"]},
-            }
-        }
-    )  # fmt: skip
+    text = (_BROWSER / "theme.json").read_text(encoding="utf-8")
+    for name, value in colours.items():
+        text = text.replace(f'"{name}"', f'"{value}"')
+    return Theme(json=json.loads(text))
 
 
 THEMES = {False: _theme(_LIGHT), True: _theme(_DARK)}

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from bokeh.layouts import column, row
-from bokeh.models import Button, Div, InlineStyleSheet, Spacer, Widget
+from bokeh.models import Button, Div, InlineStyleSheet, LayoutDOM, Plot, Spacer
 
-from specan.errors import RequestError
-from specan.inspect.look import TEMPLATE, THEMES, WIDGETS, BrowserLink, Busy, dark_toggle, on_phone
+from specan.errors import RequestError, SpecanError
+from specan.inspect.look import TEMPLATE, THEMES, WIDGETS, BrowserLink, Busy, dark_toggle
 from specan.inspect.view import InAddress
 from specan.inspect.work import Work
 
@@ -64,19 +65,18 @@ class Page:
         return self._works[-1]
 
     def dressed(self, part: Any) -> Any:
-        """A part whose widgets have the style of the page."""
-        for widget in part.select({"type": Widget}):
-            if self._style not in widget.stylesheets:
-                widget.stylesheets = [self._style, *widget.stylesheets]
+        """A part that has the style of the page, figures aside."""
+        for inside in part.select({"type": LayoutDOM}):
+            if not isinstance(inside, Plot) and self._style not in inside.stylesheets:
+                inside.stylesheets = [self._style, *inside.stylesheets]
         return part
 
     def show_page(self, *parts: Any, **styles: str) -> None:
         """The parts under the header."""
-        tall = "height" in styles
         body = column(
             self._header(), *parts, *self.link.widgets, sizing_mode="stretch_width",
             styles={"padding": "0 8px 6px", "box-sizing": "border-box", **styles},
-            stylesheets=[on_phone("height: auto !important;")] if tall else [],
+            css_classes=["tall"] if "height" in styles else [],
         )  # fmt: skip
         self.document.add_root(self.dressed(body))
 
@@ -90,7 +90,7 @@ class Page:
         buttons: list[Any] = []
         for label, name, press in presses:
             buttons.append(Button(label=label, name=name))
-            buttons[-1].on_click(press)
+            buttons[-1].on_click(partial(self._pressed, press))
         text = (
             '<h1><span style="color:var(--accent);font-size:15px">specan</span>'
             f'<span style="color:var(--soft);font-weight:400"> &nbsp;{self.kind}&nbsp; </span>'
@@ -101,9 +101,15 @@ class Page:
         )
         return row(
             name, Spacer(sizing_mode="stretch_width"), *buttons, dark_toggle(self.document),
-            sizing_mode="stretch_width", stylesheets=[on_phone("flex-wrap: wrap;")],
+            sizing_mode="stretch_width", css_classes=["folds"],
             styles={"align-items": "center", "border-bottom": "2px solid var(--accent)", "margin-bottom": "5px"},
         )  # fmt: skip
+
+    def _pressed(self, press: Callable[[], None]) -> None:
+        try:
+            press()
+        except SpecanError as fault:
+            self._failed(str(fault))
 
     def _told(self, part: float) -> None:
         """Show the progress of the work."""

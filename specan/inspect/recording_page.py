@@ -20,13 +20,7 @@ from bokeh.models import (
 
 from specan.data.calibration import stated
 from specan.errors import RequestError, SpecanError
-from specan.inspect.look import (
-    PANEL,
-    STACKED,
-    notice,
-    on_phone,
-    whole_width,
-)
+from specan.inspect.look import PANEL, notice
 from specan.inspect.opened import Opened
 from specan.inspect.page import Page
 from specan.inspect.plots import plain
@@ -105,12 +99,7 @@ class RecordingPage(Page):
             labels=[tab.title for tab in self.tabs.values()],
             active=list(self.tabs).index(view.tab),
             name="tabs",
-            stylesheets=[
-                on_phone(
-                    "flex: none !important; height: auto !important;",
-                    ".bk-btn-group { flex-wrap: wrap; height: auto; }",
-                )
-            ],
+            css_classes=["tabs"],
         )
         self._front.on_change("active", lambda a, old, new: self.change(tab=list(self.tabs)[new]))
         self._waiting = Div(text="", sizing_mode="stretch_both", styles=_CENTRED)
@@ -121,15 +110,15 @@ class RecordingPage(Page):
         self._side = column(self.readout, sizing_mode="stretch_width")
         middle = column(
             self.waveform.sheet, self._front, self._controls, self.status.div, self._body,
-            sizing_mode="stretch_both", styles=_GROWS, stylesheets=[whole_width("920px")],
+            sizing_mode="stretch_both", styles=_GROWS, css_classes=["whole", "middle"],
         )  # fmt: skip
         self._right = ScrollBox(
             child=self._side, width=_RIGHT, sizing_mode="stretch_height", styles=PANEL,
-            stylesheets=[whole_width("220px")],
+            css_classes=["whole", "readout"],
         )  # fmt: skip
         main = row(
             self._left(), middle, self._right, sizing_mode="stretch_both", styles={**_GROWS, "gap": "8px"},
-            stylesheets=[on_phone(STACKED)],
+            css_classes=["stacked"],
         )  # fmt: skip
         self.show_page(main, height="100vh")
         for tab in self.tabs.values():
@@ -164,7 +153,7 @@ class RecordingPage(Page):
         return column(
             search, self._channels, row(self._start, self._stop), row(self._cursor, harmonics),
             Div(text=notice(f"Calibration: {self.opened.calibration}"), width=_LEFT - 14, name="calibration"),
-            width=_LEFT, sizing_mode="stretch_height", styles=PANEL, stylesheets=[whole_width("340px")],
+            width=_LEFT, sizing_mode="stretch_height", styles=PANEL, css_classes=["whole", "channels"],
         )  # fmt: skip
 
     def _show_tab(self) -> None:
@@ -283,33 +272,13 @@ class RecordingPage(Page):
         self._waiting.text = ""
 
     def _save(self, kind: str) -> None:
-        tab, view = self.tabs[self.view.tab], self.view
-        if not self.found:
-            self._failed("There is nothing to save on this tab.")
-            return
-        for number, found in self.found:
-            result = self._numbers(number, found)
-            stem = Path(self.opened.recordings[number].label).stem
-            try:
-                content = self._content(tab, kind, result)
-            except SpecanError as fault:
-                self._failed(str(fault))
-                return
-            self.link.save(f"{stem}_{view.tab}.{kind}", content)
-
-    def _numbers(self, number: int, found: Any) -> Any:
-        """The result of a tab, as the verb gives it."""
-        return stated(getattr(found, "numbers", found), self.opened.recordings[number])
+        for number, content in self._contents(kind):
+            self.link.save(
+                f"{Path(self.opened.recordings[number].label).stem}_{self.view.tab}.{kind}", content
+            )
 
     def _copy_numbers(self) -> None:
-        tab = self.tabs[self.view.tab]
-        if not self.found:
-            self._failed("There are no numbers on this tab.")
-            return
-        texts = [
-            self._content(tab, "txt", self._numbers(number, found)).decode() for number, found in self.found
-        ]
-        self.link.copy("\n".join(texts))
+        self.link.copy("\n".join(content.decode() for _, content in self._contents("txt")))
         self.status.end("The numbers are on the clipboard.")
 
     def _copy_command(self) -> None:
@@ -317,12 +286,22 @@ class RecordingPage(Page):
         self.link.copy(text)
         self.status.end(text)
 
-    def _content(self, tab: Tab, kind: str, result: Any) -> bytes:
-        if kind == "txt":
-            if not isinstance(result, RecordingResult):
-                raise RequestError(f"there are no numbers of {tab.title} to save")
-            return text_of(result)
-        return image(figure_of(result, tab.figure_view), kind)
+    def _contents(self, kind: str) -> list[tuple[int, bytes]]:
+        """Numbers or figure of each result on the tab, as its verb gives them."""
+        tab = self.tabs[self.view.tab]
+        if not self.found:
+            raise RequestError("there is nothing to save on this tab", remedy="choose another tab")
+        contents = []
+        for number, found in self.found:
+            result = stated(getattr(found, "numbers", found), self.opened.recordings[number])
+            if kind != "txt":
+                content = image(figure_of(result, tab.figure_view), kind)
+            elif isinstance(result, RecordingResult):
+                content = text_of(result)
+            else:
+                raise RequestError(f"there are no numbers of {tab.title} to save", remedy="save the figure")
+            contents.append((number, content))
+        return contents
 
 
 def _notes(found: Found) -> tuple[str, str]:

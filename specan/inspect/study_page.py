@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, ScrollBox, TextInput
 
-from specan.inspect.look import (
-    FIGURES,
-    PANEL,
-    STACKED,
-    Busy,
-    folded,
-    notice,
-    on_phone,
-    whole_width,
-)
+from specan.inspect.look import PANEL, Busy, folded, notice
 from specan.inspect.page import Page
 from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
 from specan.inspect.study_views.ranking import Ranking, Uses
@@ -30,7 +21,7 @@ from specan.report import study_sheets
 from specan.report.figure_style import image
 from specan.report.figures import figure_of
 from specan.report.html_page import shown
-from specan.report.study_html import failing_map, history_bars
+from specan.report.study_html import failing_map
 from specan.study.edit import Change, add_effect
 from specan.study.selection.candidates import candidates
 from specan.study.verdict import Diagnosis, headline, reason
@@ -76,7 +67,6 @@ class StudyPage(Page):
             if isinstance(part, TransferAgreement):  # the address keeps the chosen receivers
                 part.choose(self.view.microphone)
                 part.changed = lambda chosen: self._write_address(microphone=chosen)
-        self.steps = Div(text="", name="steps", sizing_mode="stretch_width")
         self.map = Div(text="", name="map", sizing_mode="stretch_width")
         self._lay_out()
         self._show_study()
@@ -92,21 +82,19 @@ class StudyPage(Page):
             styles={**PANEL, "border-left": "4px solid var(--accent)"},
         )  # fmt: skip
         top = [
-            ScrollBox(
-                child=part, sizing_mode="stretch_both", styles=_share(1), stylesheets=[whole_width("auto")]
-            )
-            for part in (self.steps, self.map)
+            ScrollBox(child=part, sizing_mode="stretch_both", styles=_share(1), css_classes=["whole"])
+            for part in (self.history, self.map)
         ]
-        self._bottom = self._side_by_side([part.body for part in self.agreement], 5, FIGURES)
+        self._bottom = self._side_by_side([part.body for part in self.agreement], 5, "figures")
         self._middle = column(
             story, self._side_by_side(top, 3), sizing_mode="stretch_both",
-            styles={**_share(1), "min-width": "0", "gap": "4px"}, stylesheets=[whole_width("auto")],
+            styles={**_share(1), "min-width": "0", "gap": "4px"}, css_classes=["whole"],
         )  # fmt: skip
         main = row(
             self._left(), self._middle, sizing_mode="stretch_width",
-            styles={"height": "calc(100vh - 112px)", "gap": "8px"}, stylesheets=[on_phone(STACKED)],
+            styles={"height": "calc(100vh - 112px)", "gap": "8px"}, css_classes=["stacked"],
         )  # fmt: skip
-        self.show_page(main, column(self.trial, self.history, sizing_mode="stretch_width"))
+        self.show_page(main, self.trial)
         self.dressed(self._bottom)
 
     def _left(self) -> Any:
@@ -118,14 +106,15 @@ class StudyPage(Page):
             self.heading,
             ScrollBox(child=self.ranking.list, width=_SIDE, sizing_mode="stretch_height", styles=_share(3)),
             explanation, self.reason, row(self.accept, self.again), width=_SIDE + 12, sizing_mode="stretch_height",
-            styles=PANEL, stylesheets=[whole_width("560px")],
+            styles=PANEL, css_classes=["whole", "candidates"],
         )  # fmt: skip
 
     @staticmethod
-    def _side_by_side(parts: Sequence[Any], weight: int, inside: str = "") -> Any:
+    def _side_by_side(parts: Sequence[Any], weight: int, *classes: str) -> Any:
         """Parts in a row; under each other where the window is narrow."""
-        style = {"sizing_mode": "stretch_both", "styles": _share(weight)}
-        return row(*parts, **style, stylesheets=[on_phone(STACKED, inside)])
+        return row(
+            *parts, sizing_mode="stretch_both", styles=_share(weight), css_classes=["stacked", *classes]
+        )
 
     def _save(self, kind: str) -> None:
         """The figure that ``specan study compare --plot`` draws, of the model as it is."""
@@ -166,18 +155,21 @@ class StudyPage(Page):
         if self._bottom not in self._middle.children:  # there is something to show now
             self._middle.children = [*self._middle.children, self._bottom]
         self.map.text = failing_map(trial.where, self.study.data.known)
-        error = trial.errors[0].as_error() if trial.uses else None
-        self.steps.text = history_bars(self.study.history.steps, trial.name, error)
+        self._show_history(trial)
         tables = shown(study_sheets.errors(trial.errors)) + shown(trial.parameters)
         self.trial.text = folded("Parameters and errors", tables)
 
     def _show_study(self) -> None:
         effects = ", ".join(self.study.model_effects) or f"none, {self.study.model.words.ideal}"
         self.heading.text = f"<b>{notice(self.study.model.title)}</b><br>{notice(f'Effects: {effects}')}"
-        steps = self.study.history.steps
-        self.steps.text = history_bars(steps)
-        found = study_sheets.history(steps)
-        self.history.text = folded("History", shown(found))
+        self._show_history()
+
+    def _show_history(self, tried: Trial | None = None) -> None:
+        sheet = study_sheets.history(self.study.history.steps)
+        if tried is not None and tried.uses:
+            error = study_sheets.amount(tried.errors[0].as_error())
+            sheet.rows.append(["", f"try {tried.name}", error, f"{tried.fit.reduced_chi2:.2f}", "", ""])
+        self.history.text = shown(sheet)
 
     def _show_candidates(self, found: Diagnosis | None) -> None:
         known, not_testable = candidates(self.study.problem)

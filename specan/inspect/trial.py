@@ -114,7 +114,7 @@ _WAIT_S = 0.2
 
 
 class KeptStudy:
-    """A study, its fit and its diagnosis; every one of them is worked out once.
+    """A study and its fit, which is made once; its diagnosis is kept with it on the disk.
 
     Parameters
     ----------
@@ -133,7 +133,6 @@ class KeptStudy:
             self._study = study
             self._stamps = self._stamp()
             self._now: Trial | None = None
-            self._found: Diagnosis | None = None
 
     def _stamp(self) -> list[tuple[int, int]]:
         files = [NAME, HISTORY, self._study.content.rig, *(e.file for e in self._study.content.measurement)]
@@ -182,13 +181,6 @@ class KeptStudy:
             if not tell(0.0):
                 raise Superseded
         try:
-            study = self.current()
-            if self._found is None:
-                found = study.diagnose(progress=progress)
-                with self._lock:
-                    if study is not self._study:  # changed meanwhile
-                        raise Superseded
-                    self._found = found
-            return self._found
+            return self.current().diagnose(progress=progress)
         finally:
             self._diagnosing.release()

@@ -57,7 +57,7 @@ def load_model(name: str | Path, rig: Mapping[str, Any] | str | Path | None = No
     """
     if not isinstance(name, (str, Path)):
         raise RequestError(
-            f"{name!r} is no name of a model",
+            f"{name!r} is not the name of a model",
             expected="a name, or the path of a file",
             remedy="give the rig where the model is loaded first: load_model(NAME, rig)",
         )

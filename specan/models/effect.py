@@ -427,7 +427,7 @@ def check_function(function: Any, owner: str) -> None:
     plain = inspect.unwrap(function)
     if not (inspect.isfunction(plain) or inspect.ismethod(plain)):
         raise RequestError(
-            f"{owner}: {type(function).__name__!r} is no function of Python",
+            f"{owner}: {type(function).__name__!r} is not a function of Python",
             expected="def, with what it reads and its parameters",
             remedy="call it inside such a function",
         )

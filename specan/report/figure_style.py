@@ -27,37 +27,7 @@ GREY = "0.45"  # of secondary text and of lines that give context
 WIDTH = 8.4  # inches; on paper three quarters of it
 
 # Every figure has these settings, whatever the user's own are.
-STYLE: dict[str, Any] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
-    "font.size": 9.0,
-    "text.parse_math": False,  # a `$` in the name of a channel is a `$`
-    "axes.titlesize": 9.0,
-    "axes.titlelocation": "left",
-    "axes.labelsize": 9.0,
-    "axes.labelcolor": "0.15",
-    "axes.edgecolor": "0.4",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.8,
-    "axes.axisbelow": True,
-    "axes.grid": True,
-    "axes.formatter.use_mathtext": False,
-    "grid.color": "0.9",
-    "grid.linewidth": 0.7,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "xtick.color": "0.3",
-    "ytick.color": "0.3",
-    "legend.fontsize": 8.0,
-    "legend.frameon": False,
-    "legend.title_fontsize": 8.0,
-    "lines.linewidth": 1.1,
-    "figure.facecolor": "white",
-    "figure.constrained_layout.h_pad": 0.05,
-    "svg.fonttype": "none",  # text stays text: it can be searched and edited
-    "svg.hashsalt": "specan",
-    "pdf.fonttype": 42,
-}
+STYLE = Path(__file__).with_name("figures.mplstyle")
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
@@ -66,10 +36,8 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     @functools.wraps(draw)
     def drawn(*args: Any, **kwargs: Any) -> Figure:
         import matplotlib as mpl
-        from cycler import cycler
 
-        style: Any = {"axes.prop_cycle": cycler(color=COLOURS), **STYLE}
-        with mpl.rc_context(style):
+        with mpl.rc_context(fname=STYLE):
             return draw(*args, **kwargs)
 
     return drawn
@@ -287,5 +255,5 @@ def save_figure(figure: Figure, path: Path) -> None:
     }
     for text in figure.findobj(Text):
         text.set_text(text.get_text().encode("utf-8", "backslashreplace").decode("utf-8"))
-    with whole_file(path) as half, mpl.rc_context(STYLE):  # type: ignore[arg-type]
+    with whole_file(path) as half, mpl.rc_context(fname=STYLE):
         figure.savefig(half, format=kind, dpi=150, metadata=about[kind])

@@ -64,11 +64,11 @@ def _cell(value: Any) -> str:
     return f'<td class="n">{escape(text)}</td>' if number and len(text) < 12 else f"<td>{escape(text)}</td>"
 
 
-def bar(part: float, colour: str = "var(--accent)") -> str:
+def bar(part: float) -> str:
     """A bar of a part of 1."""
     return (
         '<span style="display:inline-block;width:60px;height:7px;background:var(--line);border-radius:3px">'
-        f'<span style="display:block;width:{60 * min(part, 1.0):.0f}px;height:7px;background:{colour};'
+        f'<span style="display:block;width:{60 * min(part, 1.0):.0f}px;height:7px;background:var(--accent);'
         'border-radius:3px"></span></span>'
     )
 

@@ -1,52 +1,19 @@
-"""The errors of a study as HTML tables with bars and colours: step after step, and where the model fails."""
+"""Where the model of a study fails, as an HTML table with colours."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
 
 import numpy as np
 
-from specan.report.figure_style import COLOURS
-from specan.report.html_page import bar
 from specan.report.residual_map import ResidualMap, axis_text
-from specan.study.history import Step
-from specan.units import axis_label
 
-_KINDS = (("fitted", "fit_error", COLOURS[0]), ("held out", "held_out_error", COLOURS[1]))
 _LINE = 'style="white-space:nowrap"'
 # Violet to orange, by C. Brewer (PuOr): distinguished by every kind of colour vision.
 _DIVERGING = (
     "#2d004b", "#542788", "#8073ac", "#b2abd2", "#d8daeb", "#f7f7f7", "#fee0b6", "#fdb863", "#e08214", "#b35806",
     "#7f3b08",
 )  # fmt: skip
-_MOST = 7  # steps on screen: the latest
-
-
-def history_bars(steps: Sequence[Step], tried: str = "", error: Mapping[str, Any] | None = None) -> str:
-    """Errors of the latest steps on fitted and on held-out data, and what a trial leaves, as a table with bars."""
-    rows = [
-        (f"{s.step} {s.action} {s.effect}".strip(), [getattr(s, attribute) for _, attribute, _ in _KINDS])
-        for s in steps[-_MOST:]
-    ]
-    if error is not None:
-        rows.append((f"try {tried}", [error, None]))
-    known = [e["value"] for _, errors in rows for e in errors if e and e["value"] and np.isfinite(e["value"])]
-    most = max(known, default=1.0)
-    lines = []
-    for name, errors in rows:
-        cells = [
-            f"<td {_LINE}>{bar(e['value'] / most, colour)} {e['value']:.3g}</td>"
-            if e and e["value"] is not None
-            else "<td></td>"
-            for e, (*_, colour) in zip(errors, _KINDS, strict=True)
-        ]
-        lines.append(f"<tr><td {_LINE}>{escape(name)}</td>{''.join(cells)}</tr>")
-    of = steps[-1].fit_error if steps else {"metric": "error", "unit": ""}
-    head = "".join(f"<th>{kind}</th>" for kind, *_ in _KINDS)
-    title = axis_label(of["metric"], of["unit"])
-    return f"<p><b>{escape(title)}</b></p><table><tr><th>step</th>{head}</tr>{''.join(lines)}</table>"
 
 
 def failing_map(found: ResidualMap | None, known: bool) -> str:

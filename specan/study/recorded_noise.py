@@ -88,8 +88,8 @@ def _lies_in_few(o: TimeObservation, left: Array) -> str:
     share = np.cumsum(left[order] ** 2) / np.sum(left**2)
     few, worst = int(np.searchsorted(share, 0.5)) + 1, int(order[0])
     return (
-        f"half of what is left of {o.observable[worst]} lies in {few} of {left.size} samples, around "
-        f"{o.place_of(worst)}: no noise is like that. A sensor that fails, or a machine that runs away there? Look at "
+        f"half of the squared error of {o.observable[worst]} is in {few} of {left.size} samples, around "
+        f"{o.place_of(worst)}: noise is not like that. Did a sensor fail there, or the machine run away? Look at "
         "the recording, and leave that time out (--hold-out time=FROM..TO)"
     )
 

@@ -115,7 +115,7 @@ def test_a_text_of_the_command_orders_stays_and_a_batch_that_is_asked_for_orders
     before = (out / "orders.txt").read_bytes()
     specan.batch(place, out, jobs=1)
     assert (out / "orders.txt").read_bytes() == before
-    with pytest.raises(RequestError, match=r"orders.txt is no table of a batch: another command wrote it"):
+    with pytest.raises(RequestError, match=r"orders.txt is not a table of a batch: another command wrote it"):
         specan.batch(place, out, jobs=1, orders={"speed_hz": 10.0})
     assert (out / "orders.txt").read_bytes() == before
     (out / "orders.txt").unlink()

@@ -1,6 +1,5 @@
 """Parts of the page of a study that need no browser."""
 
-import re
 import shutil
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,9 +15,8 @@ from specan.inspect.plots import outline
 from specan.inspect.study_views.ranking import Ranking, uses_of
 from specan.inspect.trial import KeptStudy, as_it_is, try_effects
 from specan.inspect.work import Heard, Superseded
-from specan.report.study_html import failing_map, history_bars
+from specan.report.study_html import failing_map
 from specan.study.edit import add_effect
-from specan.study.history import Step
 from specan.study.selection.candidates import candidates
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked
@@ -104,7 +102,7 @@ def test_a_study_whose_data_change_or_vanish_says_so(directory):
 
 
 @pytest.mark.long
-def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory, monkeypatch):
+def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory):
     kept = KeptStudy(Study(directory))
     heard_of = []
     with pytest.raises(Superseded):
@@ -116,8 +114,6 @@ def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory, monkeypa
     said: list[str] = []
     assert KeptStudy(Study(directory)).diagnosis(go_on, said.append) == found
     assert said == []  # it was on the disk
-    monkeypatch.setattr(Study, "diagnose", None)
-    assert kept.diagnosis(go_on, heard_of.append) is found
 
 
 # --- candidates -----------------------------------------------------------------------------------
@@ -302,29 +298,6 @@ def test_a_tried_effect_stands_beside_the_model_as_it_is_and_the_measurement():
 
 
 # --- figures --------------------------------------------------------------------------------------
-
-
-def test_the_history_names_steps_and_has_bars_in_proportion():
-    def error(value):
-        return {"metric": "RMS_of_frf", "value": value, "unit": "Pa*s/m"}
-
-    def step(number, action, effect, *errors):
-        return Step(number, action, (), *map(error, errors), None, None, {}, {}, effect)
-
-    steps = [step(0, "new", "", 1.12, 0.7), step(1, "add", "wall-impedance@z1", 0.015, 0.013)]
-    shown = history_bars(steps, "panel-resonance@z1", error(0.5))
-    rows = re.findall(r"<tr>(.*?)</tr>", shown)[1:]
-    texts = [re.findall(r">([^<>]+)<", row) for row in rows]
-    assert [[part.strip() for part in row] for row in texts] == [
-        ["0 new", "1.12", "0.7"],
-        ["1 add wall-impedance@z1", "0.015", "0.013"],
-        ["try panel-resonance@z1", "0.5"],
-    ]
-    longest, shortest = (
-        int(w) for w in re.findall(r"block;width:(\d+)px;height:7px;background:#0072B2", shown)[:2]
-    )
-    assert longest > 50 * max(shortest, 1) / 2
-    assert "try" not in history_bars(steps)
 
 
 def test_the_map_says_that_nothing_is_significant(directory):

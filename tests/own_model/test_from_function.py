@@ -133,7 +133,7 @@ def test_what_is_no_function_of_python_is_refused(thing):
         quantity(unit="N"),
         lambda f: Model.from_function(f, conditions={"x": "1"}, observables={"sin": "N"}),
     ):
-        with pytest.raises(RequestError, match=f"'{type(thing).__name__}' is no function of Python"):
+        with pytest.raises(RequestError, match=f"'{type(thing).__name__}' is not a function of Python"):
             declare(thing)
 
 

@@ -107,7 +107,7 @@ def check_table(path: Path) -> None:
     check_output(path)
     if path.is_file() and path.stat().st_size and not is_of_a_batch(path):
         raise RequestError(
-            f"{path} is no table of a batch: another command wrote it",
+            f"{path} is not a table of a batch: another command wrote it",
             remedy="choose another directory with -o, or move the file",
         )
 

@@ -9,7 +9,7 @@ from typing import Any
 from bokeh.layouts import column, row
 from bokeh.models import MultiSelect, Select
 
-from specan.inspect.look import COLOURS, FIGURES, STACKED, on_phone
+from specan.inspect.look import COLOURS
 from specan.inspect.plots import Plots, plain
 from specan.inspect.trial import Trial
 from specan.report.figures_study_frf import RESPONSES, MeasuredTransfer, measured_transfer, response_drawing
@@ -113,7 +113,7 @@ class TransferAgreement:
         self.plots = Plots(hertz=True, tip=("Hz", "value"))
         self.body: Any = row(
             self.microphones, self.plots.body, sizing_mode="stretch_both", styles=_GROWS,
-            stylesheets=[on_phone(STACKED, FIGURES)],
+            css_classes=["stacked", "figures"],
         )  # fmt: skip
 
     def _chosen_anew(self) -> None:
