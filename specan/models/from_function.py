@@ -25,6 +25,11 @@ from specan.units import base_unit
 
 _FORMS = "a number, (value, low, high), (value, low, high, unit), or dict(value=, min=, max=, vary=, unit=)"
 
+# Rows in the order in which they were read, where a table tells it.
+READ_AT = Condition(
+    "elapsed_time", "s", "Time since the first reading.", "elapsed_time", "s", float("nan"), varies=False
+)
+
 
 def fields_from_functions(
     functions: Sequence[Callable[..., Any]],
@@ -35,6 +40,8 @@ def fields_from_functions(
     """Fields of the model that `specan.models.model.Model.from_function` makes; `more` are its other arguments."""
     named = _named(functions, observables)
     known = {name: _condition(name, given) for name, given in conditions.items()}
+    if not any(isinstance(given, Frf) for given in observables.values()):
+        known.setdefault(READ_AT.name, READ_AT)
     measured = {name: _observable(name, given, named[name]) for name, given in observables.items()}
     starts = {name: _parameter(name, given) for name, given in more["parameters"].items()}
     for function in named.values():

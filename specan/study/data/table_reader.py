@@ -270,7 +270,11 @@ class ColumnNames:
             hints.append(hint.rstrip("?"))
         names = ", ".join(map(repr, unknown))
         each = [f"{header!r}: {hint}" for header, hint in zip(unknown, hints, strict=True)]
-        missing = [c for c in self._targets if c not in known.values()]
+        missing = [
+            column
+            for column, target in self._targets.items()
+            if column not in known.values() and getattr(target, "default", None) is None
+        ]
         if missing:
             way = f"assign columns with {self._assignment(missing, unknown)}"
         else:
