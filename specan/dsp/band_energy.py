@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -152,9 +151,6 @@ class LagSpectrum:
         Number of channels.
     length : int
         L, an even number of samples.
-    sparing : bool
-        Whether to hold r and the samples of the last block in place of R and their transform: half the memory for
-        three transforms in place of one.
 
     Examples
     --------
@@ -165,13 +161,12 @@ class LagSpectrum:
     (4.0, 4.0)
     """
 
-    def __init__(self, rows: int, length: int = LENGTH, *, sparing: bool = False) -> None:
-        self.length, self._sparing = length, sparing
-        self._sum: NDArray[Any] = np.zeros((rows, length + 1), dtype=np.float64 if sparing else np.complex128)
-        self._previous: NDArray[Any] | None = None
+    def __init__(self, rows: int, length: int = LENGTH) -> None:
+        self.length, self._sum = length, np.zeros((rows, length + 1), dtype=complex)
+        self._previous = np.empty_like(self._sum)
         # What a fade takes away from the samples of the previous block.
         self._taken: Real | None = None
-        self._blocks = self._half = self._count = self._longest = 0
+        self._blocks = self._half = self._longest = 0
 
     def add(
         self,
@@ -189,25 +184,19 @@ class LagSpectrum:
         circular.
         """
         more = self._correlate(transform, end) if self._blocks else None
-        if self._previous is None:  # used again: fresh memory costs more than the arithmetic
-            self._previous = np.empty_like(self._sum)
-        self._count = block.shape[1] if self._sparing else transform.shape[1]
-        self._previous[:, : self._count] = block if self._sparing else transform
+        self._previous[...] = transform
         self._longest, self._taken, self._half = block.shape[1], None if taken is None else taken.copy(), half
         self._blocks += 1
         return more
 
-    def _before(self) -> tuple[Complex, Complex | None]:
-        """Transforms of the previous block and of what is taken away from it."""
-        assert self._previous is not None
-        previous, half = self._previous, self._half
-        if self._sparing:
-            previous = transformed("previous", self._previous[:, : self._count], half, self.length)
-        return previous, None if self._taken is None else transformed("gone", self._taken, half, self.length)
+    @property
+    def _end(self) -> Complex | None:
+        """Transform of what is taken away from the previous block."""
+        return None if self._taken is None else transformed("gone", self._taken, self._half, self.length)
 
     def _correlate(self, following: Complex | None, following_end: Complex | None) -> Real | None:
         """Add conj(X_b) (X_b + X_{b+1}); with Y = X - E what conj(Y_b) (Y_b + Y_{b+1}) is more."""
-        previous, end = self._before()
+        previous, end = self._previous, self._end
         rows, lines = previous.shape
         product, conjugate = (_memory.take(name, rows, lines, _COMPLEX) for name in ("product", "conjugate"))
         np.conjugate(previous, out=conjugate)
@@ -216,7 +205,7 @@ class LagSpectrum:
         else:
             np.add(previous, following, out=product)
         product *= conjugate
-        self._sum += self._lags(product) if self._sparing else product
+        self._sum += product
         if end is None and following_end is None:
             return None
         total = np.zeros_like(previous)
@@ -246,11 +235,10 @@ class LagSpectrum:
         """
         if self._blocks == 1 and self._longest <= _UNTOUCHED * self.length:
             # All lags of the record lie where nothing is faded out: the squared transform is the same.
-            transform, end = self._before()
-            energy = _squared(transform)
-            return energy, None if end is None else _squared(transform - end) - energy
+            energy, end = _squared(self._previous), self._end
+            return energy, None if end is None else _squared(self._previous - end) - energy
         more = self._correlate(None, None)
-        return self._energy_of(self._sum if self._sparing else self._lags(self._sum)), more
+        return self._energy_of(self._lags(self._sum)), more
 
     def _energy_of(self, lags: Real) -> Real:
         lags *= _fade(self.length)
@@ -511,8 +499,7 @@ class _AtRate:
 
     def __init__(self, rows: int, stage: Stage, first: int) -> None:
         self.blocks, self.half = OverlappedBlocks(LENGTH), 0
-        # Lower rates have few blocks, and what they hold counts as much.
-        self.lags: LagSpectrum | None = LagSpectrum(rows, sparing=stage.number > 0)
+        self.lags: LagSpectrum | None = LagSpectrum(rows)
         self.place = _spread(stage, first)
         self.gone: list[Real | None] = []
         self.thinned = None if stage.last else (Decimator(), Decimator())
