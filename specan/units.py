@@ -10,6 +10,21 @@ from typing import Any, Literal
 
 from specan.errors import RequestError
 
+
+def number(text: object) -> float | None:
+    """A number as people write it, with a point or a comma; None where it is none.
+
+    Examples
+    --------
+    >>> number("94,0"), number(2), number("loud")
+    (94.0, 2.0, None)
+    """
+    try:
+        return float(str(text).strip().strip('"').replace(",", "."))
+    except ValueError:
+        return None
+
+
 Quantity = Literal["displacement", "velocity", "acceleration"]
 QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
 MOTION = ("m", "m/s", "m/s^2")  # their units: each the derivative of the one before

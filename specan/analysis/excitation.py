@@ -25,6 +25,7 @@ from specan.dsp.tonality import (
     track,
 )
 from specan.errors import RequestError, nearest
+from specan.units import number
 
 # Five sections are looked at; in a recording of less than six seconds they are its fifths.
 SECTION_S, LEAST_SECTION_S = 1.2, 0.33
@@ -146,14 +147,8 @@ def stated_excitation(recording: Recording) -> Excitation | None:
 
 
 def _number(recording: Recording, key: str) -> float | None:
-    for _, value in _property(recording, key):
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            continue
-        if np.isfinite(number) and number > 0:
-            return number
-    return None
+    found = (number(value) for _, value in _property(recording, key))
+    return next((value for value in found if value is not None and 0 < value < np.inf), None)
 
 
 def _from_channels(recording: Recording) -> Excitation:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,6 +15,7 @@ from specan.data.orders import TachoReport
 from specan.data.recording import Recording
 from specan.dsp.tacho import COUNTABLE, pulse_times, repair, shaft_angle
 from specan.errors import InputError, RequestError
+from specan.units import number
 
 DRIFT_PERCENT = 1.0  # range of the speed from which on the result says so
 
@@ -141,10 +141,9 @@ def tacho_of(recording: Recording, name: str | None) -> Channel:
 
 def _pulses_of(recording: Recording, channel: Channel) -> float:
     """What the channel's property says."""
-    with suppress(KeyError, ValueError):
-        value = float(str(channel.properties["PulsesPerRevolution"]).replace(",", "."))
-        if value > 0 and math.isfinite(value):
-            return value
+    value = number(channel.properties.get("PulsesPerRevolution"))
+    if value is not None and 0 < value < math.inf:
+        return value
     raise RequestError(
         f"{recording.label}: the pulses per revolution of {channel.label} are unknown",
         expected="the property PulsesPerRevolution",

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from specan.arrays import Real
 from specan.data.channel import Channel, Role, channels_matching, channels_meant, plain_properties, si_unit
 from specan.errors import InputError, RequestError, library, nearest
-from specan.result import Result, Sheet, counted, picked, shortened
+from specan.result import Result, Sheet, counted, gathered, picked, shortened
 from specan.units import MOTION, Quantity
 
 if TYPE_CHECKING:
@@ -331,10 +331,9 @@ class Recording(Result):
         'none'
         """
         wanted = set(names)
-        of: dict[str, list[str]] = {}
-        for channel in self.channels:
-            if channel.calibrated_by and wanted & {channel.name, f"{channel.group}/{channel.name}"}:
-                of.setdefault(channel.calibrated_by, []).append(channel.name)
+        of = gathered(
+            (c.calibrated_by, c.name) for c in self.channels if c.calibrated_by and wanted & {c.name, c.path}
+        )
         if len(of) < 2:
             return next(iter(of), "none")
         return "; ".join(f"{source} ({shortened(channels)})" for source, channels in of.items())

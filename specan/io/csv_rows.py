@@ -28,24 +28,17 @@ def csv_rows(path: Path, fault: type[SpecanError]) -> tuple[list[str], list[tupl
     cells = csv.reader([line for _, line in lines], delimiter=mark, skipinitialspace=True)
     (_, header), *below = [(n, [c.strip() for c in row]) for (n, _), row in zip(lines, cells, strict=False)]
     rows = []
-    for number, row in below:
+    for place, row in below:
         if any(row[len(header) :]):
             raise fault(
-                f"{path.name}, line {number}: more cells than the header has",
+                f"{path.name}, line {place}: more cells than the header has",
                 remedy="put a cell with a separator into quotation marks",
             )
         found = {name: cell for name, cell in zip(header, row, strict=False) if name and cell}
         if mark != ",":
-            found = {name: _with_point(cell) for name, cell in found.items()}
+            found = {
+                name: cell if number(cell) is None else cell.replace(",", ".") for name, cell in found.items()
+            }
         if found:
-            rows.append((number, found))
+            rows.append((place, found))
     return header, rows
-
-
-def _with_point(cell: str) -> str:
-    plain = cell.replace(",", ".")
-    try:
-        float(plain)
-    except ValueError:
-        return cell
-    return plain

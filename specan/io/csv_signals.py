@@ -16,6 +16,7 @@ from specan.io.channel_table import ChannelTable
 from specan.io.sampling_rate import Rate, is_time, rate_of_axis
 from specan.io.signals import Signal, recording_of
 from specan.schema import decoded
+from specan.units import number
 
 SUFFIXES = (".csv",)
 
@@ -39,7 +40,7 @@ def recognises(start: bytes) -> bool:
     lines = lines_of(start)
     if len(lines) < LEAST or not _is_header(lines[0]):
         return False
-    return all(_is_number(line.split(_delimiter(lines[0]))[0]) for line in lines[2:LEAST])
+    return all(number(line.split(_delimiter(lines[0]))[0]) is not None for line in lines[2:LEAST])
 
 
 def open_recording(
@@ -62,7 +63,7 @@ def open_recording(
     units = [""] * len(titles)
     first = 1
     below = [cell.strip() for cell in next(csv.reader([lines[1]], delimiter=delimiter))]
-    if not _is_number(below[0]) and all(_UNIT.match(cell) for cell in below):
+    if number(below[0]) is None and all(_UNIT.match(cell) for cell in below):
         units = [cell.strip("[]() ") for cell in below] + [""] * (len(titles) - len(below))
         first = 2
     samples = _numbers(path, lines[first:], delimiter, len(titles))
@@ -132,11 +133,3 @@ def _is_header(line: str) -> bool:
 
 def _delimiter(header: str) -> str:
     return max("\t;,", key=header.count)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word.strip().strip('"').replace(",", "."))
-    except ValueError:
-        return False
-    return True

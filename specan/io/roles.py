@@ -9,6 +9,7 @@ from typing import Any
 
 from specan.data.channel import Channel, Role, gain_of, is_known, si_unit
 from specan.errors import RequestError
+from specan.units import number
 
 SAMPLE_UNIT_KEYS = ("unit_string", "Unit_String", "NI_UnitDescription")
 
@@ -139,11 +140,5 @@ def _spaced(text: str) -> str:
 
 
 def _sensitivity(properties: Mapping[str, Any]) -> tuple[float, str] | None:
-    value, unit = properties.get("Sensitivity"), str(properties.get("SensitivityUnit", "")).strip()
-    if value is None or not unit:
-        return None
-    try:
-        number = float(str(value).replace(",", "."))
-    except ValueError:
-        return None
-    return (number, unit) if math.isfinite(number) and number != 0.0 else None
+    value, unit = number(properties.get("Sensitivity")), str(properties.get("SensitivityUnit", "")).strip()
+    return (value, unit) if value and math.isfinite(value) and unit else None

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from specan.arrays import Real
 from specan.errors import InputError, NoSignalError
+from specan.units import number
 
 TIME_UNITS = {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
@@ -161,15 +162,12 @@ def _rate_of(key: str, value: Any) -> float | None:
     """Rate that a property gives; None where its key is not known or its value no rate."""
     match = re.fullmatch(r"(.*?)[\s_]*(?:[\[(]\s*(.+?)\s*[\])]|_(k?hz|m?s))?", key.strip(), re.IGNORECASE)
     name = re.sub(r"[^a-z]", "", match[1].lower()) if match else ""
-    number = re.fullmatch(r"\s*([-+]?[\d.,]+(?:e[-+]?\d+)?)\s*(\S*)\s*", str(value), re.IGNORECASE)
-    if match is None or name not in RATE_KEYS | INTERVAL_KEYS or number is None:
+    said = re.fullmatch(r"\s*([-+]?[\d.,]+(?:e[-+]?\d+)?)\s*(\S*)\s*", str(value), re.IGNORECASE)
+    if match is None or name not in RATE_KEYS | INTERVAL_KEYS or said is None:
         return None
-    unit = number[2].lower() or (match[2] or match[3] or "").lower().replace("µ", "u")
-    try:
-        amount = float(number[1].replace(",", "."))
-    except ValueError:
-        return None
-    if not math.isfinite(amount) or amount <= 0.0:
+    unit = said[2].lower() or (match[2] or match[3] or "").lower().replace("µ", "u")
+    amount = number(said[1])
+    if amount is None or not math.isfinite(amount) or amount <= 0.0:
         return None
     units, usual = (_FREQUENCY_UNITS, "hz") if name in RATE_KEYS else (TIME_UNITS, "s")
     scale = units.get(unit or usual)

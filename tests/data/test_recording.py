@@ -150,3 +150,10 @@ def test_arrays_are_a_recording_in_si_units():
     np.testing.assert_allclose(one.read([mic], 1), [[2e-3, 3e-3]])
     with pytest.raises(RequestError, match="one channel for each array"):
         Recording.from_arrays({"Mic": [[1.0, 2.0]]}, 10)
+
+
+def test_samples_that_leave_the_range_of_numbers_make_no_warning() -> None:
+    """A damaged file may hold any number; results flag what is not finite."""
+    channel = Channel("Mic 1", unit="Pa", sampling_rate=8000.0, n_samples=2, gain=20.0)
+    found = Recording("a.tdms", (channel,), ArraySource([np.array([1e308, 1.0])])).read("Mic 1")
+    assert found.tolist() == [[np.inf, 20.0]]
