@@ -53,7 +53,7 @@ def figure_compare_time(study: Study, channel: str | None = None) -> Figure:
     near = slice(first, first + SHOWN)
     top.plot(time[near], measured[near], ".", ms=2.5, color="0.5", label="measured")
     top.plot(time[near], predicted[near], color=COLOURS[0], lw=1.2, label="model")
-    top.set(ylabel=axis_label(name.capitalize(), unit))
+    top.set(ylabel=axis_label(name, unit))
     top.legend(loc="upper right", ncols=2)
     middle.plot(time, gap, color=COLOURS[1], lw=0.5)
     middle.set(xlabel="Time / s", ylabel=axis_label("Model - measured", unit))

@@ -49,12 +49,15 @@ def localise(problem: Problem, best: Fit) -> Localisation:
                 blocks.append(
                     Block(where, name, rows.size, 0.0, p_value, 0.0, 0.0, size, unit, variables=words)
                 )
+            else:
+                notes.append(f"nothing of the residual of {name} follows {' or '.join(inputs) or 'an input'}")
             if name in o.noise:
                 notes.append(f"the noise of {name} is {o.noise[name].words}")
             left = o.whiten(predicted - o.measured)[rows]
             lag = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-300)
-            if abs(lag) > 4 / np.sqrt(gap.size):
-                notes.append(f"the residual of {name} is correlated from sample to sample ({lag:.2f})")
+            white = abs(lag) < 4 / np.sqrt(gap.size)
+            what = "white" if white else "correlated"
+            notes.append(f"the residual of {name} is {what} from sample to sample ({lag:.2f})")
     return Localisation(tuple(tested(blocks)), (), tuple(notes))
 
 
