@@ -7,6 +7,7 @@ from pathlib import Path
 
 from specan.errors import SpecanError
 from specan.schema import read_text
+from specan.units import number
 
 
 def csv_rows(path: Path, fault: type[SpecanError]) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
