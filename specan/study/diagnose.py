@@ -15,6 +15,7 @@ from specan.study.evidence.diagnosis import told
 from specan.study.evidence.explanations import Explanations
 from specan.study.evidence.of_responses import OfResponses
 from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
+from specan.study.observation import brought
 from specan.study.observation.table import TableObservation
 from specan.study.progress import Progress, unheard
 from specan.study.recorded_noise import NoiseError, with_noise_of_largest
@@ -71,12 +72,15 @@ def diagnose(
         if not mistake.text:
             near = initial_fit(start, progress)
             mistake = mistake_beside(near, problem)
-        if mistake.text:
-            return Diagnosis(
-                "cannot-tell",
-                f"{mistake.sentence}; correct it, and begin the study again",
-                lack_of_fit=LackOfFit(start.reduced, start.fit.p_value, problem.n_effective),
-            )
+    else:
+        look = brought(problem.observations, "while_recorded")
+        mistake = look(problem, start.fit) if look else MistakenSetUp()
+    if mistake.text:
+        return Diagnosis(
+            "cannot-tell",
+            f"{mistake.sentence}; correct it, and begin the study again",
+            lack_of_fit=LackOfFit(start.reduced, start.fit.p_value, problem.n_effective),
+        )
     return told(OfResponses(near, progress), start)
 
 

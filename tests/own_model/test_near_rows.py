@@ -109,3 +109,15 @@ def test_a_condition_without_a_stated_setting_makes_no_repeats_of_neighbours(tmp
     data = read_tables(spring, [tmp_path / "t.csv"])
     np.testing.assert_allclose(data.fitted[0].sigma, 0.01, rtol=1e-6)
     assert data.fitted[0].noise_dof == np.inf
+
+
+def test_rows_that_follow_each_other_by_chance_are_set_anew(tmp_path):
+    random, path = np.random.default_rng(8), tmp_path / "t.csv"
+    speed = random.choice(np.linspace(1, 12, 12), 240)
+    clean = 9.81 - 0.06 * speed**2
+    read = clean * (1 + 0.2 * random.standard_normal(240))
+    rows = [f"{v:.4f},{a:.4f}" for v, a in zip(speed, read, strict=True)]
+    path.write_text("\n".join(["speed,falling", *rows]) + "\n", encoding="utf-8")
+    sigma = read_tables(model(), [path]).fitted[0].sigma
+    # 20 rows each: a deviation is known to a sixth
+    np.testing.assert_allclose(sigma, 0.2 * clean, rtol=0.4)

@@ -168,3 +168,13 @@ def test_a_model_that_is_far_off_is_not_said_to_fit(tmp_path, y, verdict, words)
     found = diagnose(problem(tmp_path, model(offset), x, y(x)))
     assert found.verdict == verdict
     assert words in found.reason
+
+
+def test_readings_in_the_steps_of_a_converter_are_no_copies(tmp_path) -> None:
+    rng = np.random.default_rng(2)
+    x = np.repeat(np.linspace(1, 1.5, 10), 12)  # readings at different conditions overlap
+    steps = 0.03 * np.round((2 * x + rng.normal(0, NOISE, x.size)) / 0.03)  # 3.3 steps to a deviation
+    lines = [f"{a:.4f},{b:.4f}" for a, b in zip(x, steps + rng.choice([0.0, 1e-4], x.size))]
+    (tmp_path / "t.csv").write_text("\n".join(["x,force", *lines]) + "\n", encoding="utf-8")
+    found = diagnose(base_problem(model(offset), read_tables(model(offset), [tmp_path / "t.csv"]).fitted))
+    assert found.verdict == "nothing-missing", found.reason

@@ -20,7 +20,11 @@ from specan.room.model.rigid_modes import mode_names
 from specan.room.study.estimate_frf import observe_recording, settling_s
 from specan.room.study.field_observation import FieldObservation
 from specan.room.study.matched_field import likely_places  # noqa: F401
-from specan.room.study.mistaken_set_up import mistaken_set_up, undeclared_shifts  # noqa: F401  see `brought`
+from specan.room.study.mistaken_set_up import (  # noqa: F401  see `brought`
+    mistaken_set_up,
+    undeclared_shifts,
+    while_recorded,
+)
 from specan.room.study.mode_shifts import knowing_shifts, mode_shifts, with_mode_shifts  # noqa: F401
 from specan.room.study.receiver_places import explore_places, propose_places  # noqa: F401
 from specan.study.data.recordings import doubts, off_the_mains, parted, reads  # noqa: F401  a recording is one by its content

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from specan.models import Model
 from specan.study.data.operating_table import Rows, check_repeats
 from specan.study.data.replicate_variance import (
+    ASKED_FOR,
     SETTING,
     Reference,
     VarianceFunction,
@@ -284,8 +285,24 @@ def _scatter_of(
         in_means, instrument = mean(reading.at(grows, part.n)) / counts, None
     means = np.stack([mean(c) for c in slopes.T], axis=1) if slopes.shape[1] else np.empty((first.size, 0))
     grown = {n: mean(c) for n, c in grows.items()}
-    setup = pooled(mean(rest), part.replicate_group[first], means, grown, instrument, in_means)
-    return reading, _usable(setup, told)
+    setup = _usable(pooled(mean(rest), part.replicate_group[first], means, grown, instrument, in_means), told)
+    if reading is not None and setup is not None and part.setups_from == "order":
+        one = _usable(pooled(rest, part.replicate_group, slopes, grows, declared if told else None), told)
+        both = reading.at(grows, part.n) + setup.at(grows, part.n)
+        # rows that follow each other by chance were set anew too
+        if (
+            one is not None
+            and _misfit(part, rest, both) - _misfit(part, rest, one.at(grows, part.n)) > ASKED_FOR
+        ):
+            return None, one
+    return reading, setup
+
+
+def _misfit(part: Rows, rest: Array, variance: Array) -> float:
+    """Minus twice the log-likelihood of the scatter inside groups of repeats, up to a constant."""
+    _, index, counts = np.unique(part.replicate_group, return_inverse=True, return_counts=True)
+    gaps, expected = rest - (np.bincount(index, rest) / counts)[index], np.bincount(index, variance) / counts
+    return float(np.sum((counts - 1) * np.log(expected) + np.bincount(index, gaps**2) / expected))
 
 
 def _noise_of(

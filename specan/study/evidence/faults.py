@@ -341,8 +341,9 @@ def _not_set_anew(problem: Problem, o: TableObservation, slopes: Mapping[str, Ar
 def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
     """Rows that equal an earlier one in every number, more of them than chance makes.
 
-    Two normal readings of deviation u, printed in steps s, agree with probability s / (2 sqrt(pi) u), and so do
-    conditions that are read. A copy is one of any earlier repeat; the share of rows that are copies is uniform.
+    Two normal readings of deviation u, in steps s, agree with probability s / (2 sqrt(pi) u), and so do conditions that
+    are read. Steps are those that are printed, or as coarse as makes readings at other conditions agree as often as
+    they do: a converter's. A copy is one of any earlier repeat; the share of rows that are copies is uniform.
     """
     conditions = [c for n, c in o.conditions.items() if n != TIME]
     if o.lines is None or o.replicate_group is None or not conditions:
@@ -363,20 +364,28 @@ def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
     spread = [np.sqrt(of_group @ (c - of_group @ c) ** 2) for c in conditions]
     by_chance = np.zeros(o.n)
     for condition, own in zip(conditions, spread, strict=True):
-        by_chance += _ln_agreement(condition, own)
+        by_chance += _ln_agreement(_printed_step(np.unique(condition)), own)
+    for kind in np.unique(kinds):
+        rows = np.flatnonzero(kinds == kind)
+        reach = 3 * float(np.median(scatter[rows]))
+        gaps = np.abs(o.measured[rows, None] - o.measured[rows])
+        apart = gaps[~alike[np.ix_(rows, rows)] & (gaps < reach)]
+        step = max(
+            _printed_step(np.unique(o.measured[rows])),
+            2 * reach * float(np.mean(apart == 0)) if apart.size else 0,
+        )
+        by_chance[rows] += _ln_agreement(step, scatter[rows])
     gain = float(betaln(copies.size + 1, max(count - copies.size, 0) + 1))
     for k in copies:
-        same_kind = o.measured[kinds == kinds[k]]
-        gain -= float(np.log(max(earlier[k], 1)) + by_chance[k] + _ln_agreement(same_kind, scatter[k]))
+        gain -= float(np.log(max(earlier[k], 1)) + by_chance[k])
     pairs = [f"{o.place_of(int(k))} and {o.place_of(int(original[k]))}" for k in copies[:LEAST_ROWS]]
     more = f" and {copies.size - len(pairs)} more pairs" if copies.size > len(pairs) else ""
     text = f"rows are copies, equal to the last digit ({', '.join(pairs)}{more}); keep one of each"
     yield Fault("copied rows", text, np.zeros((o.n, 0)), (1.0,), lambda _: "", gain)
 
 
-def _ln_agreement(printed: Array, scatter: Array) -> Array:
-    """ln of the probability that two values agree as they are printed; 0 where they are set and do not scatter."""
-    step = _printed_step(np.unique(printed))
+def _ln_agreement(step: float, scatter: Array) -> Array:
+    """ln of the probability that two values in such steps agree; 0 where they are set and do not scatter."""
     return np.log(np.minimum(step / (2 * np.sqrt(np.pi) * np.maximum(scatter, 1e-300)), 1.0))
 
 
