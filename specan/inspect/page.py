@@ -84,8 +84,12 @@ class Page:
         """Name of the program and of what is shown on the left, the buttons on the right."""
         presses: list[tuple[str, str, Callable[[], None]]] = [
             *((LABELS[kind], f"save-{kind}", lambda kind=kind: self._save(kind)) for kind in self.saves),
-            ("Copy numbers", "copy-numbers", self._copy_numbers),
-            ("Copy command", "copy-command", self._copy_command),
+            (
+                "Copy numbers",
+                "copy-numbers",
+                lambda: self._copy(self._numbers(), "The numbers are on the clipboard."),
+            ),
+            ("Copy command", "copy-command", lambda: self._copy(self._command())),
         ]
         buttons: list[Any] = []
         for label, name, press in presses:
@@ -111,6 +115,10 @@ class Page:
         except SpecanError as fault:
             self._failed(str(fault))
 
+    def _copy(self, text: str, said: str = "") -> None:
+        self.link.copy(text)
+        self.status.end(said or text)
+
     def _told(self, part: float) -> None:
         """Show the progress of the work."""
 
@@ -121,8 +129,8 @@ class Page:
     def _save(self, kind: str) -> None:
         raise NotImplementedError
 
-    def _copy_numbers(self) -> None:
+    def _numbers(self) -> str:
         raise NotImplementedError
 
-    def _copy_command(self) -> None:
+    def _command(self) -> str:
         raise NotImplementedError

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,7 +48,6 @@ _GROWS = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
 _FILTER = """const text = cb_obj.value_input.toLowerCase();
 list.options = all.filter(([key, label]) => label.toLowerCase().includes(text));"""
 _CENTRED = {"display": "flex", "align-items": "center", "justify-content": "center"}
-_PICTURE_EVERY = 8  # pieces that are read
 _SETTLE_MS = 60  # a pan sends many ranges; one drawing answers them
 
 
@@ -225,15 +223,7 @@ class RecordingPage(Page):
 
         def compute(tell: Tell) -> Panel:
             waiting = [w for _, w in self.waveform.waveforms(view) if w.needs_overview(*visible)]
-            pieces = count()
-
-            def told(part: float) -> bool:
-                if next(pieces) % _PICTURE_EVERY == 0:  # as far as it is known
-                    partly = self.waveform.curves(view, *visible)
-                    self.drawing.later(lambda: self.waveform.draw(partly))
-                return tell(part)
-
-            read_overviews(waiting, told)
+            read_overviews(waiting, tell)
             return self.waveform.curves(view, *visible)
 
         self.waveform.show_section(view)
@@ -277,14 +267,11 @@ class RecordingPage(Page):
                 f"{Path(self.opened.recordings[number].label).stem}_{self.view.tab}.{kind}", content
             )
 
-    def _copy_numbers(self) -> None:
-        self.link.copy("\n".join(content.decode() for _, content in self._contents("txt")))
-        self.status.end("The numbers are on the clipboard.")
+    def _numbers(self) -> str:
+        return "\n".join(content.decode() for _, content in self._contents("txt"))
 
-    def _copy_command(self) -> None:
-        text = "\n".join(commands(self.opened, self.view))
-        self.link.copy(text)
-        self.status.end(text)
+    def _command(self) -> str:
+        return "\n".join(commands(self.opened, self.view))
 
     def _contents(self, kind: str) -> list[tuple[int, bytes]]:
         """Numbers or figure of each result on the tab, as its verb gives them."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, ScrollBox, TextInput
 
+from specan.errors import RequestError
 from specan.inspect.look import PANEL, Busy, folded, notice
 from specan.inspect.page import Page
 from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
@@ -21,7 +22,7 @@ from specan.report import study_sheets
 from specan.report.figure_style import image
 from specan.report.figures import figure_of
 from specan.report.html_page import shown
-from specan.report.study_html import failing_map
+from specan.report.residual_map import failing_map
 from specan.study.edit import Change, add_effect
 from specan.study.selection.candidates import candidates
 from specan.study.verdict import Diagnosis, headline, reason
@@ -42,11 +43,11 @@ class StudyPage(Page):
     kind = "study"
 
     def __init__(self, document: Document, kept: KeptStudy) -> None:
-        super().__init__(document, kept.directory.resolve().name, StudyView, folds=True)
+        super().__init__(document, kept.directory.resolve().name, StudyView)
         self.kept = kept
         self.study = kept.current()
         self.diagnosing = self.worker(lambda message: self.progress.end(message, "error"))
-        self.progress = Busy(document, "diagnosis", folds=True, sizing_mode="stretch_width")
+        self.progress = Busy(document, "diagnosis", sizing_mode="stretch_width")
         self.trial = Div(text="", name="trial", sizing_mode="stretch_width")
         self.history = Div(text="", name="history", sizing_mode="stretch_width")
         self.heading = Div(text="", name="model", sizing_mode="stretch_width")
@@ -127,25 +128,22 @@ class StudyPage(Page):
 
         self.work.ask(lambda tell: image(figure_of(study.compare()), kind), show)
 
-    def _copy_numbers(self) -> None:
+    def _numbers(self) -> str:
         trial = self.tried or self.now
         if trial is None:
-            return
+            raise RequestError("there are no numbers yet", remedy="wait for the fit")
         lines = [
             "\t".join(map(str, line))
             for one in (trial.parameters, study_sheets.errors(trial.errors))
             for line in (one.header, *one.rows)
         ]
-        self.link.copy("\n".join(lines) + "\n")
-        self.status.end("The numbers are on the clipboard.")
+        return "\n".join(lines) + "\n"
 
-    def _copy_command(self) -> None:
+    def _command(self) -> str:
         place = str(self.kept.directory)
         tried = self.tried.uses if self.tried else ()
         lines = [shlex.join(["specan", "study", "add", place, use]) for use in tried]
-        text = "\n".join(lines or [shlex.join(["specan", "study", "compare", place])])
-        self.link.copy(text)
-        self.status.end(text)
+        return "\n".join(lines or [shlex.join(["specan", "study", "compare", place])])
 
     # --- showing ----------------------------------------------------------------------------------
 

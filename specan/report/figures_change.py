@@ -14,8 +14,8 @@ from specan.report.figures_study_frf import measured_transfer
 from specan.report.panels import Curve, Panel, draw_panels
 from specan.report.residual_map import axis_text
 from specan.report.study_rows import table_rows
-from specan.report.study_words import fall_text, history_sentence, state_of
-from specan.study.history import History, Step, error_pairs
+from specan.report.study_words import falls, state_of
+from specan.study.history import History, Step
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.table import TableObservation
 from specan.units import axis_label
@@ -48,14 +48,10 @@ def figure_change(change: Change) -> Figure:
     two.set_ylabel("")
     two.tick_params(labelleft=False)
     after = change.after
-    texts = [
-        f"{text.replace('fitted', 'Fitted').replace('held-out', 'held out')}: {fall_text(a, b)}"
-        for text, a, b in error_pairs(change.before, change.after)
-    ]
     what = {"add": "with", "drop": "without"}.get(after.action, after.action)
     heading(
         figure, f"{change.study.directory.resolve().name}, step {after.step}: {what} {after.effect}",
-        "RMS error. " + "; ".join(texts), state_of(change.study)[0],
+        f"RMS error. {falls(change.before, after)}", state_of(change.study)[0],
     )  # fmt: skip
     return figure
 
@@ -102,7 +98,7 @@ def figure_history(history: History) -> Figure:
     figure = new_figure(3.7, float(np.clip(2.6 + 0.95 * len(steps), 5.2, 11.0)))
     axes = figure.subplots()
     draw_steps(axes, steps)
-    heading(figure, "Error after each step", history_sentence(steps))
+    heading(figure, "Error after each step", falls(steps[0], steps[-1]))
     return figure
 
 

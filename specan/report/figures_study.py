@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.arrays import Flags, Real
 from specan.errors import RequestError
@@ -15,7 +14,7 @@ from specan.report.figure_style import COLOURS, heading, legend_below, new_figur
 from specan.report.figures import figure_named
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.figures_study_time import figure_compare_time
-from specan.report.residual_map import axis_text
+from specan.report.residual_map import axis_text, plot_axes
 from specan.report.study_words import state_of
 from specan.study.comparison import readings
 from specan.study.observation import variable_named
@@ -99,19 +98,12 @@ def figure_comparison(found: Comparison, channel: str | None = None) -> Figure:
     return figure
 
 
-def _order(labels: Mapping[str, NDArray[Any]], rows: Flags) -> list[str]:
-    """Operating variables that vary over some rows, the one with most levels first; names behind numbers."""
-    counts = {n: np.unique(v[rows]).size for n, v in labels.items() if n != "measurement"}
-    return sorted(
-        (n for n in counts if counts[n] > 1), key=lambda n: (labels[n].dtype.kind == "U", -counts[n], n)
-    )
-
-
 def _panels(observation: TableObservation) -> list[_Panel]:
     found = []
     for name in dict.fromkeys(observation.observable.tolist()):
         rows = observation.observable == name
-        order = [*_order(observation.labels, rows), None, None, None][:3]
+        varied = plot_axes({n: labels[rows] for n, labels in observation.labels.items()})
+        order = [*varied, None, None, None][:3]
         x, line, third = order[0] or next(iter(observation.labels)), order[1], order[2]
         levels = [] if third is None else np.unique(observation.labels[third][rows]).tolist()
         if not 0 < len(levels) <= MOST_PANELS:

@@ -27,14 +27,14 @@ def page(title: str, parts: Iterable[str]) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<meta name="generator" content="specan {__version__}">'
         f"<title>{escape(title)}</title><style>{STYLE}</style></head>\n<body><main>\n"
-        # A narrow screen scrolls a table; the keyboard does so where it has the focus.
-        + "\n".join(parts).replace("<table", '<table tabindex="0"')
+        # What is too wide is scrolled; the keyboard does so where it has the focus.
+        + re.sub("<(table|pre)", r'<\1 tabindex="0"', "\n".join(parts))
         + "\n</main></body></html>\n"
     )
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[Any]], grey: Sequence[bool] | None = None) -> str:
-    """A table; rows marked in `grey` stand back.
+def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """A table.
 
     Examples
     --------
@@ -42,11 +42,8 @@ def table(header: Sequence[str], rows: Iterable[Sequence[Any]], grey: Sequence[b
     False
     """
     heads = "".join(f"<th>{escape(name)}</th>" if name else "<td></td>" for name in header)
-    lines = ["<table>", *([f"<tr>{heads}</tr>"] if any(header) else [])]
-    for k, row in enumerate(rows):
-        kind = ' class="grey"' if grey is not None and grey[k] else ""
-        lines.append(f"<tr{kind}>" + "".join(_cell(value) for value in row) + "</tr>")
-    return "\n".join([*lines, "</table>"])
+    lines = [*([heads] if any(header) else []), *("".join(map(_cell, row)) for row in rows)]
+    return "<table>" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
 
 
 def shown(sheet: Sheet) -> str:

@@ -1,9 +1,13 @@
-"""Where a model fails, on a map: left-out blocks over two operating variables, third octave x microphone."""
+"""Where a model fails, on a map: left-out blocks over two operating variables, third octave x microphone.
+
+The map is shown as an HTML table, in the report and on the page.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -19,6 +23,12 @@ from specan.study.observation import Variable, variable_named
 _LEAST_END = 6.0  # of the colour scale: what is below is what chance may do
 _MOST_SHARE = 0.95  # of the cells that the scale separates where the model fails everywhere
 _FREQUENCY = "third_octave_hz"  # always lies across
+_LINE = 'style="white-space:nowrap"'
+# Violet to orange, by C. Brewer (PuOr): distinguished by every kind of colour vision.
+_DIVERGING = (
+    "#2d004b", "#542788", "#8073ac", "#b2abd2", "#d8daeb", "#f7f7f7", "#fee0b6", "#fdb863", "#e08214", "#b35806",
+    "#7f3b08",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +116,11 @@ def map_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:
     return sorted((n for n in counts if counts[n] > 1), key=lambda n: (n != _FREQUENCY, -counts[n], n))
 
 
+def plot_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:
+    """Varying operating variables, those for an abscissa first: no axis over names if there is another."""
+    return sorted(map_axes(labels), key=lambda name: labels[name].dtype.kind not in "fiu")
+
+
 def axis_text(column: str, variables: Mapping[str, Variable]) -> str:
     """Label of an axis over a variable: ``Output force / kN``."""
     text = variable_named(column, variables).axis if column else ""
@@ -133,3 +148,40 @@ def _blocks_of(
         if np.array_equal(labels[one[0]] == one[1], mine) and frozenset([one]) in blocks
     )
     return found or next(alone, ())
+
+
+def failing_map(found: ResidualMap | None, known: bool) -> str:
+    """Left-out z of every pair of levels as coloured cells; framed where it is significant."""
+    if found is None:
+        return "<p>No operating variable varies: there is no map.</p>"
+    title = f"violet: low, orange: high, full colour at {found.end:g}; "
+    title += "framed: significant" if known else "relative to 1 %"
+    if known and not found.significant.any():
+        title = "no significant deviation of the model"
+    across, up = (axis_text(name, found.variables) for name in (found.across, found.up))
+    lines = []
+    for i in reversed(range(len(found.rows))):
+        cells = "".join(_cell(found, i, j, across, up) for j in range(len(found.columns)))
+        lines.append(f"<tr><th {_LINE}>{escape(found.rows[i])}</th>{cells}</tr>")
+    style = "writing-mode:vertical-rl;vertical-align:top;padding:2px 0"
+    foot = "".join(
+        f'<td style="border:0"><span style="{style}">{escape(text)}</span></td>' for text in found.columns
+    )
+    return (
+        f"<p><b>Where the model fails</b> ({escape(title)})</p>"
+        f'<table style="width:100%;border-spacing:2px;border-collapse:separate;table-layout:fixed">{"".join(lines)}'
+        f"<tr><td style='border:0'></td>{foot}</tr></table>{escape(across)}{escape(f'; up: {up}' if up else '')}"
+    )
+
+
+def _cell(found: ResidualMap, i: int, j: int, across: str, up: str) -> str:
+    cell = found.blocks[i][j]
+    if not cell:
+        return '<td style="border:0"></td>'
+    worst = max(cell, key=lambda block: abs(block.z))
+    colour = _DIVERGING[int(np.clip(round(5 + 5 * worst.z / found.end), 0, 10))]
+    frame = "2px solid var(--ink)" if found.significant[i, j] else "1px solid var(--line)"
+    place = f"{across} {found.columns[j]}" + (f", {up} {found.rows[i]}" if up else "")
+    text = f"{place}: left-out z {worst.z:+.1f}, {worst.text} ({worst.n} values)"
+    style = f"background:{colour};border:0;height:18px;print-color-adjust:exact;outline:{frame}"
+    return f'<td title="{escape(text)}" style="{style}"></td>'

@@ -19,8 +19,7 @@ from specan.report.figures_change import figure_history
 from specan.report.figures_diagnosis import figure_diagnosis
 from specan.report.figures_study import figure_comparison
 from specan.report.html_page import bullets, page, picture, shown, table
-from specan.report.residual_map import residual_map
-from specan.report.study_html import failing_map
+from specan.report.residual_map import failing_map, residual_map
 from specan.report.study_words import allowed_for, fall_text
 from specan.study.history import History, Step, error_pairs
 from specan.study.study_file import NAME
@@ -117,8 +116,7 @@ def _led_to(content: Mapping[str, Any] | None, before: Step) -> list[str]:
     sheet = study_sheets.candidates(content, MOST_RIVALS)
     if sheet.rows:
         now = ["model as it was", f"{before.fit_error['value']:.3g}", *[""] * (len(sheet.header) - 2)]
-        grey = [not row["plausible"] for row in content["ranking"][:MOST_RIVALS]]
-        parts.append(table(sheet.header, [now, *sheet.rows], [False, *grey]))
+        parts.append(table(sheet.header, [now, *sheet.rows]))
     return parts
 
 
@@ -129,11 +127,11 @@ def _comparison(study: Study, found: Comparison) -> list[str]:
     kinds = ["fitted"] * len(found.errors) + ["held out"] * len(aside)
     parts.append(shown(study_sheets.errors([*found.errors, *aside], data=kinds)))
     if where is not None:
-        allowed = allowed_for(study)
+        allowed = f"{text[:1].upper()}{text[1:]}." if (text := allowed_for(study)) else ""
         held = f"; on held-out data {study.held_out.reduced_chi2:.2f}" if study.held_out else ""
         parts.append(
             f"<p>Reduced chi-square {best.reduced_chi2:.2f} (p = {best.p_value:.2g}, "
-            f"{best.n_effective:.0f} independent values){held}. {escape(allowed[:1].upper() + allowed[1:])}</p>"
+            f"{best.n_effective:.0f} independent values){held}. {escape(allowed)}</p>"
         )
         parts.append(bullets(where.sentences()))
         parts.append(failing_map(residual_map(study.problem, study.shown), study.data.known))
@@ -175,8 +173,7 @@ def _rejected(found: Diagnosis | None) -> list[str]:
     parts = []
     if found.ranking:
         sheet = study_sheets.candidates(found.to_dict(), MOST_REJECTED, valued=True)
-        grey = [not row.plausible for row in found.ranking[:MOST_REJECTED]]
-        parts += ["<h2>Candidates tested</h2>", table(sheet.header, sheet.rows, grey)]
+        parts += ["<h2>Candidates tested</h2>", shown(sheet)]
     sheet, names = study_sheets.visible(found)
     hidden = [[name, "not detectable in its range", ""] for name in names]
     hidden += [[n, f"not testable: {why}", ""] for n, why in found.not_testable.items()]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from specan.arrays import Real
 from specan.models import Model
 from specan.report.panels import Curve, Panel
-from specan.report.residual_map import axis_text, map_axes
+from specan.report.residual_map import axis_text, plot_axes
 from specan.study.comparison import readings
 from specan.study.observation import Variable
 from specan.study.observation.table import TableObservation
@@ -115,9 +115,7 @@ def table_rows(
         for o, p in zip(tables, predicted, strict=True)
     ]
     frame = pd.concat([levels, pd.concat(values, ignore_index=True)], axis=1)
-    axes = map_axes({name: levels[name].to_numpy() for name in names})
-    # no axis over names if there is another
-    axes = sorted(axes, key=lambda name: levels[name].dtype.kind not in "fiu")
+    axes = plot_axes({name: levels[name].to_numpy() for name in names})
     if not axes:
         axes, read = ["row"], pd.DataFrame({"row": np.arange(len(frame), dtype=float)})
         frame = frame.assign(row=read["row"])

@@ -188,6 +188,7 @@ def blocks(found: Sequence[Block]) -> Sheet:
 def visible(found: Diagnosis) -> tuple[Sheet, list[str]]:
     """Smallest detectable sizes of effects that the verdict does not name, and effects detectable at no size."""
     sizes = {n: v for n, v in found.smallest_visible.items() if n not in found.effects}
-    rows = [[n, f"{v['value']:.2g}", unit_text(v["unit"])] for n, v in sizes.items() if v is not None]
+    known = {n: (float(f"{v['value']:.2g}"), v["unit"]) for n, v in sizes.items() if v is not None}
+    rows = [[n, f"{value:g}", unit_text(unit)] for n, (value, unit) in known.items()]
     sheet = Sheet("Smallest detectable effects", ["effect", "size", ""], rows)
     return sheet, [n for n, v in sizes.items() if v is None]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from specan.study.history import error_pairs
 from specan.units import printed_unit
 
 if TYPE_CHECKING:
@@ -33,16 +34,11 @@ def allowed_for(study: Study) -> str:
     return f"model discrepancy of {', '.join(parts)} allowed for" if parts else ""
 
 
-def history_sentence(steps: Sequence[Step]) -> str:
-    """``Fitted: 0.0276 to 0.0065 Nm (-77 %). Held out: 0.03 to 0.0072 Nm (-76 %).``"""
-    texts = []
-    for kind, text in (("fit", "Fitted"), ("held_out", "Held out")):
-        known = [errors for s in steps if (errors := s.of_each(kind))]
-        for name in known[-1] if known else ():
-            ends = [one[name] for one in known if name in one]
-            said = text if len(known[-1]) == 1 else f"{text} {name}"
-            texts.append(f"{said}: {fall_text(ends[0], ends[-1])}.")
-    return " ".join(texts)
+def falls(before: Step, after: Step) -> str:
+    """``Fitted: 0.0276 to 0.0065 Nm (-77 %); held out: 0.03 to 0.0072 Nm (-76 %)``."""
+    texts = [f"{data.replace('-', ' ')}: {fall_text(a, b)}" for data, a, b in error_pairs(before, after)]
+    whole = "; ".join(texts)
+    return whole[:1].upper() + whole[1:]
 
 
 def fall_text(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:

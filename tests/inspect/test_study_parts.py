@@ -15,7 +15,7 @@ from specan.inspect.plots import outline
 from specan.inspect.study_views.ranking import Ranking, uses_of
 from specan.inspect.trial import KeptStudy, as_it_is, try_effects
 from specan.inspect.work import Heard, Superseded
-from specan.report.study_html import failing_map
+from specan.report.residual_map import failing_map
 from specan.study.edit import add_effect
 from specan.study.selection.candidates import candidates
 from specan.study.study import Study
