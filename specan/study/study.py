@@ -222,11 +222,16 @@ class Study:
         """The model as the study has it, over the fitted data."""
         if not self._assembled.strategy.linearised_covariance:
             return self._assembled
+        starts = self._starts
+        return linearised(self._assembled, starts, self._near if starts == [{}] else None)
+
+    @cached_property
+    def _starts(self) -> list[Mapping[str, Any]]:
+        """Values to fit from: those declared, of the step before, and likely ones of what is new."""
         last = self.history.last
         known = kept_values(self._assembled, last.parameters) if last else {}
         new = [Use.parse(u) for u in self.model_effects if last and u not in last.model_effects]
-        starts = starting_values(self._assembled, new, known)
-        return linearised(self._assembled, starts, self._near if starts == [{}] else None)
+        return starting_values(self._assembled, new, known)
 
     @cached_property
     def _near(self) -> dict[str, Any]:
@@ -270,8 +275,9 @@ class Study:
                     with suppress(ComputationError):  # the other starts may do
                         tried.append(fit(self.problem, place))
                 found = min(tried, key=lambda one: one.chi2 - 2 * self.problem.ln_volume(one.theta))
-            if self.model.rates and (last := self.history.last):  # integrated predictions have many minima
-                near = kept_values(self._assembled, last.parameters)
+            for near in (
+                self._starts[1:] if self.model.rates else ()
+            ):  # integrated predictions have many minima
                 with suppress(ComputationError):
                     found = min(found, fit(self.problem, near), key=lambda one: one.chi2)
             self.kept.keep("fit", found)

@@ -59,16 +59,20 @@ def starting_values(
 ) -> list[Mapping[str, Any]]:
     """SI values to start from: the problem's own, and known ones, with several starts for new uses."""
     starts: list[Mapping[str, Any]] = [{}, known] if known else [{}]
-    if not new or not problem.strategy.continuation:
+    integrated = all(o.kind == "time" for o in problem.observations)
+    if not new or not (integrated or problem.strategy.continuation):
         return starts
     lean = problem
     for use in new:
         lean = without(lean, use)
     try:
-        values = continuation_fit(lean, [known])
+        base = (
+            Refit(frozenset(), lean, fit(lean, start=known))
+            if integrated
+            else _seen_from(lean, continuation_fit(lean, [known]))
+        )
     except ComputationError:  # without what is new nothing fits: the declared values must do
         return starts
-    base = _seen_from(lean, values)
     found = list(scan_shapes(base, new).values())
     most = max(map(len, found), default=0)
     return starts + [start_from(base, [w[min(k, len(w) - 1)] for w in found], problem) for k in range(most)]
