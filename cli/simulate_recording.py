@@ -77,4 +77,4 @@ def show_channels(channels: Sequence[tuple[str, str, Any]], as_json: bool, **fac
         emit_json({**facts, "channels": rows})
         return
     cells = [[str(r["channel"]), f"{r['mean']:.4g}", f"{r['rms']:.4g}", str(r["unit"])] for r in rows]
-    table("", ["channel", "mean", "rms about it", "unit"], cells)
+    table("", ["channel", "mean", "RMS about the mean", "unit"], cells)

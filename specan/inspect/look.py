@@ -78,10 +78,11 @@ _SILENT_S = 2.0  # seconds are not counted before
 
 
 class Busy:
-    """A text of the page."""
+    """A text of the page; one that `folds` takes no room while there is nothing to say."""
 
-    def __init__(self, document: Document, name: str, **layout: Any) -> None:
-        self.div = Div(text="", name=name, **layout)
+    def __init__(self, document: Document, name: str, folds: bool = False, **layout: Any) -> None:
+        self.div = Div(text="", name=name, visible=not folds, **layout)
+        self._folds = folds
         self._document = document
         self._text, self._since = "", 0.0
         self._tick: Any = None
@@ -104,8 +105,10 @@ class Busy:
             self._document.remove_periodic_callback(self._tick)
             self._tick = None
         self.div.text = notice(text, kind) if text else ""
+        self.div.visible = bool(text) or not self._folds
 
     def _show(self) -> None:
+        self.div.visible = True
         passed = time.monotonic() - self._since
         self.div.text = notice(
             f"{self._text} ..." + (f" {passed:.0f} s" if passed > _SILENT_S else ""), "busy"

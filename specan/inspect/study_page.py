@@ -43,11 +43,11 @@ class StudyPage(Page):
     kind = "study"
 
     def __init__(self, document: Document, kept: KeptStudy) -> None:
-        super().__init__(document, kept.directory.resolve().name, StudyView)
+        super().__init__(document, kept.directory.resolve().name, StudyView, folds=True)
         self.kept = kept
         self.study = kept.current()
         self.diagnosing = self.worker(lambda message: self.progress.end(message, "error"))
-        self.progress = Busy(document, "diagnosis", sizing_mode="stretch_width")
+        self.progress = Busy(document, "diagnosis", folds=True, sizing_mode="stretch_width")
         self.trial = Div(text="", name="trial", sizing_mode="stretch_width")
         self.history = Div(text="", name="history", sizing_mode="stretch_width")
         self.heading = Div(text="", name="model", sizing_mode="stretch_width")
@@ -93,7 +93,7 @@ class StudyPage(Page):
         )  # fmt: skip
         main = row(
             self._left(), self._middle, sizing_mode="stretch_width",
-            styles={"height": "calc(100vh - 112px)", "gap": "8px"}, css_classes=["stacked"],
+            styles={"height": "calc(100vh - 84px)", "gap": "8px"}, css_classes=["stacked"],
         )  # fmt: skip
         self.show_page(main, self.trial)
         self.dressed(self._bottom)
