@@ -260,14 +260,13 @@ def while_recorded(problem: Problem, best: Fit) -> MistakenSetUp:
 
     seen, whole = field_observations(problem.observations), Projection.of(best.residual, best.jacobian)
     excess = best.chi2 - problem.pulled(best.residual) - best.dof
-    if excess < LEAST_EXCESS or any(o.drift or not o.warming for o in seen):
+    steady = [o.warming for o in seen if o.warming and not o.drift]
+    if excess < LEAST_EXCESS or len(steady) < len(seen):
         return MistakenSetUp()
 
     def warmer(kelvin: float) -> Problem:
-        sd = [kelvin * o.warming.sd for o in seen if o.warming]
-        return problem.over(
-            [replace(o, drift=replace(o.warming, sd=s)) for o, s in zip(seen, sd, strict=True)]
-        )
+        drifts = [replace(one, sd=kelvin * one.sd) for one in steady]
+        return problem.over([replace(o, drift=drift) for o, drift in zip(seen, drifts, strict=True)])
 
     def left(kelvin: float) -> float:
         return float(np.sum(whole.project_out(warmer(kelvin).residual(best.theta)) ** 2))
