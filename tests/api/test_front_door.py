@@ -253,6 +253,7 @@ def test_a_data_set_has_the_dimensions():
     found = specan.octave(recording(), 3).to_xarray()
     assert float(found["level_dB"].sel(channel="Mic 1", nominal_hz=1000)) == pytest.approx(93.979, abs=0.02)
     assert recording().to_xarray()["Mic 1"].sizes == {"time_s": int(SECONDS * RATE)}
+    assert [recording()[0], recording()["Mic 1"]] == [next(iter(recording()))] * 2
 
 
 def test_a_batch_gives_its_tables(tmp_path):
