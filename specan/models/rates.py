@@ -178,7 +178,8 @@ class Rates:
 
         A state that is measured, or whose change is, starts near what its first samples show.
         """
-        conditions, starts, sizes = {}, {}, self._sizes(model, recordings, self.states)
+        conditions: dict[str, Condition] = {}
+        starts, sizes = {}, self._sizes(model, recordings, self.states)
         for name, state in self.states.items():
             size = sizes[name] if np.isfinite(sizes[name]) and sizes[name] > 0 else 1.0
             start = Parameter(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +115,7 @@ class TableObservation(Observation):
         file = self.recordings[int(self._recording[row])]
         return f"line {int(self.lines[row])}" + (f" of {file}" if file else "")
 
-    def take(self, mask: NDArray[np.bool_]) -> TableObservation:
+    def take(self, mask: NDArray[np.bool_]) -> Self:
         """Keep some of the rows; effects that look at earlier readings still see those left out.
 
         How many degrees of freedom the kept repeats hold is not followed: `pure_error_dof` becomes 0.

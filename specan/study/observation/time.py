@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,7 @@ class TimeObservation(TableObservation):
             found[name] = np.split(rows, np.flatnonzero(gaps) + 1)
         return found
 
-    def take(self, mask: NDArray[np.bool_]) -> TimeObservation:
+    def take(self, mask: NDArray[np.bool_]) -> Self:
         """Some of the rows, and the recordings that these are of."""
         found = super().take(mask)
         kept, recording = np.unique(found._recording, return_inverse=True)
