@@ -129,6 +129,9 @@ class Recording(Result):
         >>> Recording.from_arrays({"Mic 1": tone}, 8000, units={"Mic 1": "Pa"})
         <Recording: arrays, 1 channel, 1 s at 8000 Hz>
         """
+        for what, given in {"samples": samples, "units": units or {}, "roles": roles or {}}.items():
+            if not isinstance(given, Mapping):
+                raise RequestError(f"{what} is {given!r:.60}", expected="a dict with a name for each channel")
         arrays = {name: np.asarray(values, dtype=np.float64) for name, values in samples.items()}
         channels = []
         for name, values in arrays.items():

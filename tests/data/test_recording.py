@@ -150,6 +150,8 @@ def test_arrays_are_a_recording_in_si_units():
     np.testing.assert_allclose(one.read([mic], 1), [[2e-3, 3e-3]])
     with pytest.raises(RequestError, match="one channel for each array"):
         Recording.from_arrays({"Mic": [[1.0, 2.0]]}, 10)
+    with pytest.raises(RequestError, match=r"units is 'Pa'; expected a dict with a name for each channel"):
+        Recording.from_arrays({"Mic": [1.0, 2.0]}, 10, units="Pa")
 
 
 def test_samples_that_leave_the_range_of_numbers_make_no_warning() -> None:

@@ -88,6 +88,8 @@ def test_nothing_is_named_beside_noise_of_any_form(model, disturbed, coloured):
     seen = observed(model, np.random.default_rng(0), disturbed, coloured)
     found = diagnose(base_problem(model, [seen]))
     assert (found.verdict, found.alternatives) == ("nothing-missing", ())
+    # a large force moves the mass by more than the 0.05 mm that are declared; correlation makes no noise larger
+    assert any("times as large as declared" in text for text in found.remarks) == (disturbed > 1)
 
 
 def test_an_effect_is_named_beside_a_force_that_nobody_measured(model):

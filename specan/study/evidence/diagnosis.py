@@ -11,6 +11,7 @@ import numpy as np
 from specan.errors import SpecanError, unforeseen
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import describe
+from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import OF_THE_BEST, SURE, Explanation, Explanations
 from specan.study.evidence.form_errors import FORMS
 from specan.study.evidence.judgement import (
@@ -22,6 +23,7 @@ from specan.study.evidence.judgement import (
 from specan.study.evidence.law_search import likeliest_law
 from specan.study.localisation.localise import localise
 from specan.study.observation import brought
+from specan.study.observation.time import TimeObservation
 from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.pulls import TOO_FAR, Pull, pulls, shown, what_would_tell
 from specan.study.selection.refits import Refit
@@ -44,6 +46,7 @@ LACK_OF_FIT = 1e-3  # probability below which a model does not fit
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
 OFF_FORM = 0.9  # probability that the errors of form are the largest, above which a name is doubted
+LARGER = 2.0  # times the declared noise of a recording, from which its user has to know
 DOUBT = 0.2  # probability of something else from which it is said: twice what it is before any data
 
 
@@ -280,6 +283,7 @@ class _Telling:
             ("faults of the data", self._fault),
             ("the fit of the base", lambda: not_settled(base)),
             ("shifts of modes", self._undeclared_shifts),
+            ("the noise of recordings", lambda: larger_noise(self.problem)),
         ]
         if (noise := best.noise) is not None:
             remarks.append(("noise", lambda: noise.text))
@@ -307,6 +311,18 @@ def not_settled(base: Refit) -> str:
     return (
         "the fit of the model as it is did not converge and may be poor: give start values or narrower bounds"
     )
+
+
+def larger_noise(problem: Problem) -> str:
+    """A sentence where what is taken for noise of a recording is larger than declared: a lack may hide in it."""
+    found = [
+        f"what is taken for noise of {name} ({noise.words}) is {noise.times:.2g} times as large as declared"
+        for o in problem.observations
+        if isinstance(o, TimeObservation)
+        for name, noise in o.noise.items()
+        if noise.times > LARGER
+    ]
+    return f"{' and '.join(found)}: something may be missing there" if found else ""
 
 
 def _form(one: Explanation) -> str:

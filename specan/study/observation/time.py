@@ -38,11 +38,14 @@ class Noise:
         See `specan.study.observation.autoregression`.
     estimated : int
         How many numbers were estimated for it.
+    times : float
+        Its standard deviation over the declared one.
     """
 
     words: str
     reflections: tuple[float, ...] = ()
     estimated: int = 0
+    times: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +135,7 @@ class TimeObservation(TableObservation):
             price = 0.5 * np.log(max(sum(rows.size for rows in chains), 1))
             best = forms[int(np.argmax([w - price * f.estimated for w, f in zip(worth, forms, strict=True)]))]
             if best.reflections:
-                rows, found[name] = np.concatenate(chains), best
+                rows = np.concatenate(chains)
+                found[name] = replace(best, times=float(np.sqrt(np.mean(residual[rows] ** 2))))
                 size[rows] = np.mean(innovations(residual, chains, best.reflections)[rows] ** 2)
         return replace(self, noise=found, covariance=self.covariance * size)
