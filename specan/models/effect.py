@@ -106,11 +106,7 @@ class Parameter:
         float
             In SI, unless the parameter is `as_declared`.
         """
-        return (
-            value
-            if self._plain or math.isinf(value)
-            else float(convert(value, self.unit, self.received_unit))
-        )
+        return _converted(value, self.unit, self.received_unit)
 
     def from_si(self, value: float) -> float:
         """A value as the function receives it in `unit`.
@@ -125,11 +121,7 @@ class Parameter:
         float
             In `unit`.
         """
-        return (
-            value
-            if self._plain or math.isinf(value)
-            else float(convert(value, self.received_unit, self.unit))
-        )
+        return _converted(value, self.received_unit, self.unit)
 
     def in_unit(self, value: float, low: float, high: float) -> dict[str, Any]:
         """A value as the function receives it, and the ends of its interval, as tables of parameters have them.
@@ -150,11 +142,11 @@ class Parameter:
     @property
     def received_unit(self) -> str:
         """Unit in which the function that owns the parameter receives it."""
-        return self.unit if self._plain else base_unit(self.unit)
+        return self.unit if self.as_declared or self.unit == "1" else base_unit(self.unit)
 
-    @property
-    def _plain(self) -> bool:
-        return self.as_declared or self.unit == "1"
+
+def _converted(value: float, unit: str, target: str) -> float:
+    return value if unit == target or math.isinf(value) else float(convert(value, unit, target))
 
 
 @dataclass(frozen=True)

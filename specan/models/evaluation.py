@@ -154,21 +154,19 @@ class Assembly:
         start: Mapping[str, Any] = {}
         for values in many:
             parameters = {**self.defaults, **values}
-            known: dict[str, Any] = {**self._condition_defaults, **conditions}
-            parts: dict[str, Mapping[str, Any]] = {}
+            found = Evaluation({**self._condition_defaults, **conditions}, {})
             changed = (
                 None if first is None else tuple(n for n, v in values.items() if not _same(start.get(n), v))
             )
             kept, steps = self._schedule(quantities, changed)
             if first is not None:
-                known |= {name: first.values[name] for name in kept if name in first.values}
-                parts |= {name: first.parts[name] for name in kept if name in first.parts}
+                found.values.update({name: first.values[name] for name in kept if name in first.values})
+                found.parts.update({name: first.parts[name] for name in kept if name in first.parts})
             for step in steps:
                 if len(step) > 1 or step[0] in self._plan[1]:
-                    self._settle(step, known, parameters, parts)
+                    self._settle(step, found, parameters)
                 else:
-                    self._value(step[0], known, parameters, parts)
-            found = Evaluation(known, parts)
+                    self._value(step[0], found, parameters)
             if first is None:
                 first, start = found, parameters
             yield found
@@ -245,19 +243,13 @@ class Assembly:
             )
         return self._schedules[wanted, changed]
 
-    def _value(
-        self,
-        name: str,
-        known: dict[str, Any],
-        parameters: Mapping[str, Any],
-        parts: dict[str, Mapping[str, Any]],
-    ) -> None:
+    def _value(self, name: str, into: Evaluation, parameters: Mapping[str, Any]) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""
         base, acting = self._calls[name]
-        total, factor = base(known, parameters), None
-        contributions = {BASE: total}
+        total, factor = base(into.values, parameters), None
+        into.parts[name] = contributions = {BASE: total}
         for use, effect, call in acting:
-            found = call(known, parameters)
+            found = call(into.values, parameters)
             if len(effect.changes) > 1:
                 found = found[name]
             if effect.at:
@@ -271,7 +263,7 @@ class Assembly:
                     total = total + contributions[call.key]
                 else:
                     factor = contributions[call.key] if factor is None else factor * contributions[call.key]
-            known[name], parts[name] = total if factor is None else total * factor, contributions
+            into.values[name] = total if factor is None else total * factor
         except (ValueError, TypeError):
             raise self._misfit(name, contributions) from None
 
@@ -302,15 +294,9 @@ class Assembly:
         whole[axis.index(use.at)] = given
         return whole
 
-    def _settle(
-        self,
-        loop: tuple[str, ...],
-        known: dict[str, Any],
-        parameters: Mapping[str, Any],
-        parts: dict[str, Mapping[str, Any]],
-    ) -> None:
+    def _settle(self, loop: tuple[str, ...], into: Evaluation, parameters: Mapping[str, Any]) -> None:
         """Solve a loop from the values without effects."""
-        guessed = self._plan[1]
+        guessed, known = self._plan[1], into.values
         for name in self.model.base_order:
             if name in loop:
                 known[name] = self._calls[name][0](known, parameters)
@@ -318,7 +304,7 @@ class Assembly:
         def around(guess: Mapping[str, Any]) -> dict[str, Any]:
             known.update(guess)
             for name in loop:
-                self._value(name, known, parameters, parts)
+                self._value(name, into, parameters)
             return {name: known[name] for name in guessed}
 
         if not fixed_point(around, {name: known[name] for name in guessed}):
@@ -363,8 +349,8 @@ def varying(rows: Iterable[Mapping[str, Any]], least: float = 5e-4) -> frozenset
 class Evaluation:
     """Values of all quantities, and what each effect contributed to them."""
 
-    values: Mapping[str, Any]
-    parts: Mapping[str, Mapping[str, Any]]
+    values: dict[str, Any]
+    parts: dict[str, Mapping[str, Any]]
 
     def __getitem__(self, name: str) -> Any:
         try:

@@ -16,7 +16,7 @@ import inspect
 import types
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,8 @@ class Program:
         self._lines: list[str] = []
         self.drives: list[str] = []
         self._write()
+        # of ``explicit``, Runge-Kutta's method, and ``implicit``, for stiff models; compiled when it is asked for
+        self.march = cache(self._march)
 
     def _moved_by_states(self) -> set[str]:
         """Quantities that depend on a state."""
@@ -181,17 +183,8 @@ class Program:
         found = " or ".join(each) if self.switched else f"np.any({' | '.join(each)})"
         return f"    return {found}"
 
-    @cached_property
-    def explicit(self) -> Any:
-        """Runge-Kutta's method over all samples; with numba where effects are switched."""
-        return self._march("explicit")
-
-    @cached_property
-    def implicit(self) -> Any:
-        """The method for stiff models; it is compiled only where one is."""
-        return self._march("implicit")
-
     def _march(self, method: str) -> Any:
+        """A method over all samples, with numba where effects are switched."""
         text = f"{inspect.getsource(marching)}\n\n{self.source}"
         if not self.switched:
             return _run(text, "rates of a model", self.functions)[method]
@@ -349,7 +342,7 @@ class Solver:
         def march(implicit: bool, steps: int) -> Real:
             found = np.empty((len(many), len(program.states), times.size)).transpose(1, 2, 0)
             found[:, 0] = starts
-            way = program.implicit if implicit else program.explicit
+            way = program.march("implicit" if implicit else "explicit")
             grid = np.zeros(times.size, int)
             with np.errstate(all="ignore"):
                 if not program.switched and not implicit:  # all sets as columns
@@ -402,7 +395,7 @@ def _compile(assembly: Assembly) -> Program | None:
         return None
     try:
         program = Program(assembly, switched=True)
-        program.explicit  # noqa: B018 - compiles
+        program.march("explicit")
     except (RequestError, numba.errors.NumbaError, TypeError):
         return None
     return program

@@ -188,10 +188,9 @@ class Rates:
             )  # fmt: skip
             found = of_parameter(f"{name}_start", start, f"{name} when a piece begins.")
             if name in self.scales or self._moving(model, name):
-                conditions |= _first(name, state.unit)
-                found = replace(
-                    found, function=lambda first, *, value: first + value, reads=(f"{name}_first",)
-                )
+                first = _first(name, state.unit)
+                conditions[first.name] = first
+                found = replace(found, function=lambda first, *, value: first + value, reads=(first.name,))
             starts[found.name] = replace(found, unit=state.unit)
         return replace(
             model,
@@ -359,24 +358,17 @@ def _conditions(
     states: Mapping[str, State], known: Mapping[str, str], channels: Mapping[str, str]
 ) -> dict[str, Condition]:
     """Time, the recorded inputs, and first values of channels that states start from."""
-    return {
-        TIME: Condition(TIME, "s", "Time since the recording began.", TIME, "s", varies=False),
-        **{
-            channel: Condition(channel, known[n], f"Recorded {n}.", n, known[n], label=n)
-            for n, channel in channels.items()
-        },
-        **dict(
-            pair
-            for n, state in states.items()
-            if state.start == MEASURED
-            for pair in _first(n, known[n]).items()
-        ),
-    }
+    found = [
+        Condition(TIME, "s", "Time since the recording began.", TIME, "s", varies=False),
+        *(Condition(c, known[n], f"Recorded {n}.", n, known[n], label=n) for n, c in channels.items()),
+        *(_first(n, known[n]) for n, state in states.items() if state.start == MEASURED),
+    ]
+    return {condition.name: condition for condition in found}
 
 
-def _first(name: str, unit: str) -> dict[str, Condition]:
+def _first(name: str, unit: str) -> Condition:
     first = f"{name}_first"
-    return {first: Condition(first, unit, f"First value of {name}.", first, unit, 0.0, varies=False)}
+    return Condition(first, unit, f"First value of {name}.", first, unit, 0.0, varies=False)
 
 
 def _signal(name: str, given: Any, known: Mapping[str, str]) -> Signal:

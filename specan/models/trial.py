@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from inspect import signature
 from types import CodeType
 from typing import Any
@@ -65,22 +66,19 @@ def try_assembly(assembly: Assembly, conditions: Conditions) -> None:
 
 def _in_time(evaluate: Callable[[], Evaluation]) -> Evaluation:
     """The result, or an error that says in which line of a user's file the time ran out, as in a loop without end."""
-    done: list[Evaluation] = []
-    failed: list[BaseException] = []
+    answer: Future[Evaluation] = Future()
 
     def work() -> None:
         try:
-            done.append(evaluate())
+            answer.set_result(evaluate())
         except BaseException as fault:
-            failed.append(fault)
+            answer.set_exception(fault)
 
     worker = threading.Thread(target=work, daemon=True)  # a daemon: it does not keep the program from ending
     worker.start()
     worker.join(LIMIT_S)
-    if failed:
-        raise failed[0]
-    if done:
-        return done[0]
+    if answer.done():
+        return answer.result()
     frame, place = sys._current_frames().get(worker.ident or 0), "the model"
     while frame is not None and place == "the model":
         if str(frame.f_globals.get("__name__", "")).startswith(PREFIX):
