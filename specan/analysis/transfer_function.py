@@ -126,16 +126,17 @@ class TransferFunctionAccumulator:
                 remedy="use fewer lines" if settings.lines else "analyse a longer section",
             )
         self._choose_blocks(block_of(settings.lines or self._most_lines(DEFAULT_LINES)))
-        self._spectra = CrossSpectra(
-            self.reference.sampling_rate,
-            self.settings.block,
-            self.settings.window,
-            self.settings.overlap,
+        self._spectra = self._average(
             n_channels=len(self.channels),
             references=[0] if self.instrument is None else [0, 1],
-            lines=self.settings.lines,
             shifts=self.shifts,
         )
+
+    def _average(self, **more: Any) -> CrossSpectra:
+        """An empty average in the blocks of the analysis."""
+        how = self.settings
+        rate = self.reference.sampling_rate
+        return CrossSpectra(rate, how.block, how.window, how.overlap, lines=how.n_lines, **more)
 
     def _choose_blocks(self, first: int) -> None:
         """Overlap, lines and shifts, by what the beginning of the recording shows in blocks of `first` samples."""
@@ -275,14 +276,7 @@ class TransferFunctionAccumulator:
         ends = ((self.start, self.start + block - hop, (block - hop, 0)), (past, self.stop, (0, block)))
         for first, last, silence in ends:
             samples = self.recording.read([self.reference], first, last)
-            grid = CrossSpectra(
-                self.reference.sampling_rate,
-                block,
-                self.settings.window,
-                self.settings.overlap,
-                n_channels=1,
-                lines=self.settings.n_lines,
-            )
+            grid = self._average(n_channels=1)
             grid.add(np.pad(samples - samples.mean(), ((0, 0), silence)))
             beyond += grid.n_blocks * grid.result().auto[0, 1:]
         with np.errstate(divide="ignore", invalid="ignore"):

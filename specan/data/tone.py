@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -108,28 +109,18 @@ class ToneTable(RecordingResult):
     def sheets(self) -> list[Sheet]:
         """The tone on every channel."""
         over = f", phases over {self.reference}" if self.reference else ""
-        rows = zip(
-            self.channels, self.tone_rms, self.units, self.phase_deg, self.u_phase_deg, self.thd_percent,
-            self.noise_rms,
-        )  # fmt: skip
-        return [
-            Sheet(
-                f"{self.label}: {self.frequency_hz:.6g} Hz on {self.leader}{over}",
-                ["channel", "RMS of tone", "unit", "phase deg", "u deg", "THD %", "noise RMS"],
-                [
-                    [
-                        name,
-                        cell(tone, ".5g"),
-                        unit,
-                        cell(phase),
-                        cell(u, ".2g"),
-                        cell(thd, ".3g"),
-                        cell(noise, ".3g"),
-                    ]
-                    for name, tone, unit, phase, u, thd, noise in rows
-                ],
-            )
-        ]
+        title = f"{self.label}: {self.frequency_hz:.6g} Hz on {self.leader}{over}"
+        shown: dict[str, tuple[Sequence[Any], str]] = {
+            "channel": (self.channels, ""),
+            "RMS of tone": (self.tone_rms, ".5g"),
+            "unit": (self.units, ""),
+            "phase deg": (self.phase_deg, ".2f"),
+            "u deg": (self.u_phase_deg, ".2g"),
+            "THD %": (self.thd_percent, ".3g"),
+            "noise RMS": (self.noise_rms, ".3g"),
+        }
+        columns = [[cell(value, form) for value in values] for values, form in shown.values()]
+        return [Sheet(title, list(shown), [list(row) for row in zip(*columns)])]
 
     def about(self) -> list[str]:
         """Lines above the table in a text file."""

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -142,12 +143,8 @@ class _Measured:
     def row(self, number: int) -> list[Any]:
         """Its line in the list of recordings."""
         duration = max(channel.duration_s for channel in self.recording.channels)
-        return [
-            f"{number}\N{NO-BREAK SPACE}{self.entry.label}",
-            self.excitation,
-            f"{duration:.4g}",
-            *self._loudest(),
-        ]
+        name = f"{number}\N{NO-BREAK SPACE}{self.entry.label}"
+        return [name, self.excitation, f"{duration:.4g}", *self._loudest()]
 
     def _loudest(self) -> list[str]:
         found = self.levels
@@ -212,11 +209,8 @@ def _level_table(found: SignalLevels) -> tuple[list[str], list[list[str]]]:
 def _side_by_side(header: list[str], rows: list[list[str]], height: int) -> tuple[list[str], list[list[str]]]:
     """A long table in blocks of some rows beside each other."""
     blocks = [rows[first : first + height] for first in range(0, len(rows), height)]
-    blank = [""] * len(header)
-    lines = [
-        [part for block in blocks for part in (block[k] if k < len(block) else blank)] for k in range(height)
-    ]
-    return header * len(blocks), [line for line in lines if any(line)]
+    lines = zip_longest(*blocks, fillvalue=[""] * len(header))
+    return header * len(blocks), [list(chain(*line)) for line in lines]
 
 
 def _band_table(found: BandLevels) -> tuple[list[str], list[list[str]]]:
