@@ -206,13 +206,13 @@ class ResultDelivery(Delivery):
         """
         from specan.io.export_file import write_result
         from specan.io.limit_file import read_limits
+        from specan.result import picked
 
         kept = [] if limit is None else found.keeps(read_limits(limit))
         self.draw(found, **drawn)
         if self.output is not None:
             write_result(found, self.output, decimal=self.decimal)
-        names = ("channel", "passed", "excess_dB", "place", "compared")
-        limits = [{name: getattr(one, name) for name in names} for one in kept]
+        limits = [picked(one, "channel passed excess_dB place compared") for one in kept]
 
         def show() -> None:
             show_sheets(found.sheets(**(shown or {})))

@@ -291,17 +291,15 @@ class ImpulseResponse(SectionSettings):
         method = self.method or ("H1" if recognise(recording).kind == "noise" else "deconvolution")
         how = _averaged if method == "H1" else _deconvolved
         samples, upper, remarks = how(self, recording, reference, responses)
+        origin = {**self.origin(recording, responses, (*notes, *remarks)), "channels": responses}
         return ImpulseResponses(
-            label=recording.label,
-            channels=responses,
+            **origin,
             reference=reference.label,
             reference_unit=reference.target_unit,
             method=method,
             sampling_rate=reference.sampling_rate,
             samples=samples,
             upper_hz=upper,
-            notes=(*notes, *remarks),
-            settings=self.model_dump(mode="json"),
         )
 
 

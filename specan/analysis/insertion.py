@@ -19,6 +19,7 @@ from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
 from specan.errors import InputError
+from specan.result import shortened
 from specan.schema import Settings
 from specan.units import LEVEL_REFERENCES
 
@@ -262,10 +263,10 @@ def _reject_other_tone(
             far = (
                 "show no tone" if heard == 0 else f"hear it {HEARD_FROM_OUTSIDE_DB:g} dB or more below others"
             )
-            named = _listed([c.label for c in found.channels])
+            named = shortened([c.label for c in found.channels], 6)
             raise InputError(
                 f"{recording.label}: the channels that CalibratedChannels names ({named}) {far}; the tone of "
-                f"{loud[0].frequency_hz:.6g} Hz is on {_listed([t.channel.label for t in loud])}",
+                f"{loud[0].frequency_hz:.6g} Hz is on {shortened([t.channel.label for t in loud], 6)}",
                 expected="the tone on the channels that are named",
                 remedy="correct the property, or name the channels with --channel",
             )
@@ -279,10 +280,6 @@ def _reject_other_tone(
                 expected=f"a tone within {NEAR:.0%} of what is stated",
                 remedy=f"give --frequency {loudest.frequency_hz:.0f} if that is the calibrator",
             )
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= 6 else f"{names[0]} ... {names[-1]}"
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ from pydantic import Field
 
 from specan.analysis.accumulator import READ_BLOCK, read_through
 from specan.analysis.section import SectionSettings, compared, joined, section, weightable
-from specan.arrays import Complex, Flags, Real
+from specan.arrays import Complex, Real
 from specan.data.channel import Channel
+from specan.data.frequency_response import lines_between
 from specan.data.recording import Recording
 from specan.data.spectrum import Scaling, Spectrogram, Spectrum, SpectrumScale
 from specan.dsp.motion import convert, lowest_line, rest
@@ -61,6 +62,11 @@ class BlockSettings(SectionSettings):
     fmin_hz: float = Field(default=0.0, ge=0.0)
     fmax_hz: float | None = Field(default=None, gt=0.0)
     weighting: Weighting = "Z"
+
+    @property
+    def highest_hz(self) -> float:
+        """`fmax_hz`; without, no end."""
+        return math.inf if self.fmax_hz is None else self.fmax_hz
 
 
 class FourierSpectrum(BlockSettings):
@@ -278,24 +284,6 @@ def scale_of(settings: BlockSettings, block: int, rate: float) -> SpectrumScale:
     )
 
 
-def lines_between(frequency_hz: Real, settings: BlockSettings) -> Flags:
-    """Lines from `fmin_hz` to `fmax_hz`.
-
-    Raises
-    ------
-    RequestError
-        There are none.
-    """
-    high = np.inf if settings.fmax_hz is None else settings.fmax_hz
-    kept = (frequency_hz >= settings.fmin_hz) & (frequency_hz <= high)
-    if not kept.any():
-        raise RequestError(
-            f"no line lies between {settings.fmin_hz:g} and {high:g} Hz",
-            expected=f"a range within 0 to {frequency_hz[-1]:g} Hz",
-        )
-    return np.asarray(kept)
-
-
 class Lines(NamedTuple):
     """Lines of blocks of `block` samples, and what was averaged."""
 
@@ -316,7 +304,7 @@ def spectrum_of(
 ) -> Spectrum:
     """The lines that were asked for, with all that belongs to them."""
     frequency_hz, density, phase, block, n_blocks, n_effective = lines
-    kept = lines_between(frequency_hz, settings)
+    kept = lines_between(frequency_hz, settings.fmin_hz, settings.highest_hz)
     rate = channels[0].sampling_rate
     mostly_below = _cut(channels, density, settings.window)
     if phase is not None:
@@ -394,7 +382,7 @@ class SpectrogramSettings(BlockSettings):
         hop = hop_of(block, self.overlap)
         n_blocks = (stop - start - block) // hop + 1
         frequency: Real = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
-        kept = lines_between(frequency, self)
+        kept = lines_between(frequency, self.fmin_hz, self.highest_hz)
         room = max(1, VALUES // (len(channels) * int(kept.sum())))
         per_column = -(-n_blocks // min(self.columns, room))
         gain = np.square(np.abs([correction_of_block(c, frequency) for c in channels]))

@@ -183,12 +183,7 @@ class FrequencyResponse(RecordingResult):
         RequestError
             There are none.
         """
-        kept = (self.frequency_hz >= fmin_hz) & (self.frequency_hz <= fmax_hz)
-        if not kept.any():
-            raise RequestError(
-                f"no line lies between {fmin_hz:g} and {fmax_hz:g} Hz",
-                expected=f"a range within {self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz",
-            )
+        kept = lines_between(self.frequency_hz, fmin_hz, fmax_hz)
         lines = picked(self, f"response {LINES} degrees_of_freedom {COMMON}")
         return replace(
             self,
@@ -231,6 +226,23 @@ class FrequencyResponse(RecordingResult):
                 "low-coherence": self.coherence < LOW_COHERENCE,
                 "leakage": leaking(self.u_leakage_percent, self.u_magnitude_percent),
             }
+
+
+def lines_between(frequency_hz: Real, fmin_hz: float, fmax_hz: float) -> Flags:
+    """Lines from `fmin_hz` to `fmax_hz`.
+
+    Raises
+    ------
+    RequestError
+        There are none.
+    """
+    kept = (frequency_hz >= fmin_hz) & (frequency_hz <= fmax_hz)
+    if not kept.any():
+        raise RequestError(
+            f"no line lies between {fmin_hz:g} and {fmax_hz:g} Hz",
+            expected=f"a range within {frequency_hz[0]:g} to {frequency_hz[-1]:g} Hz",
+        )
+    return np.asarray(kept)
 
 
 def leaking(u_leakage_percent: Real, u_magnitude_percent: Real) -> Flags:

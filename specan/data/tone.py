@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -110,7 +110,7 @@ class ToneTable(RecordingResult):
         """The tone on every channel."""
         over = f", phases over {self.reference}" if self.reference else ""
         title = f"{self.label}: {self.frequency_hz:.6g} Hz on {self.leader}{over}"
-        shown: dict[str, tuple[Sequence[Any], str]] = {
+        shown: dict[str, tuple[Iterable[Any], str]] = {
             "channel": (self.channels, ""),
             "RMS of tone": (self.tone_rms, ".5g"),
             "unit": (self.units, ""),

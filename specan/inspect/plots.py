@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from html import escape
 from itertools import zip_longest
 from typing import Any
@@ -304,22 +305,17 @@ class Plots:
         )
 
     def _plot(self, number: int, share: int) -> PanelPlot:
-        key = (number, share)
-        if key not in self.plots:
-            like = self.first if self.plots else None
-            self._take(self.plots, key, PanelPlot(share, like=like, **self._options))
-        return self.plots[key]
+        like = self.first if self.plots else None
+        make = partial(PanelPlot, share, like=like, **self._options)
+        plot: PanelPlot = self._kept(self.plots, (number, share), make)
+        return plot
 
-    def _map(self, number: int, hertz: bool) -> HeatMap:
-        key = (number, hertz)
-        if key not in self.maps:
-            self._take(self.maps, key, HeatMap(self.first.sheet.x_range, hertz))
-        return self.maps[key]
-
-    def _take(self, kept: dict[Any, Any], key: Any, figure: Spectral) -> None:
-        kept[key] = figure
-        if self._made is not None:
-            self._made(figure)
+    def _kept(self, figures: dict[Any, Any], key: Any, make: Callable[[], Any]) -> Any:
+        if key not in figures:
+            figures[key] = make()
+            if self._made is not None:
+                self._made(figures[key])
+        return figures[key]
 
     def draw(self, drawing: Drawing, styles: Styles | None = None) -> None:
         """Exchange everything."""
@@ -329,7 +325,8 @@ class Plots:
             plot.draw(one, styles)
             shown.append(plot.sheet)
         for number, picture in enumerate(drawing.pictures):
-            heat = self._map(number, picture.hertz)
+            make = partial(HeatMap, self.first.sheet.x_range, picture.hertz)
+            heat = self._kept(self.maps, (number, picture.hertz), make)
             heat.draw(picture, drawing.dynamics_dB)
             shown.append(heat.sheet)
         for sheet in shown:

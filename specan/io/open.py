@@ -154,12 +154,8 @@ def _prefixes(directories: Sequence[Path]) -> list[str]:
     if len(directories) == 1:
         return [""]
     names = [d.resolve().name for d in directories]
-    seen: dict[str, int] = {}
-    prefixes = []
-    for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        prefixes.append(f"{name}/" if seen[name] == 1 else f"{name}-{seen[name]}/")
-    return prefixes
+    counts = (names[:k].count(name) for k, name in enumerate(names))
+    return [f"{name}-{before + 1}/" if before else f"{name}/" for name, before in zip(names, counts)]
 
 
 def _table(given: ChannelTable | Path | str | None, path: Path, root: Path | None) -> ChannelTable | None:

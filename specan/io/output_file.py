@@ -186,10 +186,8 @@ def _runs(process: int) -> bool:
         return process == os.getpid()
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        return True
+    except (OSError, OverflowError) as fault:
+        return not isinstance(fault, ProcessLookupError)
     return True
 
 

@@ -111,12 +111,9 @@ def draw_steps(axes: Axes, steps: Sequence[Step]) -> None:
         errors = [getattr(s, attribute) for s in steps]
         values = np.array([np.nan if e is None else e["value"] for e in errors])
         at = np.arange(len(steps)) + (place - (len(shown) - 1) / 2) * width
-        axes.bar(at, values, width * 0.94, color=colour, label=text)
+        bars = axes.bar(at, values, width * 0.94, color=colour, label=text)
         if len(steps) <= 8:
-            for x, value in zip(at, values, strict=True):
-                if np.isfinite(value):
-                    axes.annotate(f"{value:.3g}", (x, value), (0, 2), textcoords="offset points", ha="center",
-                                  fontsize=7, color=GREY)  # fmt: skip
+            axes.bar_label(bars, fmt="{:.3g}", padding=2, fontsize=7, color=GREY)
     axes.set_ylabel(axis_label(steps[-1].fit_error["metric"], steps[-1].fit_error["unit"]))
     names = [f"{s.action} {s.effect}".strip() for s in steps]
     long = max(map(len, names)) * len(names) > 70

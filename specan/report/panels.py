@@ -280,14 +280,8 @@ def _draw(axes: Axes, panel: Panel, curve: Curve, style: dict[str, Any]) -> None
             label=label, **style,
         )  # fmt: skip
     elif panel.kind in ("dots", "rows"):
-        axes.plot(
-            curve.x,
-            curve.y,
-            ".",
-            color=style["color"],
-            markersize=3 + 3 * (panel.kind == "rows"),
-            label=label,
-        )
+        size = 6 if panel.kind == "rows" else 3
+        axes.plot(curve.x, curve.y, ".", color=style["color"], markersize=size, label=label)
     else:
         marker = "." if curve.x.size < _SPARSE else ""
         axes.plot(curve.x, curve.y, label=label, linewidth=1.0, marker=marker, **style)
