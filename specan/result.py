@@ -337,3 +337,15 @@ def counted(number: int, what: str) -> str:
     ('1 channel', '26 channels')
     """
     return f"{number} {what}" + "s" * (number != 1)
+
+
+def first_of(names: Sequence[str], most: int, what: str = "") -> str:
+    """The first of some names, and how many more there are.
+
+    Examples
+    --------
+    >>> first_of(["4", "7", "9", "11"], 2, " rows"), first_of(["4", "7"], 2)
+    ('4, 7 and 2 more rows', '4, 7')
+    """
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more{what}" if more > 0 else "")

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from specan.errors import RequestError
-from specan.models import Model, Nuisance, Use
+from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
+from specan.result import gathered
 from specan.study.build_problem import undetermined
 from specan.study.history import Step, changing
 from specan.study.observation import kind_of
@@ -142,12 +143,10 @@ def _effects(model: Model, names: Sequence[str], recordings: int) -> list[dict[s
     """Entries of the effects to begin with, and of the instrument errors that have a prior."""
     uses = model.assemble(names).uses
     entries = [effect_entry(use) for use in uses]
-    held: dict[Use, list[Nuisance]] = {}
-    for nuisance in model.nuisances:
-        use = Use.parse(nuisance.effect)
-        if use not in uses:
-            held.setdefault(use, []).append(nuisance)
+    held = gathered((Use.parse(nuisance.effect), nuisance) for nuisance in model.nuisances)
     for use, parts in held.items():
+        if use in uses:
+            continue
         entry = effect_entry(use, "nuisance")
         own = {n.parameter for n in parts if n.per_recording and recordings > 1}
         if len(parts) == 1 and not own:

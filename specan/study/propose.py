@@ -113,12 +113,7 @@ class ProposedLaws(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values."""
-        names = ("noise", "tried", "more", "error_before", "left_out_before", "unit")
-        return {
-            **{name: getattr(self, name) for name in names},
-            "laws": [{**vars(law), "file": str(law.file)} for law in self.laws],
-            "next_measurement": [dict(row) for row in self.next_measurement],
-        }
+        return {**vars(self), "laws": [{**vars(law), "file": str(law.file)} for law in self.laws]}
 
 
 def propose_laws(study: Study) -> ProposedLaws:

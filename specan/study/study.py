@@ -275,9 +275,8 @@ class Study:
                     with suppress(ComputationError):  # the other starts may do
                         tried.append(fit(self.problem, place))
                 found = min(tried, key=lambda one: one.chi2 - 2 * self.problem.ln_volume(one.theta))
-            for near in (
-                self._starts[1:] if self.model.rates else ()
-            ):  # integrated predictions have many minima
+            known = self._starts[1:] if self.model.rates else ()  # integrated predictions have many minima
+            for near in known:
                 with suppress(ComputationError):
                     found = min(found, fit(self.problem, near), key=lambda one: one.chi2)
             self.kept.keep("fit", found)
@@ -430,15 +429,12 @@ class Study:
     def require_uncertainty(self, verb: str) -> None:
         """Refuse to conclude anything where the uncertainty is unknown."""
         if not self.data.known:
+            example = self.model.words.remedy_uncertainty
+            also = f", or give for instance {example}" if example else ""
             raise RequestError(
                 f"{verb} needs the uncertainty of the measurement, which is not stated",
                 expected="repeated conditions (a column 'repeat'), or [uncertainty] in the rig file",
-                remedy="repeat some conditions, setting them anew"
-                + (
-                    f", or give for instance {example}"
-                    if (example := self.model.words.remedy_uncertainty)
-                    else ""
-                ),
+                remedy=f"repeat some conditions, setting them anew{also}",
             )
 
     def step(

@@ -11,7 +11,7 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.result import Result, counted
+from specan.result import Result, counted, gathered
 from specan.study.estimation.fit import intervals_95, profile_interval
 from specan.study.estimation.left_out import left_out_errors
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
@@ -145,10 +145,10 @@ class ErrorFall:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values."""
-        names = ("before", "after", "left_out_before", "left_out_after")
-        found = {name: getattr(self, name) for name in names}
-        plain: dict[str, Any] = {name: None if e is None else e.as_dict() for name, e in found.items()}
-        return plain | ({"others": [one.to_dict() for one in self.others]} if self.others else {})
+        found = {**vars(self), "others": [one.to_dict() for one in self.others]}
+        return {
+            name: e.as_dict() if isinstance(e, ObservableError) else e for name, e in found.items() if e != []
+        }
 
 
 def _fall(before: ObservableError, after: ObservableError) -> str:
@@ -244,6 +244,10 @@ class Diagnosis(Result):
     at: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     unknown_possible: bool = False
     probabilities: tuple[Probability, ...] = ()
+    pulls: tuple[Pull, ...] = ()
+    error: ErrorFall | None = None
+    remarks: tuple[str, ...] = ()
+    other_form: str = ""
     ranking: tuple[Ranked, ...] = ()
     lack_of_fit: LackOfFit | None = None
     model_discrepancy_percent: float = 0.0
@@ -252,10 +256,6 @@ class Diagnosis(Result):
     smallest_visible: Mapping[str, Mapping[str, Any] | None] = field(default_factory=dict)
     not_testable: Mapping[str, str] = field(default_factory=dict)
     next_measurement: tuple[Mapping[str, Any], ...] = ()
-    pulls: tuple[Pull, ...] = ()
-    error: ErrorFall | None = None
-    remarks: tuple[str, ...] = ()
-    other_form: str = ""
 
     dimensions = ("effects",)
 
@@ -286,29 +286,17 @@ class Diagnosis(Result):
 
     def content(self) -> dict[str, Any]:
         """The contract of ``specan study diagnose --json``."""
-        lack = self.lack_of_fit
         names = ("reduced_chi2", "p_value", "n_effective")
-        return {
-            "verdict": self.verdict,
-            "reason": self.reason,
-            "alternatives": self.alternatives,
+        found = {
+            **vars(self),
             "effects": self.effects,
-            "at": self.at,
-            "unknown_possible": self.unknown_possible,
-            **({"probabilities": self.probabilities} if self.probabilities else {}),
-            "pulls": self.pulls,
             "error": None if self.error is None else self.error.to_dict(),
-            "remarks": self.remarks,
-            "other_form": self.other_form,
             "ranking": [row.content() for row in self.ranking],
-            "lack_of_fit": dict.fromkeys(names) if lack is None else lack,
-            "model_discrepancy_percent": self.model_discrepancy_percent,
-            "fails_at": self.fails_at,
-            "residual_law": self.residual_law,
-            "smallest_visible": self.smallest_visible,
-            "not_testable": self.not_testable,
-            "next_measurement": self.next_measurement,
+            "lack_of_fit": self.lack_of_fit or dict.fromkeys(names),
         }
+        if not self.probabilities:
+            del found["probabilities"]
+        return found
 
 
 def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, Any]]:
@@ -354,11 +342,8 @@ def errors(refit: Refit) -> list[ObservableError]:
 
 def places_of(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:
     """Where each effect acts that acts somewhere."""
-    found: dict[str, set[str]] = {}
-    for use in uses:
-        if use.at:
-            found.setdefault(use.name, set()).add(use.at)
-    return {name: tuple(sorted(places)) for name, places in sorted(found.items())}
+    found = gathered((use.name, use.at) for use in uses if use.at)
+    return {name: tuple(sorted(set(places))) for name, places in sorted(found.items())}
 
 
 VERDICTS = {

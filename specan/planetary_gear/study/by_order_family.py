@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.planetary_gear.study.order_lines import OrderLinesObservation
-from specan.result import gathered
+from specan.result import first_of, gathered
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
@@ -131,10 +131,9 @@ def _sentences(lines: _Lines, fails: Sequence[Block]) -> list[str]:
     alike = gathered((_course(lines, block.where["orders"]), block) for block in fails)
     found = []
     for course, blocks in list(alike.items())[:MOST_SENTENCES]:
-        each = [f"{b.where['orders']}: {b.text} (z = {b.z:.1f})" for b in blocks[:MOST_FAMILIES]]
-        more = f" and {len(blocks) - MOST_FAMILIES} more" if len(blocks) > MOST_FAMILIES else ""
+        each = [f"{b.where['orders']}: {b.text} (z = {b.z:.1f})" for b in blocks]
         rows = np.isin(lines.labels["orders"], [b.where["orders"] for b in blocks])
-        found.append(f"fails at orders {', '.join(each)}{more}{course}; {lines.furthest_off(rows)}")
+        found.append(f"fails at orders {first_of(each, MOST_FAMILIES)}{course}; {lines.furthest_off(rows)}")
     return found
 
 

@@ -34,9 +34,8 @@ from specan.study.localisation.localise import MistakenSetUp
 # An effect bends the field; a mistake's undoing chooses among whole sets of places, and the best of wrong ones never
 # came below 0.92 of the chi-square in 31 cases with strong effects and no mistake (benchmarks/mistaken_set_ups.py).
 MOST_WARMING = 5.0  # kelvin, over a recording
-LEAST_EXCESS = (
-    200.0  # of chi-square over its degrees of freedom: a drift of which half is seen without a doubt
-)
+# Of chi-square over its degrees of freedom: a drift of which half is seen without a doubt.
+LEAST_EXCESS = 200.0
 SHARE = 0.5  # of the chi-square on the coarse view that may be left with a mistake undone
 
 
@@ -87,10 +86,15 @@ class _Fitted:
         view = down_weighted(problem, values=values)
         theta = view.start(values)
         rest = view.residual(theta)[: view.n_data]
-        off = [p - o.measured for p, o in zip(view.predictions(theta), view.observations, strict=True)]
-        size = float(sum(np.sum(o.measured**2) for o in view.observations))
         chi2 = float(rest @ rest)
-        return cls(chi2, chi2 / view.n_data, 100 * float(np.sqrt(sum(np.sum(d**2) for d in off) / size)))
+        return cls(chi2, chi2 / view.n_data, _error_percent(view, theta))
+
+
+def _error_percent(problem: Problem, theta: Real) -> float:
+    """RMS error of the response, part of its RMS."""
+    measured = np.concatenate([o.measured for o in problem.observations])
+    off = np.concatenate(problem.predictions(theta)) - measured
+    return 100 * float(np.linalg.norm(off) / np.linalg.norm(measured))
 
 
 def _hypotheses(problem: Problem, receivers: FieldReceivers) -> Iterator[tuple[_Fitted, str]]:
@@ -279,10 +283,7 @@ def while_recorded(problem: Problem, best: Fit) -> MistakenSetUp:
         f"the air {'warms' if kelvin > 0 else 'cools'} by about {abs(kelvin):.2g} K while it is recorded (give its "
         "temperature by [air] temperature_log, or record when it is steady)"
     )
-    measured = np.concatenate([o.measured for o in seen])
-    errors = [np.concatenate(p.predictions(best.theta)) - measured for p in (problem, warmer(kelvin))]
-    before, after = (100 * float(np.linalg.norm(e) / np.linalg.norm(measured)) for e in errors)
-    return MistakenSetUp(text, before, after)
+    return MistakenSetUp(text, *(_error_percent(p, best.theta) for p in (problem, warmer(kelvin))))
 
 
 def _usual_shifts(problem: Problem, model: Model, least: float) -> str:

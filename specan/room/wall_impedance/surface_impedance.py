@@ -24,7 +24,7 @@ from specan.arrays import Complex
 from specan.dsp.bands import band_at, nominal_frequency
 from specan.errors import RequestError, nearest
 from specan.models.effect import ParameterName
-from specan.result import Result, counted
+from specan.result import Result, counted, gathered
 from specan.room.model.absorption import diffuse_absorption, normal_absorption
 from specan.room.wall_impedance.wall_admittance import WallFit, wall_fit
 from specan.study.build_problem import assemble
@@ -309,14 +309,14 @@ def _softest(found: Impedance) -> list[str]:
 
 def _not_told(found: Impedance) -> list[str]:
     """Runs of bands that are not determined, walls with the same runs together."""
-    runs: dict[tuple[float, ...], list[str]] = {}
-    for wall in found.walls:
-        bands = tuple(row.third_octave_hz for row in found.of(wall) if not row.determined)
-        if bands:
-            runs.setdefault(bands, []).append(wall)
+    runs = gathered(
+        (tuple(row.third_octave_hz for row in found.of(wall) if not row.determined), wall)
+        for wall in found.walls
+    )
     return [
         f"not determined by these positions: wall{'s' * (len(walls) > 1)} {', '.join(walls)} at {_ranges(bands, found)}"
         for bands, walls in runs.items()
+        if bands
     ]
 
 

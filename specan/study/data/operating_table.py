@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Condition, Model, SettingError
+from specan.result import first_of
 from specan.study.data.setpoints import TIME, SetPoints, cells, grouped, grouping_of
 from specan.study.data.table_file import MOST_NAMED, Table
 from specan.study.data.table_reader import MARKS
@@ -333,11 +334,8 @@ def _shown(values: Array, condition: Condition) -> Array:
 
 
 def _named(places: Sequence[str], rows: NDArray[np.bool_]) -> str:
-    found = [places[int(k)] for k in np.flatnonzero(rows)]
-    more = f" and {len(found) - MOST_NAMED} more rows" if len(found) > MOST_NAMED else ""
-    first = found[0]
-    lines = [place.rpartition("line ")[2] for place in found[1:MOST_NAMED]]
-    return first + "".join(f", {line}" for line in lines) + more
+    first, *others = [places[int(k)] for k in np.flatnonzero(rows)]
+    return first_of([first, *(place.rpartition("line ")[2] for place in others)], MOST_NAMED, " rows")
 
 
 def check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array, declared: Array) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Model
+from specan.result import first_of
 from specan.study.data.operating_table import Rows, check_repeats
 from specan.study.data.replicate_variance import (
     ASKED_FOR,
@@ -265,35 +266,31 @@ def declared_setting(model: Model, centre: Reference, rows: Rows) -> Array:
 
 
 def _scatter_of(
-    model: Model, centre: Reference, part: Rows, declared: Array, near: Array
+    part: Rows, grows: Mapping[str, Array], declared: Array, near: Array, told: bool
 ) -> tuple[VarianceFunction | None, VarianceFunction | None]:
-    """What repeats of one observable tell of the scatter of readings, and of set-ups; None where they tell nothing."""
-    rest, grows, slopes = part.measured - near, components(model, centre, part), _slopes(part, near)
+    """What repeats of one observable tell of the scatter of readings, and of set-ups; None where they tell nothing.
+
+    `told`: whether the rig declares the uncertainty of a reading.
+    """
+    rest, slopes = part.measured - near, _slopes(part, near)
     _, first, index, counts = np.unique(
         part.setup, return_index=True, return_inverse=True, return_counts=True
     )
-
-    def mean(column: Array) -> Array:
-        return np.asarray(np.bincount(index, column) / counts)
-
-    told = is_declared(model, str(part.observable[0]))
+    mean = (index == np.arange(counts.size)[:, None]) / counts[:, None]  # over the rows of each set-up
     # Readings of one set-up differ by what their conditions were read to be, not by time.
     read = _slopes(part, near, in_time=False)
     reading = pooled(rest, part.setup, read, {n: c for n, c in grows.items() if n == "the reading"})
-    reading, instrument, in_means = _usable(reading, told), mean(declared) / counts if told else None, None
+    reading, instrument, in_means = _usable(reading, told), mean @ declared / counts if told else None, None
     if reading is not None:  # back-to-back readings tell what an instrument puts into the means
-        in_means, instrument = mean(reading.at(grows, part.n)) / counts, None
-    means = np.stack([mean(c) for c in slopes.T], axis=1) if slopes.shape[1] else np.empty((first.size, 0))
-    grown = {n: mean(c) for n, c in grows.items()}
-    setup = _usable(pooled(mean(rest), part.replicate_group[first], means, grown, instrument, in_means), told)
+        in_means, instrument = mean @ reading.at(grows, part.n) / counts, None
+    means = {n: mean @ c for n, c in grows.items()}
+    group = part.replicate_group[first]
+    setup = _usable(pooled(mean @ rest, group, mean @ slopes, means, instrument, in_means), told)
     if reading is not None and setup is not None and part.setups_from == "order":
         one = _usable(pooled(rest, part.replicate_group, slopes, grows, declared if told else None), told)
         both = reading.at(grows, part.n) + setup.at(grows, part.n)
         # rows that follow each other by chance were set anew too
-        if (
-            one is not None
-            and _misfit(part, rest, both) - _misfit(part, rest, one.at(grows, part.n)) > ASKED_FOR
-        ):
+        if one and _misfit(part, rest, both) - _misfit(part, rest, one.at(grows, part.n)) > ASKED_FOR:
             return None, one
     return reading, setup
 
@@ -313,8 +310,9 @@ def _noise_of(
     near = np.where(np.isfinite(predicted), predicted, part.measured)
     grows, declared = components(model, centre, part), declared_reading(model, centre, part)
     check_repeats(rows, np.flatnonzero(mine), part, part.measured - near, declared + grows[SETTING])
-    reading, setup = _scatter_of(model, centre, part, declared, near)
     measured = model.observables[str(part.observable[0])]
+    told = is_declared(model, measured.name)
+    reading, setup = _scatter_of(part, grows, declared, near, told)
     column, unit = measured.header, f" {printed_unit(measured.unit)}".rstrip()
     said = [_told(reading, rows.setups_from, "back to back", unit, grows)] if reading else []
     if setup is not None:
@@ -328,7 +326,7 @@ def _noise_of(
         dof = float(np.mean(total) ** 2 / np.mean(reading.at(grows, part.n) ** 2 / reading.dof))
         said.append("such repeats do not show what setting a condition anew changes: " + _anew(model, rows))
         return Noise(reading, None, dof, reading.dof), said
-    if is_declared(model, measured.name):
+    if told:
         size, step = np.sqrt(np.median(declared)), np.median(part.steps[""])
         rounding = f", rounding in steps of {step:g}" if step > 0.01 * size else ""
         return Noise(), [f"declared uncertainty {size:.2g}{unit}{rounding}, {_anew(model, rows)}"]
@@ -408,8 +406,7 @@ def _about_conditions(model: Model, rows: Rows) -> list[str]:
         kind = "set values" if rows.is_set[name] else "read values (their scatter is known, no noise)"
         if condition.group:
             names = rows.groups[name]
-            shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-            said.append(f"{name}: {len(names)} groups of rows, {shown}")
+            said.append(f"{name}: {len(names)} groups of rows, {first_of(names, 8)}")
         elif np.ptp(x) > 0:
             said.append(f"{condition.column}: {kind}, {distinct} levels")
     return said

@@ -17,6 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError
+from specan.result import first_of
 from specan.schema import decoded, regular
 from specan.units import base_unit
 
@@ -51,8 +52,7 @@ class Table:
     def rows(self, mask: NDArray[np.bool_]) -> str:
         """The lines of some rows in words: ``line 4, 7 and 12 more``."""
         found = [str(n) for n in self.frame.index[mask]]
-        more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
-        return f"line{'s' if len(found) > 1 else ''} {', '.join(found[:MOST_NAMED])}{more}"
+        return f"line{'s' if len(found) > 1 else ''} {first_of(found, MOST_NAMED)}"
 
     def refuse(self, mask: Any, found: str, **more: str) -> None:
         """Refuse the table for some of its rows, if there are any."""

@@ -238,10 +238,8 @@ class _Descent(_Place):
         step = _solve(normal + np.diag(weight), -gradient)
         if np.any((step < low) | (step > high)):
             root = np.linalg.cholesky(normal + np.diag(weight + 1e-12 * np.diag(normal).max()))
-            right, ends = (
-                np.linalg.solve(root, gradient),
-                (np.minimum(low, 0.0), np.maximum(high, 0.0) + 1e-300),
-            )
+            right = np.linalg.solve(root, gradient)
+            ends = np.minimum(low, 0.0), np.maximum(high, 0.0) + 1e-300
             step = np.clip(held_inside(np.asarray(root.T, dtype=float), right, *ends), low, high)
         after = self.residual + slope @ step
         return step, float(self.residual @ self.residual - after @ after)

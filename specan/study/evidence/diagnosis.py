@@ -190,13 +190,11 @@ class _Telling:
             )
         if kind == "unknown-effect":
             parts.append("the model does not fit, and no effect of the catalogue explains it")
-            partly = self._partly()
-            if partly:
-                parts.append(partly)
+            parts.append(self._partly())
         forms = {_form(one.best) for one in judged.sets} - {""}
         if forms and kind in ("effect", "group"):
             parts.append(f"with {' or '.join(sorted(forms))}")
-        return "; ".join(parts)
+        return "; ".join(filter(None, parts))
 
     @property
     def _off_form(self) -> bool:
@@ -234,9 +232,9 @@ class _Telling:
 
     def _ranking(self) -> tuple[Ranked, ...]:
         rows = []
-        for one in [one for one in self.judged.stated if one.kind == "effects" and one.best.fitted][
-            :MOST_TOLD
-        ]:
+        tried = [one for one in self.judged.stated if one.kind == "effects" and one.best.fitted]
+        bare = [e for e in self.explanations.found if e.kind == "nothing" and e.noise is None]
+        for one in tried[:MOST_TOLD]:
             refit = self.refit(one.best)
             named = one in self.judged.sets
             error, *more = errors(refit)
@@ -246,7 +244,7 @@ class _Telling:
                     effects=tuple(sorted(u.name for u in one.uses)),
                     at=places_of(one.uses),
                     probability=one.probability,
-                    ln_evidence=one.best.ln_evidence - self._nothing,
+                    ln_evidence=one.best.ln_evidence - max(e.ln_evidence for e in bare),
                     error_after=error.rms,
                     level_after_dB=error.level_dB,
                     others_after={e.observable: e.rms for e in more},
@@ -257,11 +255,6 @@ class _Telling:
                 )
             )
         return tuple(rows)
-
-    @property
-    def _nothing(self) -> float:
-        """ln of the evidence of the model as it is, in its likeliest form."""
-        return max(e.ln_evidence for e in self.explanations.found if e.kind == "nothing" and e.noise is None)
 
     def _next(self, kind: str, fails_at: Sequence[Any]) -> Sequence[Proposal]:
         if kind == "faulty-data":

@@ -118,6 +118,10 @@ class Explanation:
         """ln of prior times evidence."""
         return self.ln_evidence + self.ln_prior
 
+    def but(self, ln_chance: float, ln_evidence: float, **changed: Any) -> Explanation:
+        """The same with something further, which is there with some probability beforehand."""
+        return replace(self, ln_prior=self.ln_prior + ln_chance, ln_evidence=ln_evidence, **changed)
+
 
 @dataclass(eq=False)
 class Form:
@@ -152,6 +156,11 @@ class Form:
     def catalogue(self) -> Catalogue:
         """What may be added."""
         return Catalogue(self.problem, self.fit)
+
+    @cached_property
+    def faults(self) -> Faults:
+        """What is looked for in the rows."""
+        return Faults(self.tangent, self.predicted)
 
     @cached_property
     def predicted(self) -> Array:
@@ -375,9 +384,7 @@ class Explanations:
 
     def _ln_prior(self, form: Form, uses: EffectSet) -> float:
         """Of a set: shared by all with so many names, and by the places where each of these may act."""
-        places: dict[str, int] = {}
-        for candidate in form.catalogue.candidates:
-            places[candidate.use.name] = places.get(candidate.use.name, 0) + 1
+        places = Counter(candidate.use.name for candidate in form.catalogue.candidates)
         acting = Counter(use.name for use in uses)
         size, names = len(acting), max(len(places), len(acting))
         shared = comb(names, size) * prod(comb(places.get(name, n), n) for name, n in acting.items())
@@ -430,14 +437,9 @@ class Explanations:
         """The likeliest explanations with values that lie outside of what is known, and no range that pulls them."""
         for one in self._top(BESIDE):
             problem = one.tangent.problem
-            pulls = dict(
-                zip(
-                    (problem.names[i] for i in problem.pseudo.ranged),
-                    problem.pulls(one.tangent.theta),
-                    strict=True,
-                )
-            )
-            far = frozenset(name.whole for name, pull in pulls.items() if abs(pull) > PULLED)
+            ranged = [problem.names[i] for i in problem.pseudo.ranged]
+            pulls = zip(ranged, problem.pulls(one.tangent.theta), strict=True)
+            far = frozenset(name.whole for name, pull in pulls if abs(pull) > PULLED)
             if not far:
                 continue
             free = replace(problem, unheld=problem.unheld | far)
@@ -445,40 +447,25 @@ class Explanations:
                 there = descend(free, one.tangent.theta)
                 tangent = Tangent.at(free, there.theta, there.residual, there.jacobian)
                 _, ln_evidence = self.weighed(one.form, tangent)
-                ln_prior = one.ln_prior + len(far) * np.log(BEYOND)
-                self.found.append(
-                    replace(one, kind="beyond", tangent=tangent, ln_prior=ln_prior, ln_evidence=ln_evidence)
-                )
+                chance = len(far) * log(BEYOND)
+                self.found.append(one.but(chance, ln_evidence, kind="beyond", tangent=tangent))
 
     # --- something else ---------------------------------------------------------------------------
 
     def _unknown(self) -> None:
         """The base with a smooth function of the operating variables that no effect describes."""
         for form in self._forms_in_reach():
-            self.found.append(
-                Explanation(
-                    "unknown",
-                    form,
-                    frozenset(),
-                    form.tangent,
-                    form.ln_prior + np.log(UNKNOWN),
-                    form.marginal.ln_evidence + self._gain_of_unknown(form, form.marginal),
-                )
-            )
+            self._add_unknown(self._bare(form))
 
     def _beside_unknown(self) -> None:
         """The likeliest sets of effects with something else that is missing too: as often as beside nothing."""
         for one in [e for e in self._top(BESIDE) if e.uses]:
-            marginal, ln_evidence = self.weighed(one.form, one.tangent)
-            gain = self._gain_of_unknown(one.form, marginal)
-            self.found.append(
-                replace(
-                    one,
-                    kind="unknown",
-                    ln_prior=one.ln_prior + np.log(UNKNOWN / NOTHING),
-                    ln_evidence=ln_evidence + gain,
-                )
-            )
+            self._add_unknown(one)
+
+    def _add_unknown(self, one: Explanation) -> None:
+        marginal, ln_evidence = self.weighed(one.form, one.tangent)
+        gain = self._gain_of_unknown(one.form, marginal)
+        self.found.append(one.but(log(UNKNOWN / NOTHING), ln_evidence + gain, kind="unknown"))
 
     def _gain_of_unknown(self, form: Form, beside: Marginal) -> float:
         """ln of the evidence with something else over that without, summed over its forms and sizes."""
@@ -494,10 +481,9 @@ class Explanations:
         for one in [*top, *unknown]:
             # of recordings each explanation's own: samples that follow each other closely foretell what is missing
             of = one if self._bends else largest
-            forms: list[Autoregression | Rough] = []
             if one.kind != "unknown":
-                forms += autoregressions(chains, of.tangent.residual, self._bends)
-            self.found += [self._under(one, noise) for noise in forms]
+                forms = autoregressions(chains, of.tangent.residual, self._bends)
+                self.found += [self._under(one, noise) for noise in forms]
             self.found += self._scattered(one)
 
     def _scattered(self, one: Explanation) -> Iterator[Explanation]:
@@ -522,32 +508,15 @@ class Explanations:
         beside, ln_evidence = self.weighed(one.form, one.tangent, noise)
         if one.kind == "unknown":
             ln_evidence += self._gain_of_unknown(one.form, beside)
-        return replace(
-            one,
-            tangent=one.tangent.with_noise(noise),
-            ln_evidence=ln_evidence,
-            noise=noise,
-            ln_prior=one.ln_prior + np.log(OTHER_NOISE),
-        )
+        return one.but(log(OTHER_NOISE), ln_evidence, tangent=one.tangent.with_noise(noise), noise=noise)
 
     def _faults(self) -> None:
         """A fault of the data beside the likeliest of the others."""
-        looked_for: dict[int, Faults] = {}
         for one in self._top(8):
-            if id(one.form) not in looked_for:
-                looked_for[id(one.form)] = Faults(one.form.tangent, one.form.predicted)
             marginal, ln_evidence = self.weighed(one.form, one.tangent)
-            found = looked_for[id(one.form)].beside(marginal)
-            for gain, fault in found:
-                self.found.append(
-                    replace(
-                        one,
-                        kind="fault",
-                        fault=fault,
-                        ln_evidence=ln_evidence + gain,
-                        ln_prior=one.ln_prior + np.log(FAULT / len(found)),
-                    )
-                )
+            found = one.form.faults.beside(marginal)
+            chance = log(FAULT / max(len(found), 1))
+            self.found += [one.but(chance, ln_evidence + gain, kind="fault", fault=f) for gain, f in found]
 
     def visible(self, one: Explanation) -> dict[str, dict[str, Any] | None]:
         """Sizes at which the probability of what lacks an effect falls below its level in four cases of five.

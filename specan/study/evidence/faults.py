@@ -16,6 +16,7 @@ from scipy.special import betaln, logsumexp
 
 from specan.arrays import Flags
 from specan.models.quantity import Condition
+from specan.result import first_of, gathered
 from specan.study.data.setpoints import MOST_LEVELS, TIME, round_step
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal, Tangent
@@ -113,11 +114,8 @@ class Faults:
         for k, white in self._several.items():
             gains, each = marginal.beside(white, np.array(self.all[k].sizes))
             found[k] = float(_mean(gains)), each[int(np.argmax(gains))]
-        by_name: dict[str, list[int]] = {}
-        for k, one in enumerate(self.all):
-            by_name.setdefault(one.name, []).append(k)
         told = []
-        for own in by_name.values():
+        for own in gathered((one.name, k) for k, one in enumerate(self.all)).values():
             best = max(own, key=lambda k: found[k][0])
             gain = float(_mean(np.array([found[k][0] for k in own])))
             told.append((gain, self.all[best].of_size(self.problem, found[best][1])))
@@ -228,10 +226,9 @@ def _off(o: TableObservation, rows: Flags) -> Iterator[tuple[str, str, Array]]:
     for group in np.unique(o.replicate_group[rows]):
         alike = np.flatnonzero(rows & (o.replicate_group == group))
         if 1 < alike.size < rows.sum():
-            lines = ", ".join(o.place_of(int(k)) for k in alike[:MOST_LINES])
-            more = f" and {alike.size - MOST_LINES} more" if alike.size > MOST_LINES else ""
+            lines = first_of([o.place_of(int(k)) for k in alike], MOST_LINES)
             shape = np.isin(np.arange(o.n), alike).astype(float)
-            yield "one condition", f"the readings of one condition are off ({lines}{more})", shape
+            yield "one condition", f"the readings of one condition are off ({lines})", shape
 
 
 # --- conditions ---------------------------------------------------------------------------------
@@ -276,8 +273,9 @@ def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array
 
         return Fault(f"{words} {kind}", text, change[:, None] * own, sizes, in_words)
 
-    for text, rows in _levels(condition, o):
-        yield fault("of a level", f"the {words} {text} is off", rows)
+    unit = printed_unit(condition.column_unit)
+    for level, rows in levels_of(condition, o).items():
+        yield fault("of a level", f"the {words} of the rows at {f'{level:g} {unit}'.rstrip()} is off", rows)
     for line, rows in _from_a_row_on(o):
         yield fault("from a row on", f"the {words} differs from {line} on", rows)
     if setting.absolute and np.ptp(x) > 0:
@@ -289,13 +287,6 @@ def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array
             steps = [after for _, after in _from_a_row_on(o)]
             course = np.column_stack([np.ones(o.n), *(after / np.sqrt(len(steps)) for after in steps)])
         yield fault("of another place", text, course)
-
-
-def _levels(condition: Condition, o: TableObservation) -> Iterator[tuple[str, Flags]]:
-    """Rows at one level of a condition."""
-    unit = printed_unit(condition.column_unit)
-    for level, rows in levels_of(condition, o).items():
-        yield f"of the rows at {level:g} {unit}".rstrip(), rows
 
 
 def levels(problem: Problem) -> Iterator[Flags]:
@@ -357,14 +348,13 @@ def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
         return
     alike = (o.replicate_group[:, None] == o.replicate_group) & (kinds[:, None] == kinds)
     earlier = np.sum(np.tril(alike, -1), axis=1)
-    count = int(np.sum(earlier > 0))
+    count = np.count_nonzero(earlier)
     reading = o.parts.get("reading", np.zeros(o.n))
     scatter = min(1.0, float(np.sqrt(np.mean(tangent.residual**2)))) * np.where(reading > 0, reading, o.sigma)
     of_group = alike / np.sum(alike, axis=1)
-    spread = [np.sqrt(of_group @ (c - of_group @ c) ** 2) for c in conditions]
     by_chance = np.zeros(o.n)
-    for condition, own in zip(conditions, spread, strict=True):
-        by_chance += _ln_agreement(_printed_step(np.unique(condition)), own)
+    for c in conditions:
+        by_chance += _ln_agreement(_printed_step(np.unique(c)), np.sqrt(of_group @ (c - of_group @ c) ** 2))
     for kind in np.unique(kinds):
         rows = np.flatnonzero(kinds == kind)
         reach = 3 * float(np.median(scatter[rows]))
@@ -376,11 +366,9 @@ def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
         )
         by_chance[rows] += _ln_agreement(step, scatter[rows])
     gain = float(betaln(copies.size + 1, max(count - copies.size, 0) + 1))
-    for k in copies:
-        gain -= float(np.log(max(earlier[k], 1)) + by_chance[k])
-    pairs = [f"{o.place_of(int(k))} and {o.place_of(int(original[k]))}" for k in copies[:LEAST_ROWS]]
-    more = f" and {copies.size - len(pairs)} more pairs" if copies.size > len(pairs) else ""
-    text = f"rows are copies, equal to the last digit ({', '.join(pairs)}{more}); keep one of each"
+    gain -= float(np.sum(np.log(np.maximum(earlier, 1))[copies] + by_chance[copies]))
+    pairs = [f"{o.place_of(int(k))} and {o.place_of(int(original[k]))}" for k in copies]
+    text = f"rows are copies, equal to the last digit ({first_of(pairs, LEAST_ROWS, ' pairs')}); keep one of each"
     yield Fault("copied rows", text, np.zeros((o.n, 0)), (1.0,), lambda _: "", gain)
 
 

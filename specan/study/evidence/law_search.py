@@ -174,11 +174,9 @@ def gain_of(linear: Projection, columns: Real, dispersion: float = 1.0) -> float
 
 def likeliest_law(start: Refit) -> Law | None:
     """The first law for what a model leaves of tables; None where there is none."""
-    if start.problem.n_data < LEAST_ROWS or not all(
-        isinstance(o, TableObservation) for o in start.problem.observations
-    ):
-        return None
-    return next(iter(search_laws(start).laws), None)
+    with suppress(RequestError):  # no table, or too few rows
+        return next(iter(search_laws(start).laws), None)
+    return None
 
 
 def _variables(start: Refit) -> tuple[dict[str, Real], list[Spread]]:

@@ -16,7 +16,6 @@ import numpy as np
 from specan.models.effect import ParameterName
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import (
-    BESIDE,
     NOTHING,
     UNKNOWN,
     WITHIN,
@@ -256,12 +255,8 @@ class OfResponses(Explanations):
         ]
         return np.asarray(net * np.minimum(sizes[1] / np.maximum(sizes[0], 1e-300), 1.0))
 
-    def _beside_unknown(self) -> None:
-        """The likeliest sets with something else that is missing too, which takes in what is smoothly wrong of them."""
-        for one in [e for e in self._top(BESIDE) if e.uses]:
-            beside, _ = self.weighed(one.form, one.tangent)
-            gain = self._gain_of_unknown(one.form, beside)
-            ln_prior = one.ln_prior + np.log(UNKNOWN / NOTHING)
-            self.found.append(
-                replace(one, kind="unknown", ln_prior=ln_prior, ln_evidence=beside.ln_evidence + gain)
-            )
+    def _add_unknown(self, one: Explanation) -> None:
+        """Something else takes in what is smoothly wrong of a set."""
+        beside, _ = self.weighed(one.form, one.tangent)
+        gain = self._gain_of_unknown(one.form, beside)
+        self.found.append(one.but(np.log(UNKNOWN / NOTHING), beside.ln_evidence + gain, kind="unknown"))

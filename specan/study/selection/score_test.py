@@ -15,6 +15,7 @@ import numpy as np
 
 from specan.arrays import Real
 from specan.models import Use
+from specan.result import gathered
 from specan.study.estimation.linear import Projection
 from specan.study.selection.signatures import Signature
 
@@ -90,10 +91,7 @@ def score(fit: Projection, found: Sequence[Signature]) -> list[Scored]:
 
 def best_of_each(scored: Sequence[Scored]) -> dict[Use, list[Scored]]:
     """Signatures of each candidate, and candidates by their best, in the order of `score`: best first."""
-    table: dict[Use, list[Scored]] = {}
-    for item in scored:
-        table.setdefault(item.use, []).append(item)
-    return table
+    return gathered((item.use, item) for item in scored)
 
 
 def different(items: Sequence[Scored], count: int) -> list[Scored]:
