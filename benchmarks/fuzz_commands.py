@@ -87,7 +87,9 @@ RIGS = ("worm-gear", "room", "planetary-gear")
 NEW = ("study", "new", "--model", "spring.py", "--rig", "rig.toml", "--measurement", "t.csv", "-q")
 # What each command is given beside the option that is tried; commands on studies get a copy of the good one.
 ARGUMENTS: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("info", "octave", "fft", "frf", "impulse", "rms", "srs", "decay"), ("noise.tdms",)),
+    **dict.fromkeys(
+        ("info", "octave", "fft", "frf", "tones", "impulse", "rms", "srs", "decay"), ("noise.tdms",)
+    ),
     "orders": ("timed.tdms", "--speed", "10"),
     "calibrate": ("calibrator.tdms",),
     "export": ("noise.tdms", "-o", "out.csv"),

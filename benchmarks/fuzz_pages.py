@@ -92,12 +92,8 @@ def of_page(
             page = opened(fill, arguments)
             if chosen:
                 pressed(page, lambda: page.change(**chosen))
-            for asked in (
-                page._copy_numbers,
-                page._copy_command,
-                *([partial(page._save, "svg")] if drawn else []),
-            ):
-                pressed(page, asked)
+            for asked in (page._numbers, page._command, *([partial(page._save, "svg")] if drawn else [])):
+                pressed(page, partial(page._pressed, asked))
     except Exception as fault:
         errors.seen.append(repr(fault))
     finally:

@@ -146,7 +146,7 @@ def test_a_table_of_a_rig_that_nothing_reads_is_refused(table):
 
 
 def test_a_loaded_model_is_no_name():
-    with pytest.raises(RequestError, match=r"no name of a model.*load_model\(NAME, rig\)"):
+    with pytest.raises(RequestError, match=r"not the name of a model.*load_model\(NAME, rig\)"):
         load_model(Model.from_function(outlet, ua, **HEAT), rig={})
 
 
