@@ -20,9 +20,10 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     from specan.errors import RequestError
     from specan.io.export_file import Excerpt, write_excerpt
     from specan.models.chosen_model import choose_model, simulated_table
+    from specan.models.simulated_channel import SimulatedChannel
     from specan.study.data.open_time import inputs_of
     from specan.study.observation import DataFile
-    from specan_cli.simulate_recording import show_channels
+    from specan_cli.simulate_recording import show_recording
 
     file: Path | None = options["conditions"]
     if file is None:
@@ -34,21 +35,19 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     given = {model.conditions[name].column: values for name, values in conditions.items()}
     rows = simulated_table(chosen, given, noise=options["noise"], seed=options["seed"])
     time = model.conditions["time"].column
-    samples = {name: np.asarray(values) for name, values in rows.items() if name != time}
     units = {one.column: one.column_unit for one in model.conditions.values()}
     units |= {one.header: one.column_unit for one in model.observables.values()}
-    made = Recording.from_arrays(samples, rate, units={n: units[n] for n in samples}, label="simulated")
-    if not np.all(np.isfinite(list(samples.values()))):
+    channels = [SimulatedChannel(n, units[n], np.asarray(v)) for n, v in rows.items() if n != time]
+    if not np.all(np.isfinite([c.samples for c in channels])):
         raise RequestError(
             "the states grow without bound", remedy="choose other values with --effects, or correct the model"
         )
     if options["output"]:
         OutputFile(*SAMPLES).check_ending(options["output"])
-        write_excerpt(
-            Excerpt(made, made.channels, 0, conditions["time"].size), options["output"], options["decimal"]
+        arrays, size = {c.name: c.samples for c in channels}, conditions["time"].size
+        made = Recording.from_arrays(
+            arrays, rate, units={c.name: c.unit for c in channels}, label="simulated"
         )
-        note(f"{conditions['time'].size} samples written to {options['output']}")
-    show_channels(
-        [(c.name, c.unit, made.read([c])[0]) for c in made.channels], options["as_json"],
-        effects=[str(use) for use in chosen.assembly.uses],
-    )  # fmt: skip
+        write_excerpt(Excerpt(made, made.channels, 0, size), options["output"], options["decimal"])
+        note(f"{size} samples written to {options['output']}")
+    show_recording(channels, options["as_json"], effects=[str(use) for use in chosen.assembly.uses])

@@ -64,14 +64,9 @@ def write_recording(
 
 def show_recording(channels: Sequence[SimulatedChannel], as_json: bool, **facts: Any) -> None:
     """Print mean and scatter of every channel, or, with what else is known, JSON."""
-    show_channels([(c.name, c.unit, c.samples) for c in channels], as_json, **facts)
-
-
-def show_channels(channels: Sequence[tuple[str, str, Any]], as_json: bool, **facts: Any) -> None:
-    """The same of names, units and samples."""
     rows = [
-        {"channel": name, "unit": unit, "mean": float(samples.mean()), "rms": float(samples.std())}
-        for name, unit, samples in channels
+        {"channel": c.name, "unit": c.unit, "mean": float(c.samples.mean()), "rms": float(c.samples.std())}
+        for c in channels
     ]
     if as_json:
         emit_json({**facts, "channels": rows})

@@ -65,10 +65,7 @@ def simulate(
     chosen = choose_model(grouped(model, names), options["effects"], options["without"])
     rows = make(chosen, columns, noise=options["noise"], repeats=options["repeats"], seed=options["seed"])
     for left in outside_validity(chosen, columns):
-        say(
-            f"Warning: {left.rows} rows have {left.quantity} outside {left.low:g} to {left.high:g} {left.unit}, "
-            "where the effects' equations hold."
-        )
+        say(f"Warning: {left}")
     for axis, words in names.items():
         rows[axis] = np.array(words, dtype=object)[rows[axis].astype(int)]
     if options["output"]:

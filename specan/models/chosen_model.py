@@ -215,19 +215,8 @@ def simulated_table(
     return found
 
 
-@dataclass(frozen=True)
-class Outside:
-    """A range of validity that some rows leave."""
-
-    quantity: str
-    low: float
-    high: float
-    unit: str
-    rows: int
-
-
-def outside_validity(chosen: ChosenModel, columns: Mapping[str, NDArray[np.float64]]) -> list[Outside]:
-    """Ranges within which the effects hold and that some rows leave."""
+def outside_validity(chosen: ChosenModel, columns: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """What is to be said of ranges within which the effects hold and that some rows leave."""
     model, found = chosen.assembly.model, []
     ranges = chosen.assembly.validity
     if not ranges:
@@ -239,5 +228,6 @@ def outside_validity(chosen: ChosenModel, columns: Mapping[str, NDArray[np.float
         rows = int(np.count_nonzero((value < low) | (value > high)))
         if rows:
             node = model.quantities.get(name) or model.conditions[name]
-            found.append(Outside(name, low, high, node.unit, rows))
+            within = f"{low:g} to {high:g} {node.unit}"
+            found.append(f"{rows} rows have {name} outside {within}, where the effects' equations hold.")
     return found

@@ -261,11 +261,6 @@ class Effect:
         mean = self.neutral_si[name]
         return mean, abs(self.parameters[name].to_si(self.neutral[name] + sd) - mean)
 
-    @property
-    def shapes(self) -> tuple[str, ...]:
-        """Parameters that mean nothing while the effect is neutral."""
-        return tuple(name for name in self.parameters if name not in self.neutral)
-
 
 def effect(
     name: str,

@@ -199,12 +199,8 @@ def quantity(
 
 def of_parameter(name: str, parameter: Parameter, doc: str = "") -> Quantity:
     """A quantity that is a parameter, so that effects can act on it and several functions read it."""
-
-    def value(*, value: float) -> float:
-        return value
-
     doc = doc or parameter.doc or name
-    return Quantity(name, parameter.received_unit, doc, value, (), {"value": parameter})
+    return Quantity(name, parameter.received_unit, doc, lambda *, value: value, (), {"value": parameter})
 
 
 def constant(

@@ -14,8 +14,8 @@ class SimulatedChannel:
     name: str
     unit: str
     samples: Real
-    sensitivity: float
-    sensitivity_unit: str
+    sensitivity: float = 1.0
+    sensitivity_unit: str = "V/V"
     properties: dict[str, object] = field(default_factory=dict)
 
     @property

@@ -107,10 +107,8 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     kept = whole.take(~aside) if np.any(aside) else whole
     held_out = [whole.take(aside)] if np.any(aside) else []
     held_out += [_observation(model, checked, noise)] if checked else []
-    few = {
-        n: v[:1000] for n, v in fitted[0].conditions.items()
-    }  # samples on which a user's functions are tried
-    # compiles, which takes seconds
+    # samples on which a user's functions are tried; they are compiled before, which takes seconds
+    few = {n: v[:1000] for n, v in fitted[0].conditions.items()}
     model.assemble(model.base_effects).evaluate({n: v[:2] for n, v in few.items()})
     try_model(model, few)
     statements.append(f"solved by {model.solver.method()}")

@@ -237,18 +237,16 @@ class LeftOut:
         self.predicted = np.concatenate(problem.predictions(best.theta))
         self._other_rows = residual.size - problem.n_data
 
-    def columns(self, raw: Array) -> Array:
-        """Columns over the data rows, whitened, with everything taken out that the parameters absorb."""
-        return self._taken_out(self.problem.whiten(raw))
-
     def _taken_out(self, white: Array) -> Array:
+        """Whitened columns over the data rows, with everything taken out that the parameters absorb."""
         whole = np.vstack([white, np.zeros((self._other_rows, white.shape[1]))])
         return whole - self.basis @ (self.basis.T @ whole)
 
     @cached_property
     def _unit_columns(self) -> Array:
         """Columns of single rows, each in units of its own uncertainty."""
-        return self.columns(np.diag(np.concatenate([o.sigma for o in self.problem.observations])))
+        sigma = np.concatenate([o.sigma for o in self.problem.observations])
+        return self._taken_out(self.problem.whiten(np.diag(sigma)))
 
     def directions(self, blocks: Sequence[NDArray[np.bool_]]) -> list[tuple[float, float]]:
         """Mean relative error of the prediction over the rows of each block, and its z."""

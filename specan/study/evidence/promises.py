@@ -137,12 +137,8 @@ class Catalogue:
         for candidate in self.candidates:
             if candidate.use in have:
                 continue
-            found = (
-                self._certificate(beside, candidate)
-                if candidate.without_prior
-                else self._best(beside, candidate)
-            )
-            if found is not None:
+            of_kind = self._certificate if candidate.without_prior else self._best
+            if (found := of_kind(beside, candidate)) is not None:
                 yield found
 
     def visible(self, beside: Marginal, base: Marginal, needed: float) -> dict[str, dict[str, Any] | None]:
@@ -234,12 +230,11 @@ class Catalogue:
             if best is not None and gain <= best.ln_gain:
                 continue
             start = tangent.problem.values_at(beside.shifted(columns, found))
-            for name, change in zip(
-                candidate.without_prior, found * np.concatenate([freed, width]), strict=False
-            ):
+            moves = found * np.concatenate([freed, width])
+            for name, change in zip(candidate.without_prior, moves, strict=False):
                 if name == name.whole:
                     start[name] = start[name] + change
-            sizes = found[len(where) :] * width * np.sign(one.size[own])
+            sizes = moves[len(where) :] * np.sign(one.size[own])
             start |= {
                 str(name): one.neutral[k] + size for name, k, size in zip(names, own, sizes, strict=True)
             }
