@@ -28,8 +28,10 @@ from specan.models import marching
 from specan.models.effect import ParameterName
 from specan.models.evaluation import Assembly
 from specan.models.loops import reached
+from specan.models.rates import TIME
 from specan.user_folder import user_folder
 
+Sets = Sequence[Mapping[str, Any]]  # of parameter values
 KEPT = 40  # programs
 MOST_STEPS = 16  # a sample, in fits
 MOST_EXACT = 512, 32  # of a simulation, compiled or not
@@ -305,35 +307,28 @@ class Solver:
                 return found
         return Program(assembly, switched=False)
 
-    def march(
-        self, assembly: Assembly, times: Real, drives_of: Any, many: Sequence[Mapping[str, Any]]
-    ) -> Real:
+    def march(self, assembly: Assembly, conditions: Mapping[str, Any], many: Sets) -> Real:
         """States over time for several sets of values, shape (states, times, sets)."""
-        program = self.program(assembly)
+        program, times = self.program(assembly), np.atleast_1d(np.asarray(conditions[TIME], float))
         key = assembly.uses, times.size, float(times[-1] - times[0])
         known = self.steps.get(key)
         if known is None:  # of the effects at their defaults, whatever a fit asks for first
             usual = many[0]
             if not self.model.rates.exact:
                 usual = {n: v for n, v in usual.items() if not ParameterName(n).owned_by(assembly.uses)}
-            known = self._needed(program, self._marching(program, assembly, times, drives_of, [usual]))
+            known = self._needed(program, self._marching(program, assembly, conditions, [usual]))
             self.steps[key] = known
         elif self.doubted is not None:
-            found = self._needed(program, self._marching(program, assembly, times, drives_of, many), *known)
+            found = self._needed(program, self._marching(program, assembly, conditions, many), *known)
             if found != known:
                 self.steps[key], self.doubted = found, None
-        return self._marching(program, assembly, times, drives_of, many)(*self.steps[key])
+        return self._marching(program, assembly, conditions, many)(*self.steps[key])
 
     def _marching(
-        self,
-        program: Program,
-        assembly: Assembly,
-        times: Real,
-        drives_of: Any,
-        many: Sequence[Mapping[str, Any]],
+        self, program: Program, assembly: Assembly, conditions: Mapping[str, Any], many: Sets
     ) -> Callable[[bool, int], Real]:
         """What marches from one set of inputs, starts and parameter values, for a method and its steps a sample."""
-        drives, starts = drives_of(program.drives, program.states, many)
+        times, drives, starts = _given(program, assembly, conditions, many)
         defaults = {**self.model.assemble(program.uses).defaults, **assembly.defaults}
         values = np.array([[float(v.get(n, defaults[n])) for v in many] for n in program.parameters])
         values = values.reshape(len(program.parameters), len(many))
@@ -387,6 +382,30 @@ class Solver:
         name = "the implicit method of Rosenbrock (the model is stiff)" if True in ways else "Runge-Kutta"
         lacking = ", which are too few: the samples lie far apart" if most >= MOST_STEPS // 2 else ""
         return f"{name}, up to {most} steps a sample{lacking}"
+
+
+def _given(
+    program: Program, assembly: Assembly, conditions: Mapping[str, Any], many: Sets
+) -> tuple[Real, Real, Real]:
+    """Times; what drives the rates, with its change from sample to sample; and states at the start, a column a set."""
+    times = np.atleast_1d(np.asarray(conditions[TIME], float))
+    own = [f"{name}_start" for name in assembly.model.rates.states]
+    wanted = [name for name in (*program.drives, *own) if name in assembly.model.quantities]
+    rows = max(len(program.drives), 1)
+    drives = np.zeros((len(many), 2 * rows, times.size)).transpose(1, 2, 0)
+    starts = np.zeros((len(program.states), len(many)))
+    for k, found in enumerate(assembly.pointwise(conditions, many, wanted)):
+        for i, name in enumerate(program.drives):
+            drives[i, :, k] = found[name]
+        for i, (name, state) in enumerate(program.states.items()):
+            start = found[f"{name}_start"] if f"{name}_start" in own else state.start
+            starts[i, k] = np.ravel(start)[0]
+    if times.size > 1:
+        values, slopes = drives[:rows], np.gradient(drives[:rows], axis=1)
+        around = values[:, 3:-1] - values[:, 1:-3], values[:, 4:] - values[:, :-4]
+        slopes[:, 2:-2] = (8 * around[0] - around[1]) / 12
+        drives[rows:] = slopes
+    return times, drives, starts
 
 
 def _compile(assembly: Assembly) -> Program | None:

@@ -230,39 +230,11 @@ class Rates:
         self, assembly: Any, conditions: Mapping[str, Any], many: Sequence[Mapping[str, Any]]
     ) -> list[dict[str, Any]]:
         """States over the times of a recording, for several sets of parameter values."""
-        times, shape = np.atleast_1d(np.asarray(conditions[TIME], float)), np.shape(conditions[TIME])
-
-        def drives_of(
-            names: Sequence[str], states: Mapping[str, State], many: Sequence[Mapping[str, Any]]
-        ) -> tuple[Any, Any]:
-            own = [f"{name}_start" for name in states if name in self.states]
-            wanted = [name for name in (*names, *own) if name in assembly.model.quantities]
-            own_rows = max(len(names), 1)
-            drives = np.zeros((len(many), 2 * own_rows, times.size)).transpose(1, 2, 0)
-            starts = np.zeros((len(states), len(many)))
-            for k, found in enumerate(assembly.pointwise(conditions, many, wanted)):
-                for i, name in enumerate(names):
-                    drives[i, :, k] = found[name]
-                for i, (name, state) in enumerate(states.items()):
-                    start: Any = found[f"{name}_start"] if f"{name}_start" in own else state.start
-                    starts[i, k] = np.ravel(start)[0]
-            if times.size > 1:
-                drives[own_rows:] = _slopes(drives[:own_rows])
-            return drives, starts
-
-        solver = assembly.model.solver
-        found, names = solver.march(assembly, times, drives_of, many), solver.program(assembly).states
+        shape, solver = np.shape(conditions[TIME]), assembly.model.solver
+        found, names = solver.march(assembly, conditions, many), solver.program(assembly).states
         return [
             {name: found[i, :, k].reshape(shape) for i, name in enumerate(names)} for k in range(len(many))
         ]
-
-
-def _slopes(values: Any) -> Any:
-    """Change from sample to sample along the second axis."""
-    found = np.gradient(values, axis=1)
-    around = values[:, 3:-1] - values[:, 1:-3], values[:, 4:] - values[:, :-4]
-    found[:, 2:-2] = (8 * around[0] - around[1]) / 12
-    return found
 
 
 def _usual_size(parts: Sequence[Any]) -> float:
