@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
@@ -312,6 +312,22 @@ def gathered(pairs: Iterable[tuple[Key, Item]]) -> dict[Key, list[Item]]:
     found: dict[Key, list[Item]] = {}
     for key, item in pairs:
         found.setdefault(key, []).append(item)
+    return found
+
+
+def clustered(items: Iterable[Item], of: Callable[[Item], float], within: float) -> list[list[Item]]:
+    """Items in the order of a number of each; together are those that exceed the least by a relative amount at most.
+
+    Examples
+    --------
+    >>> clustered([1010.0, 250.0, 1000.0], float, 0.02)
+    [[250.0], [1000.0, 1010.0]]
+    """
+    found: list[list[Item]] = []
+    for item in sorted(items, key=of):
+        if not found or of(item) > (1 + within) * of(found[-1][0]):
+            found.append([])
+        found[-1].append(item)
     return found
 
 

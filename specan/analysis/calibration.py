@@ -18,7 +18,7 @@ from specan.data.channel import PhaseCalibration
 from specan.data.recording import Recording
 from specan.dsp.welch import student_factor
 from specan.errors import InputError
-from specan.result import gathered
+from specan.result import clustered, gathered
 
 
 @dataclass(frozen=True)
@@ -349,7 +349,8 @@ def join_insertions(insertions: Sequence[Insertion], settings: CalibrationSettin
         raise InputError(
             "no channel of the calibrator recordings has a signal", expected="a calibrator's tone"
         )
-    tones = _tones(insertions)
+    # A calibrator repeats its tone within 2 %.
+    tones = clustered({insertion.frequency_hz for insertion in insertions}, float, 0.02)
     # Without clipped channels: their harmonics, folded back by sampling, may fall on the tone.
     phases, parts, doubts, notes = _phases(insertions, tones, settings)
     names = sorted({h.channel for i in insertions for h in i.heard}, key=natural)
@@ -417,16 +418,6 @@ def _left_out(insertions: Sequence[Insertion], calibrated: set[str]) -> list[str
                     f"{left.channel} {left.why} in {insertion.label}: calibrated from other insertions"
                 )
     return notes
-
-
-def _tones(insertions: Sequence[Insertion]) -> list[list[float]]:
-    """Frequencies of the insertions in clusters: a calibrator repeats its tone within 2 %."""
-    clusters: list[list[float]] = []
-    for frequency in sorted({insertion.frequency_hz for insertion in insertions}):
-        if not clusters or frequency > clusters[-1][0] * 1.02:
-            clusters.append([])
-        clusters[-1].append(frequency)
-    return clusters
 
 
 def _phase(

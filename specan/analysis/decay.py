@@ -27,6 +27,7 @@ from specan.data.recording import Recording
 from specan.dsp import bands
 from specan.dsp.energy_decay import decay_line, energy_decay, noise_floor
 from specan.errors import InputError, RequestError
+from specan.result import picked
 
 # Evaluation ranges in dB below the beginning, and the range above the noise that they need: their end and 10 dB
 # (ISO 3382-1:2009, 5.3.3 and 6).
@@ -310,13 +311,9 @@ def _averaged(
     rate = reference.sampling_rate
     _section(settings, recording, (reference, *responses))
     lines = None if settings.length_s is None else max(8, int(np.ceil(2 * settings.length_s * rate / 2.56)))
-    found = TransferFunction(
-        reference=reference.path,
-        channels=tuple(c.path for c in responses),
-        lines=lines,
-        start_s=settings.start_s,
-        stop_s=settings.stop_s,
-    )(recording)
+    paths = tuple(c.path for c in responses)
+    part = picked(settings, "start_s stop_s")
+    found = TransferFunction(reference=reference.path, channels=paths, lines=lines, **part)(recording)
     count = found.frequency_hz.size
     block = round(rate / (found.frequency_hz[-1] / count))
     spectrum = np.zeros((len(responses), block // 2 + 1), dtype=complex)

@@ -21,6 +21,7 @@ from specan.dsp.tone_series import ToneSeries, block_length, freedom_of_mean, va
 from specan.dsp.transfer_function import phase_deg, u_phase_deg
 from specan.dsp.welch import student_factor
 from specan.errors import InputError, RequestError
+from specan.result import clustered
 from specan.units import quotient
 
 LOW_SNR_DEG = 1.0  # random uncertainty of a phase from which on it is flagged
@@ -336,7 +337,8 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
     """
     usable = _over_one_reference(tables, label)
     units = _units(usable)
-    steps = _steps(usable)
+    by_label = sorted(usable, key=lambda table: table.label)
+    steps = clustered(by_label, lambda table: table.frequency_hz, _SAME_FREQUENCY)
     values = np.array([[_at_step(step, name) for step in steps] for name in units])
     random, freedom, gain, phase = np.moveaxis(values[..., 1:].real, -1, 0)
     left_out = [t.label for t in tables if t not in usable]
@@ -395,17 +397,6 @@ def _units(tables: Sequence[ToneTable]) -> dict[str, str]:
             if name != table.reference and units.setdefault(name, unit) != unit:
                 raise InputError(f"{table.label}: {name} is in {unit}, in other recordings in {units[name]}")
     return units
-
-
-def _steps(tables: Sequence[ToneTable]) -> list[list[ToneTable]]:
-    """Tables by frequency; those that repeat one are together."""
-    steps: list[list[ToneTable]] = []
-    for table in sorted(tables, key=lambda t: (t.frequency_hz, t.label)):
-        if steps and table.frequency_hz - steps[-1][0].frequency_hz <= _SAME_FREQUENCY * table.frequency_hz:
-            steps[-1].append(table)
-        else:
-            steps.append([table])
-    return steps
 
 
 def _random(values: np.ndarray, u_percent: np.ndarray) -> float:

@@ -307,13 +307,12 @@ class BandLevels(RecordingResult):
 
         After ``edges`` follows the level with the other settling, as in ``counted=61.234``.
         """
-        words = list(self.flags[channel])
-        if self.u_dB[band] > LOW_BT_DB:
-            words.append("low-BT")
-        if self.unsettled is not None and self.unsettled[band]:
-            words.append("unsettled")
-        if self.low_snr is not None and self.low_snr[channel, band]:
-            words.append("low-snr")
+        known = {
+            "low-BT": self.u_dB[band] > LOW_BT_DB,
+            "unsettled": self.unsettled is not None and self.unsettled[band],
+            "low-snr": self.low_snr is not None and self.low_snr[channel, band],
+        }
+        words = [*self.flags[channel], *(word for word, holds in known.items() if holds)]
         if self.other is not None:
             words += _edges(self.other.name, self.level_dB[channel, band], self.other.level_dB[channel, band])
         return tuple(words)

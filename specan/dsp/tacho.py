@@ -86,10 +86,8 @@ def pulse_times(samples: Real, sampling_rate: float) -> Real:
     before = known[:-1][(state[known[1:]] > 0) & (state[known[:-1]] < 0)]
     # The last sample below the middle before the rise is complete.
     place = rises - 1
-    waiting = (x[place] >= middle) & (place > before)
-    while waiting.any():
+    while (waiting := (x[place] >= middle) & (place > before)).any():
         place = np.where(waiting, place - 1, place)
-        waiting = (x[place] >= middle) & (place > before)
     with np.errstate(divide="ignore", invalid="ignore"):
         part = (middle - x[place]) / (x[place + 1] - x[place])
     found = place + np.clip(np.nan_to_num(part), 0.0, 1.0)

@@ -48,10 +48,10 @@ class StudyPage(Page):
         self.study = kept.current()
         self.diagnosing = self.worker(lambda message: self.progress.end(message, "error"))
         self.progress = Busy(document, "diagnosis", folds=True, sizing_mode="stretch_width")
-        self.trial = Div(text="", name="trial", sizing_mode="stretch_width")
-        self.history = Div(text="", name="history", sizing_mode="stretch_width")
-        self.heading = Div(text="", name="model", sizing_mode="stretch_width")
-        self.verdict = Div(text="", name="verdict", sizing_mode="stretch_width")
+        self.trial, self.history, self.heading, self.verdict, self.map = (
+            Div(text="", name=name, sizing_mode="stretch_width")
+            for name in ("trial", "history", "model", "verdict", "map")
+        )
         self.reason = TextInput(title="because (for the history)", width=_SIDE - 14, name="because")
         self.accept = Button(
             label="Accept", button_type="primary", disabled=True, name="accept", width=_SIDE - _AS_IT_IS - 24
@@ -68,7 +68,6 @@ class StudyPage(Page):
             if isinstance(part, TransferAgreement):  # the address keeps the chosen receivers
                 part.choose(self.view.microphone)
                 part.changed = lambda chosen: self._write_address(microphone=chosen)
-        self.map = Div(text="", name="map", sizing_mode="stretch_width")
         self._lay_out()
         self._show_study()
         self._begin(self.refused, self.view.tried)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from bokeh.events import Reset, SelectionGeometry
 from bokeh.models import BoxAnnotation, BoxSelectTool
 
@@ -13,7 +12,7 @@ from specan.inspect.opened import Opened
 from specan.inspect.plots import PanelPlot
 from specan.inspect.view import View
 from specan.report.panels import Curve, Panel
-from specan.report.waveform import COLUMNS, Waveform
+from specan.report.waveform import COLUMNS, Waveform, common_reach
 
 
 class WaveformView:
@@ -84,10 +83,8 @@ class WaveformView:
         parts = [
             (name, w.channel.unit, *w.part(start_s, stop_s, COLUMNS)) for name, w in self.waveforms(view)
         ]
-        reach: dict[str, float] = {}
-        for _, unit, _, y in parts:
-            reach[unit] = max(reach.get(unit, 0.0), float(np.nanmax(np.abs(y), initial=0.0)))
-        scales = {unit: end or 1.0 if len(reach) > 1 else 1.0 for unit, end in reach.items()}
+        reach = common_reach((unit, y) for _, unit, _, y in parts)
+        scales = reach if len(reach) > 1 else dict.fromkeys(reach, 1.0)
         label = "\n".join(f"{end:.3g} {unit}" for unit, end in reach.items())
         return Panel(
             f"1 = {label}" if len(reach) > 1 else next(iter(reach), ""),

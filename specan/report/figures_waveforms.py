@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.report.figure_style import COLOURS, heading, new_figure, remark, styled
-from specan.report.waveform import COLUMNS, Waveform, read_overviews
+from specan.report.waveform import COLUMNS, Waveform, common_reach, read_overviews
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,7 +54,7 @@ def figure_waveforms(
     ends = [(start_s, (c.duration_s if stop_s is None else stop_s) - 1.5 / c.sampling_rate) for c in shown]
     read_overviews([w for w, part in zip(waveforms, ends, strict=True) if w.needs_overview(*part)])
     drawn = [w.part(*part) for w, part in zip(waveforms, ends, strict=True)]
-    reach = _common_reach(shown, [y for _, y in drawn]) if rows > 6 else {}
+    reach = common_reach((c.unit, y) for c, (_, y) in zip(shown, drawn)) if rows > 6 else {}
     for axes, channel, (times, values) in zip(sheet, shown, drawn, strict=False):
         axes.plot(times, values, color=COLOURS[0], linewidth=0.6)
         axes.margins(x=0)
@@ -89,12 +86,3 @@ def figure_waveforms(
 def figure_impulse_responses(found: ImpulseResponses) -> Figure:
     """Waveforms of impulse responses."""
     return figure_waveforms(found.recording())
-
-
-def _common_reach(shown: Sequence[Channel], drawn: Sequence[Real]) -> dict[str, float]:
-    """Largest magnitude among the channels of each unit."""
-    reach: dict[str, float] = {}
-    for channel, values in zip(shown, drawn, strict=True):
-        end = float(np.nanmax(np.abs(values), initial=0.0))
-        reach[channel.unit] = max(reach.get(channel.unit, 0.0), end if np.isfinite(end) else 0.0) or 1.0
-    return reach

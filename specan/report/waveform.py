@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.dsp.statistics import low_and_high
+from specan.result import gathered
 
 COLUMNS = 1500  # of a picture
 STEP = 1024  # samples behind one pair of the overview
@@ -70,6 +71,12 @@ class Waveform:
         rate, length = self.channel.sampling_rate, self.channel.n_samples
         first = min(max(int(np.floor(start_s * rate)), 0), length)
         return first, min(max(int(np.ceil(stop_s * rate)) + 1, first), length)
+
+
+def common_reach(drawn: Iterable[tuple[str, Real]]) -> dict[str, float]:
+    """Largest magnitude among the channels of each unit; 1 where there is none."""
+    found = gathered((unit, float(np.nanmax(np.abs(values), initial=0.0))) for unit, values in drawn)
+    return {unit: max(filter(np.isfinite, ends), default=0.0) or 1.0 for unit, ends in found.items()}
 
 
 def read_overviews(waveforms: list[Waveform], tell: Callable[[float], bool] = lambda part: True) -> None:
