@@ -348,7 +348,7 @@ def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
         return
     alike = (o.replicate_group[:, None] == o.replicate_group) & (kinds[:, None] == kinds)
     earlier = np.sum(np.tril(alike, -1), axis=1)
-    count = np.count_nonzero(earlier)
+    count = int(np.count_nonzero(earlier))
     reading = o.parts.get("reading", np.zeros(o.n))
     scatter = min(1.0, float(np.sqrt(np.mean(tangent.residual**2)))) * np.where(reading > 0, reading, o.sigma)
     of_group = alike / np.sum(alike, axis=1)
