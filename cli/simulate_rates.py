@@ -34,10 +34,9 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     chosen = choose_model(model, options["effects"], options["without"])
     given = {model.conditions[name].column: values for name, values in conditions.items()}
     rows = simulated_table(chosen, given, noise=options["noise"], seed=options["seed"])
-    time = model.conditions["time"].column
     units = {one.column: one.column_unit for one in model.conditions.values()}
     units |= {one.header: one.column_unit for one in model.observables.values()}
-    channels = [SimulatedChannel(n, units[n], np.asarray(v)) for n, v in rows.items() if n != time]
+    channels = [SimulatedChannel(n, units[n], np.asarray(v)) for n, v in rows.items() if n != "time"]
     if not np.all(np.isfinite([c.samples for c in channels])):
         raise RequestError(
             "the states grow without bound", remedy="choose other values with --effects, or correct the model"

@@ -306,9 +306,8 @@ def fields_from_rates(
 
 
 def _check_rates(functions: Sequence[Callable[..., Any]], states: Mapping[str, State]) -> None:
-    named = {f.__name__ for f in functions}
     for name in states:
-        if f"d{name}" not in named:
+        if f"d{name}" not in {f.__name__ for f in functions}:
             raise RequestError(
                 f"the state {name!r} has no rate",
                 expected=f"a function d{name}",
