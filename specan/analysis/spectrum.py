@@ -25,6 +25,7 @@ from specan.dsp.weighting import Weighting, power_weighting
 from specan.dsp.welch import CrossSpectra, has_mirror, hop_of
 from specan.dsp.windows import WindowName, window, window_properties
 from specan.errors import InputError, RequestError
+from specan.result import picked
 
 SAMPLES_PER_LINE = 2.56
 DEFAULT_LINES, MIN_BLOCK = 3200, 16
@@ -140,9 +141,7 @@ class SpectrumAccumulator:
             settings.overlap,
             n_channels=len(self.channels),
             references=[] if self.reference is None else [self.channels.index(self.reference)],
-            detrend=settings.detrend,
-            averaging=settings.averaging,
-            n_exponential=settings.n_exponential,
+            **picked(settings, "detrend averaging n_exponential"),
             derivatives=[channel.derivatives for channel in self.channels],
         )
 
@@ -272,16 +271,9 @@ def block_of(recording: Recording, settings: BlockSettings, n: int) -> int:
 
 def scale_of(settings: BlockSettings, block: int, rate: float) -> SpectrumScale:
     """What the window makes of the lines."""
-    properties = window_properties(settings.window)
-    spacing = rate / block
-    return SpectrumScale(
-        settings.scaling,
-        settings.window,
-        spacing,
-        properties.enbw_lines * spacing,
-        properties.coherent_gain,
-        settings.weighting,
-    )
+    properties, spacing = window_properties(settings.window), rate / block
+    enbw_hz, gain = properties.enbw_lines * spacing, properties.coherent_gain
+    return SpectrumScale(settings.scaling, settings.window, spacing, enbw_hz, gain, settings.weighting)
 
 
 class Lines(NamedTuple):

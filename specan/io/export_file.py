@@ -98,10 +98,7 @@ def write_csv(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
     if decimal not in (".", ","):
         raise RequestError(f"the decimal sign is {decimal!r}", expected="a point or a comma")
     separator = "," if decimal == "." else ";"
-    header = [
-        "time_s",
-        *(harmless(f"{c.label} [{c.unit}]") for c in excerpt.channels),
-    ]
+    header = ["time_s", *(harmless(f"{c.label} [{c.unit}]") for c in excerpt.channels)]
     row = separator.join(["%.9g"] * len(header)) + "\n"
     encoding = "utf-8" if decimal == "." else "utf-8-sig"
     with whole_file(path) as half, half.open("w", encoding=encoding, newline="") as file:

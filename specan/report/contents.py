@@ -95,15 +95,17 @@ def _decisions(recording: Recording) -> list[list[str]]:
     """How each thing was decided; equal reasons once, with the channels that they hold for."""
     rows = []
     for key in dict.fromkeys(key for c in recording.channels for key in c.decisions):
-        reasons: dict[str, list[str]] = {}
-        for c in recording.channels:
-            if reason := c.decisions.get(key):
-                value = {"role": f"{c.role}: ", "sampling_rate": f"{c.sampling_rate:g} Hz: "}.get(key, "")
-                reasons.setdefault(value + reason.replace(repr(c.name), "of the channel"), []).append(c.label)
+        told = (c for c in recording.channels if c.decisions.get(key))
+        reasons = gathered((_reason(c, key), c.label) for c in told)
         rows += [
             [key.replace("_", " "), _names(names, recording), reason] for reason, names in reasons.items()
         ]
     return rows
+
+
+def _reason(c: Channel, key: str) -> str:
+    value = {"role": f"{c.role}: ", "sampling_rate": f"{c.sampling_rate:g} Hz: "}.get(key, "")
+    return value + c.decisions[key].replace(repr(c.name), "of the channel")
 
 
 def _properties(recording: Recording, show_all: bool) -> list[list[Any]]:

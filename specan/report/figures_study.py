@@ -111,11 +111,8 @@ def _panels(observation: TableObservation) -> list[_Panel]:
             continue
         for level in levels:
             inside = rows & (observation.labels[third or ""] == level)
-            found.append(
-                _Panel(
-                    name, inside, x, line, variable_named(third or "", observation.variables).spoken(level)
-                )
-            )
+            title = variable_named(third or "", observation.variables).spoken(level)
+            found.append(_Panel(name, inside, x, line, title))
     return found
 
 
