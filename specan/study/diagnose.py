@@ -65,16 +65,14 @@ def diagnose(
         except NoiseError as fault:
             return Diagnosis("cannot-tell", fault.found)
         return told(Explanations(problem, fitted, progress, catalogue))
-    near = InitialFit(start)
-    if start.poor_fit:
+    near, look = InitialFit(start), brought(problem.observations, "while_recorded")
+    mistake = look(problem, start.fit) if look else MistakenSetUp()
+    if start.poor_fit and not mistake.text:
         progress("checking positions and signs of the channels against the data", 0.0)
         mistake = set_up or mistaken_set_up(problem)
         if not mistake.text:
             near = initial_fit(start, progress)
             mistake = mistake_beside(near, problem)
-    else:
-        look = brought(problem.observations, "while_recorded")
-        mistake = look(problem, start.fit) if look else MistakenSetUp()
     if mistake.text:
         return Diagnosis(
             "cannot-tell",
