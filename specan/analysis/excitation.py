@@ -17,11 +17,13 @@ from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.tone import Excitation, ExcitationKind
 from specan.dsp.tonality import (
+    TONE_SHARE,
     Appearance,
     appearance,
     narrow_band_is_noise,
     path,
     scatters_as_noise,
+    tonal_share,
     track,
 )
 from specan.errors import RequestError, nearest
@@ -92,7 +94,8 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
         )
     stated = stated_excitation(recording)
     claimed = said or (stated.kind if stated is not None else None)
-    seen = _from_channels(recording)
+    # What is said to be noise is only contradicted by a tone, and one look shows whether there can be one.
+    seen = _NOT_LOOKED if claimed == "noise" and not _may_be_a_tone(recording) else _from_channels(recording)
     if claimed is None:
         return seen
     sine = stated.frequency_hz if stated is not None and stated.kind == "sine" else None
@@ -172,6 +175,19 @@ def _from_channels(recording: Recording) -> Excitation:
     if silent:
         return Excitation("unknown", None, ", ".join(silent))
     return Excitation("unknown", None, "no property says it, and there is no generator or vibrometer channel")
+
+
+_NOT_LOOKED = Excitation("unknown", None, "not looked at")
+
+
+def _may_be_a_tone(recording: Recording) -> bool:
+    """Whether one line of the first section with a signal holds as much as a tone does."""
+    for channel in [*recording.by_role("generator"), *recording.by_role("vibrometer")]:
+        if channel.n_samples >= MIN_SAMPLES and channel.sampling_rate > 0:
+            size = min(channel.n_samples, max(MIN_SAMPLES, int(LEAST_SECTION_S * channel.sampling_rate)))
+            if tonal_share(recording.read([channel], 0, size)[0]) >= TONE_SHARE:
+                return True
+    return False
 
 
 def _without_switching(sections: list[Real], looks: list[Appearance]) -> tuple[list[Real], list[Appearance]]:

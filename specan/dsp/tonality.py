@@ -100,6 +100,22 @@ def appearance(samples: Real, rate: float) -> Appearance:
     return _with_a_line(x, rate, power, share, band)
 
 
+def tonal_share(samples: Real) -> float:
+    """Part of the power of a section (n,) in its strongest line and the harmonics of that; 1 where it is silent.
+
+    Examples
+    --------
+    >>> round(tonal_share(np.sin(2 * np.pi * 50.3 * np.arange(1000) / 1000)), 3)
+    1.0
+    """
+    if not np.isfinite(samples).all():
+        return 1.0
+    power = _lines(samples - samples.mean())
+    power[:_LOBE] = 0.0
+    total = power.sum()
+    return float(power[_family(power)].sum() / total) if total > 0 else 1.0
+
+
 def _family(power: Real) -> Flags:
     """Lines of the strongest one and its harmonics."""
     peak, lines = int(np.argmax(power)), np.zeros(len(power), dtype=bool)
