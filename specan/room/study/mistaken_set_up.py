@@ -32,11 +32,11 @@ from specan.study.localisation.by_band_and_channel import NEAR_MODE
 from specan.study.localisation.localise import MistakenSetUp
 from specan.study.selection.refits import POOR_FIT
 
-# An effect bends the field; a mistake's undoing chooses among whole sets of places, and the best of wrong ones never
-# came below 0.92 of the chi-square in 31 cases with strong effects and no mistake (benchmarks/mistaken_set_ups.py).
 MOST_WARMING = 5.0  # kelvin, over a recording
 # Of chi-square over its degrees of freedom: a drift of which half is seen without a doubt.
 LEAST_EXCESS = 200.0
+# An effect bends the field; a mistake's undoing chooses among whole sets of places, and the best of wrong ones never
+# came below 0.92 of the chi-square in 31 cases with strong effects and no mistake (benchmarks/mistaken_set_ups.py).
 SHARE = 0.5  # of the chi-square on the coarse view that may be left with a mistake undone
 
 
