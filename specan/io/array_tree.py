@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from specan.data.recording import Recording
-from specan.io.channel_table import ChannelTable
 from specan.io.sampling_rate import INTERVAL_KEYS, RATE_KEYS, TIME_UNITS, Rate, is_rate, is_time, rate_of_axis
-from specan.io.signals import Signal, recording_of
+from specan.io.signals import Opening, Signal
 
 Path = tuple[str, ...]
 LEAST = 16  # samples below which an array is a list of parameters
@@ -108,9 +107,7 @@ class Tree:
     numbers: dict[Path, float] = field(default_factory=dict)
     aside: dict[str, str] = field(default_factory=dict)
 
-    def recording(
-        self, label: str, channel_table: ChannelTable | None, sampling_rate: float | None
-    ) -> Recording:
+    def recording(self, opening: Opening) -> Recording:
         """The recording of the signals among the arrays.
 
         Raises
@@ -135,10 +132,7 @@ class Tree:
             for column, (own, unit) in enumerate(zip(*_said(self, path, array), strict=True)):
                 signals.append(Signal(own, array.n_samples, unit, rate, "/".join(path[:-1])))
                 places.append((array, column))
-        return recording_of(
-            label, signals, TreeSource(places),
-            channel_table=channel_table, sampling_rate=sampling_rate, set_aside=aside,
-        )  # fmt: skip
+        return opening.recording(signals, TreeSource(places), aside)
 
 
 def _is_axis(path: Path, array: Array) -> bool:

@@ -12,9 +12,8 @@ import numpy as np
 from specan.arrays import Real
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError
-from specan.io.channel_table import ChannelTable
 from specan.io.sampling_rate import Rate, is_time, rate_of_axis
-from specan.io.signals import Signal, recording_of
+from specan.io.signals import Opening, Signal
 from specan.schema import decoded
 from specan.units import number
 
@@ -43,9 +42,7 @@ def recognises(start: bytes) -> bool:
     return all(number(line.split(_delimiter(lines[0]))[0]) is not None for line in lines[2:LEAST])
 
 
-def open_recording(
-    path: Path, *, label: str, channel_table: ChannelTable | None = None, sampling_rate: float | None = None
-) -> Recording:
+def open_recording(path: Path, opening: Opening) -> Recording:
     """Read a text file of time series; all samples are held in memory.
 
     The first column is the time (``time [s]``, ``t``, ``Zeit [ms]``), equally spaced; each other column is a signal
@@ -72,18 +69,12 @@ def open_recording(
     properties = {"unit_string": units[0]} if units[0] else {}
     found = rate_of_axis(titles[0], "DoubleFloat", properties, time.size, lambda a, b: time[a:b])
     rate = found if isinstance(found, Rate) else None
-    if rate is None and sampling_rate is None:
+    if rate is None and opening.sampling_rate is None:
         raise InputError(
-            f"{label}: {found}", expected="equally spaced times", remedy="give --sampling-rate HZ"
+            f"{opening.label}: {found}", expected="equally spaced times", remedy="give --sampling-rate HZ"
         )
     signals = [Signal(name, time.size, unit, rate) for name, unit in named[1:]]
-    return recording_of(
-        label,
-        signals,
-        ArraySource(list(samples[1:])),
-        channel_table=channel_table,
-        sampling_rate=sampling_rate,
-    )
+    return opening.recording(signals, ArraySource(list(samples[1:])))
 
 
 def _named(title: str, unit: str) -> tuple[str, str]:

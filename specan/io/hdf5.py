@@ -10,7 +10,7 @@ import numpy as np
 from specan.data.recording import Recording
 from specan.errors import InputError, library
 from specan.io.array_tree import Array, Tree, column_of
-from specan.io.channel_table import ChannelTable
+from specan.io.signals import Opening
 
 SUFFIXES = (".h5", ".hdf5")
 
@@ -22,15 +22,8 @@ def recognises(start: bytes) -> bool:
     return start.startswith(MAGIC) or start.startswith(b"MATLAB 7.3 MAT-file")
 
 
-def open_recording(
-    path: Path, *, label: str, channel_table: ChannelTable | None = None, sampling_rate: float | None = None
-) -> Recording:
+def open_recording(path: Path, opening: Opening) -> Recording:
     """Open the signals of an HDF5 file.
-
-    Parameters
-    ----------
-    path, label, channel_table, sampling_rate
-        As for `specan.io.tdms.open_recording`.
 
     Raises
     ------
@@ -67,7 +60,7 @@ def open_recording(
             file.visititems(visit)
     except OSError as fault:
         raise InputError(f"{path.name} is a damaged HDF5 file ({fault})", remedy="copy it again") from None
-    return tree.recording(label, channel_table, sampling_rate)
+    return tree.recording(opening)
 
 
 _ELSEWHERE = "its samples lie in another file, which is not read; copy them into this one"

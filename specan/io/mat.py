@@ -13,7 +13,7 @@ from typing import Any
 from specan.data.recording import Recording
 from specan.errors import InputError
 from specan.io.array_tree import Array, Tree, column_of
-from specan.io.channel_table import ChannelTable
+from specan.io.signals import Opening
 
 SUFFIXES = (".mat",)
 
@@ -27,15 +27,8 @@ def recognises(start: bytes) -> bool:
     return start.startswith(b"MATLAB 5.0 MAT-file") and start[126:128] in (b"IM", b"MI")
 
 
-def open_recording(
-    path: Path, *, label: str, channel_table: ChannelTable | None = None, sampling_rate: float | None = None
-) -> Recording:
+def open_recording(path: Path, opening: Opening) -> Recording:
     """Read the signals of a MAT file; all its variables are held in memory.
-
-    Parameters
-    ----------
-    path, label, channel_table, sampling_rate
-        As for `specan.io.tdms.open_recording`.
 
     Raises
     ------
@@ -50,7 +43,7 @@ def open_recording(
             tree.numbers[where] = value
         elif value is not None:
             tree.arrays[where] = Array(value.shape, value.dtype.kind, partial(column_of, value))
-    return tree.recording(label, channel_table, sampling_rate)
+    return tree.recording(opening)
 
 
 def _variables(path: Path) -> dict[tuple[str, ...], Any]:

@@ -17,6 +17,7 @@ from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import NAMES, ChannelTable, find_channel_table, read_channel_table
 from specan.io.csv_signals import lines_of
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ, is_rate
+from specan.io.signals import Opening
 from specan.schema import regular
 
 
@@ -93,9 +94,7 @@ def open_recording(
     if label is None and root is not None and path.is_relative_to(root):
         name = path.relative_to(root).as_posix()
     try:
-        recording: Recording = form.open_recording(
-            path, label=name, channel_table=table, sampling_rate=sampling_rate
-        )
+        recording: Recording = form.open_recording(path, Opening(name, table, sampling_rate))
     except (SpecanError, OSError):
         raise
     except Exception as fault:  # a damaged number can end in any error of Python
@@ -257,7 +256,7 @@ def _describe(start: bytes) -> tuple[str, str]:
 #
 # A format is a module with ``SUFFIXES``, the endings of the files that are looked for in directories,
 # ``recognises(start: bytes) -> bool``, told by the first bytes of a file, and
-# ``open_recording(path, *, label, channel_table, sampling_rate) -> Recording``. A package of yours names it as an entry
+# ``open_recording(path, opening: specan.io.signals.Opening) -> Recording``. A package of yours names it as an entry
 # point of the group ``specan.formats``. A file's name decides nothing.
 FORMATS = ("wav", "hdf5", "mat", "uff", "tdms", "csv_signals")
 ENTRY_POINTS = "specan.formats"

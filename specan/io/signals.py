@@ -45,53 +45,68 @@ class Signal:
     decisions: Mapping[str, str] = field(default_factory=dict)
 
 
-def recording_of(
-    label: str,
-    signals: Sequence[Signal],
-    source: SampleSource,
-    *,
-    channel_table: ChannelTable | None = None,
-    sampling_rate: float | None = None,
-    set_aside: Mapping[str, str] | None = None,
-    **about: Any,
-) -> Recording:
-    """A recording of signals, channel by channel in their order.
+@dataclass(frozen=True)
+class Opening:
+    """What is said of a file beside what it holds.
 
-    Roles and units come from names and properties, then from the channel table; a sampling rate from the table, from
-    the user, then from the file. `about` are further fields of the recording.
-
-    Raises
-    ------
-    NoSignalError
-        There is none.
+    Attributes
+    ----------
+    label : str
+        Name of the recording in results.
+    channel_table : ChannelTable, optional
+        What the user knows about the channels.
+    sampling_rate : float, optional
+        Sampling rate in hertz of every channel, whatever the file says.
     """
-    if not signals:
-        why = "; ".join(f"{name}: {reason}" for name, reason in list((set_aside or {}).items())[:4])
-        raise NoSignalError(f"{label} holds no time signal" + (f" ({why})" if why else ""))
-    channels = []
-    for signal in signals:
-        said = {"unit_string": signal.unit} if signal.unit else {}
-        channel = identify(signal.name, {**signal.properties, **said}, signal.group)
-        decisions = {**channel.decisions, **signal.decisions}
-        channel = replace(channel, **{"decisions": decisions, **signal.known})
-        if channel_table is not None:
-            channel = channel_table.applied(channel, label)
-        rate = signal.rate or Rate(0.0, "nothing says it")
-        if sampling_rate is not None:
-            rate = Rate(float(sampling_rate), "said by the user")
-        if channel.sampling_rate:
-            rate = Rate(channel.sampling_rate, channel.decisions["sampling_rate"])
-        full_scale = channel.full_scale
-        if full_scale is None and signal.full_scale is not None:
-            full_scale = signal.full_scale * abs(channel.gain)
-        channels.append(
-            replace(
-                channel,
-                sampling_rate=rate.hz,
-                n_samples=signal.n_samples,
-                full_scale=full_scale,
-                properties=signal.properties,
-                decisions={**channel.decisions, "sampling_rate": rate.how},
+
+    label: str
+    channel_table: ChannelTable | None = None
+    sampling_rate: float | None = None
+
+    def recording(
+        self,
+        signals: Sequence[Signal],
+        source: SampleSource,
+        set_aside: Mapping[str, str] | None = None,
+        **about: Any,
+    ) -> Recording:
+        """The recording of signals, channel by channel in their order.
+
+        Roles and units come from names and properties, then from the channel table; a sampling rate from the table,
+        from the user, then from the file. `about` are further fields of the recording.
+
+        Raises
+        ------
+        NoSignalError
+            There is none.
+        """
+        if not signals:
+            why = "; ".join(f"{name}: {reason}" for name, reason in list((set_aside or {}).items())[:4])
+            raise NoSignalError(f"{self.label} holds no time signal" + (f" ({why})" if why else ""))
+        channels = []
+        for signal in signals:
+            said = {"unit_string": signal.unit} if signal.unit else {}
+            channel = identify(signal.name, {**signal.properties, **said}, signal.group)
+            decisions = {**channel.decisions, **signal.decisions}
+            channel = replace(channel, **{"decisions": decisions, **signal.known})
+            if self.channel_table is not None:
+                channel = self.channel_table.applied(channel, self.label)
+            rate = signal.rate or Rate(0.0, "nothing says it")
+            if self.sampling_rate is not None:
+                rate = Rate(float(self.sampling_rate), "said by the user")
+            if channel.sampling_rate:
+                rate = Rate(channel.sampling_rate, channel.decisions["sampling_rate"])
+            full_scale = channel.full_scale
+            if full_scale is None and signal.full_scale is not None:
+                full_scale = signal.full_scale * abs(channel.gain)
+            channels.append(
+                replace(
+                    channel,
+                    sampling_rate=rate.hz,
+                    n_samples=signal.n_samples,
+                    full_scale=full_scale,
+                    properties=signal.properties,
+                    decisions={**channel.decisions, "sampling_rate": rate.how},
+                )
             )
-        )
-    return Recording(label, tuple(channels), source, set_aside=set_aside or {}, **about)
+        return Recording(self.label, tuple(channels), source, set_aside=set_aside or {}, **about)

@@ -14,9 +14,8 @@ import numpy as np
 from specan.data.recording import Recording
 from specan.errors import InputError, NoSignalError
 from specan.io import sampling_rate as rates
-from specan.io.channel_table import ChannelTable
 from specan.io.sampling_rate import Rate, is_frequency, is_time, rate_of_axis
-from specan.io.signals import Signal, recording_of
+from specan.io.signals import Opening, Signal
 from specan.io.tdms_headers import Headers, TdmsObject, read_headers
 from specan.io.tdms_scaling import scaling_of
 from specan.io.tdms_source import Feed, TdmsSource
@@ -36,21 +35,10 @@ def recognises(start: bytes) -> bool:
     return start[:4] == b"TDSm"
 
 
-def open_recording(
-    path: Path, *, label: str, channel_table: ChannelTable | None = None, sampling_rate: float | None = None
-) -> Recording:
+def open_recording(path: Path, opening: Opening) -> Recording:
     """Open a TDMS file; samples are read when they are asked for.
 
-    Parameters
-    ----------
-    path : path
-        The file. An index file beside it is not used.
-    label : str
-        Name of the recording in results.
-    channel_table : ChannelTable, optional
-        What the user knows about the channels.
-    sampling_rate : float, optional
-        Sampling rate in hertz of every channel, whatever the file says.
+    An index file beside it is not used.
 
     Raises
     ------
@@ -59,21 +47,19 @@ def open_recording(
         the message names the file, the channel and what was tried.
     """
     headers = read_headers(path)
-    opening = _Opening(headers, label, channel_table, sampling_rate)
+    taken = _Taken(headers, opening)
     for found in headers.channels:
-        opening.take(found)
-    return opening.recording()
+        taken.take(found)
+    return taken.recording()
 
 
 class _Aside(InputError):
     """The channel is set aside, the file is not; with a remedy the user can do something about it."""
 
 
-class _Opening:
-    def __init__(
-        self, headers: Headers, label: str, table: ChannelTable | None, sampling_rate: float | None
-    ) -> None:
-        self.headers, self.label, self.table, self.sampling_rate = headers, label, table, sampling_rate
+class _Taken:
+    def __init__(self, headers: Headers, opening: Opening) -> None:
+        self.headers, self.opening = headers, opening
         self.signals: list[Signal] = []
         self.feeds: list[Feed] = []
         self.set_aside: dict[str, str] = {}
@@ -100,13 +86,10 @@ class _Opening:
             self._refuse()
         layout = self.headers.layout
         cut_off = ("the file is cut off; every channel is used as far as all channels reach",)
-        found = recording_of(
-            self.label,
+        found = self.opening.recording(
             self.signals,
             TdmsSource(self.headers.path, layout, self.feeds),
-            channel_table=self.table,
-            sampling_rate=self.sampling_rate,
-            set_aside=self.set_aside,
+            self.set_aside,
             properties=self.headers.properties,
             group_properties=self.headers.groups,
             flags=("truncated",) if layout.truncated else (),
@@ -122,12 +105,12 @@ class _Opening:
 
     def _refuse(self) -> NoReturn:
         if self.faults:
-            raise InputError(f"{self.label}: {self.faults[0].found}", remedy=self.faults[0].remedy)
+            raise InputError(f"{self.opening.label}: {self.faults[0].found}", remedy=self.faults[0].remedy)
         first = next(iter(self.set_aside.items()), None)
         more = f" (and {len(self.set_aside) - 1} more channels)" if len(self.set_aside) > 1 else ""
         what = f"{first[0]!r}: {first[1]}{more}" if first else "it has no channel"
         kind = NoSignalError if set(self.set_aside.values()) - {_EMPTY, _CUT_OFF} else InputError
-        raise kind(f"{self.label} holds no time signal; {what}", expected="numbers sampled in time")
+        raise kind(f"{self.opening.label} holds no time signal; {what}", expected="numbers sampled in time")
 
     def _unfit(self, found: TdmsObject) -> str:
         """Why an object is not a signal, as far as its headers say; empty for none."""
@@ -188,13 +171,14 @@ class _Opening:
             increment = rates.from_increment(found.properties, found.n_samples, names)
         except NoSignalError as fault:
             raise _Aside(fault.found) from None
-        row = self.table.find(found.group, found.name) if self.table else None
-        if self.sampling_rate is not None or (row is not None and row.sampling_rate_hz is not None):
+        table = self.opening.channel_table
+        row = table.find(found.group, found.name) if table else None
+        if self.opening.sampling_rate is not None or (row is not None and row.sampling_rate_hz is not None):
             return None
         if isinstance(increment, Rate):
             other = rates.contradiction(increment, places)
             return Rate(increment.hz, increment.how + (f"; {other}" if other else ""))
-        keys = rates.from_keys(places, self.label)
+        keys = rates.from_keys(places, self.opening.label)
         return keys if isinstance(keys, Rate) else self._from_axis(found, [increment, keys])
 
     def _from_axis(self, found: TdmsObject, tried: list[str]) -> Rate:

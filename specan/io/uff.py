@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from specan.arrays import Real
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError, NoSignalError, library
-from specan.io.channel_table import ChannelTable
 from specan.io.sampling_rate import Rate, rate_of_axis
-from specan.io.signals import Signal, recording_of
+from specan.io.signals import Opening, Signal
 
 SUFFIXES = (".uff", ".unv")
 UNREADABLE = "\ufffd"  # what Python writes for bytes that are no text
@@ -145,9 +144,7 @@ def _word(text: Any) -> str:
     return "" if plain.upper() in ("NONE", "NULL") else plain
 
 
-def open_recording(
-    path: Path, *, label: str, channel_table: ChannelTable | None = None, sampling_rate: float | None = None
-) -> Recording:
+def open_recording(path: Path, opening: Opening) -> Recording:
     """Read the time responses of a universal file; they are held in memory.
 
     A channel is called by the first line of its data set's description, or else by its node and direction.
@@ -164,7 +161,7 @@ def open_recording(
         held = Counter(FUNCTIONS[one.kind] for one in read_uff(path, tuple(FUNCTIONS)))
         holds = ", ".join(f"{kind} ({n})" for kind, n in held.items())
         raise NoSignalError(
-            f"{label} is a universal file without a time response"
+            f"{opening.label} is a universal file without a time response"
             + (f"; it holds: {holds}" if holds else ""),
             remedy="read it in Python with specan.read_functions; a study takes transfer functions"
             if holds
@@ -180,9 +177,7 @@ def open_recording(
         Signal(name, one.values.size, one.unit, _rate(one)) for name, one in zip(names, sets, strict=True)
     ]
     samples = [np.asarray(one.values.real, dtype=np.float64) for one in sets]
-    return recording_of(
-        label, signals, ArraySource(samples), channel_table=channel_table, sampling_rate=sampling_rate
-    )
+    return opening.recording(signals, ArraySource(samples))
 
 
 def _rate(one: DataSet) -> Rate | None:

@@ -14,9 +14,8 @@ import numpy as np
 from specan.arrays import Real
 from specan.data.recording import Recording
 from specan.errors import InputError
-from specan.io.channel_table import ChannelTable
 from specan.io.sampling_rate import Rate
-from specan.io.signals import Signal, recording_of
+from specan.io.signals import Opening, Signal
 
 SUFFIXES = (".wav",)
 
@@ -56,22 +55,11 @@ def recognises(start: bytes) -> bool:
     return start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE"
 
 
-def open_recording(
-    path: Path, *, label: str, channel_table: ChannelTable | None = None, sampling_rate: float | None = None
-) -> Recording:
+def open_recording(path: Path, opening: Opening) -> Recording:
     """Open a WAV file: integers as fractions of full scale, floating-point numbers as they are.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    label : str
-        Name of the recording in results.
-    channel_table : ChannelTable, optional
-        Sensitivities, gains and roles of the channels, which are called "Channel 1" and so on. A sensitivity is in
-        volts: it needs the voltage at full scale beside it.
-    sampling_rate : float, optional
-        In hertz, in place of that of the header.
+    Channels are called "Channel 1" and so on. A sensitivity in the channel table is in volts: it needs the voltage at
+    full scale beside it.
 
     Raises
     ------
@@ -80,31 +68,32 @@ def open_recording(
     """
     source = _frames(path)
     if not source.n_frames:
-        raise InputError(f"{label} holds no sample", remedy="record it again")
+        raise InputError(f"{opening.label} holds no sample", remedy="record it again")
     signals = [
         Signal(
             name,
             source.n_frames,
             rate=Rate(float(source.rate), "the header of the file"),
-            known=_in_volts(label, name, channel_table),
+            known=_in_volts(opening, name),
             decisions={"unit": "fractions of full scale", "scaling": source.text},
         )
         for name in (f"Channel {place}" for place in range(1, source.n_channels + 1))
     ]
-    found = recording_of(label, signals, source, channel_table=channel_table, sampling_rate=sampling_rate)
+    found = opening.recording(signals, source)
     top = source.top
     channels = (replace(c, full_scale=None if top is None else top * abs(c.gain)) for c in found.channels)
     return replace(found, channels=tuple(channels))
 
 
-def _in_volts(label: str, name: str, table: ChannelTable | None) -> dict[str, object]:
+def _in_volts(opening: Opening, name: str) -> dict[str, object]:
     """What turns fractions of full scale into volts, where a channel table gives a sensitivity."""
+    table = opening.channel_table
     row = table.find("", name) if table else None
     if table is None or row is None or row.sensitivity is None:
         return {}
     if row.full_scale is None:
         raise InputError(
-            f"{label}: the samples of {name!r} are fractions of full scale, and {table.source} gives "
+            f"{opening.label}: the samples of {name!r} are fractions of full scale, and {table.source} gives "
             f"{row.sensitivity:g} {row.sensitivity_unit}",
             expected="full_scale beside it, in volts",
             remedy="add it, or give a gain and a unit",

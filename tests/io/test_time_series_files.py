@@ -255,14 +255,14 @@ def test_a_format_of_an_installed_package(tmp_path, monkeypatch):
     """As an entry point of the group specan.formats brings it."""
     from specan.data.recording import ArraySource
     from specan.io.sampling_rate import Rate
-    from specan.io.signals import Signal, recording_of
+    from specan.io.signals import Signal
 
     module = types.SimpleNamespace(
         SUFFIXES=(".dat",),
         recognises=lambda start: start.startswith(b"ACME"),
-        open_recording=lambda path, *, label, channel_table, sampling_rate: recording_of(
-            label, [Signal("force", N, "N", Rate(RATE, "its header")), Signal("x1", N, "mm", Rate(RATE, "its header"))],
-            ArraySource([FORCE, 1e3 * MOVED]), channel_table=channel_table, sampling_rate=sampling_rate,
+        open_recording=lambda path, said: said.recording(
+            [Signal("force", N, "N", Rate(RATE, "its header")), Signal("x1", N, "mm", Rate(RATE, "its header"))],
+            ArraySource([FORCE, 1e3 * MOVED]),
         ),
     )  # fmt: skip
     point = types.SimpleNamespace(name="acme", load=lambda: module)
