@@ -92,7 +92,7 @@ def _print(change: Change) -> None:
             what = after.errors[key][0].get("level_of", "levels")
             click.echo(f"RMS error of {what}: {levels[0][0]:.2g} -> {levels[1][0]:.2g} dB on {name} data")
     click.echo("")
-    show_sheets([study_sheets.parameters(change.parameters)])
+    show_sheets([study_sheets.parameters(change.after.parameters)])
     for remark in change.remarks:
         if remark not in first:
             click.echo(f"Note: {remark}")

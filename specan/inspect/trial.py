@@ -11,7 +11,6 @@ from specan.errors import RequestError
 from specan.inspect.opened import stamp_of
 from specan.inspect.work import Superseded, Tell
 from specan.models import Use
-from specan.models.effect import ParameterName
 from specan.report import study_sheets
 from specan.report.residual_map import ResidualMap, residual_map
 from specan.result import Sheet
@@ -38,6 +37,8 @@ class Trial:
         The effects that were tried; empty for the model as it is.
     predictions : tuple of array
         One an observation of the problem.
+    parameters : Sheet
+        Those of the tried effects, or all, with their intervals.
     where : ResidualMap or None
         Where the model fails; None where no operating variable varies.
     """
@@ -47,19 +48,13 @@ class Trial:
     fit: Fit
     errors: tuple[ObservableError, ...]
     predictions: tuple[Real, ...]
+    parameters: Sheet
     where: ResidualMap | None
 
     @property
     def name(self) -> str:
         """In words."""
         return " with ".join(self.uses)
-
-    @property
-    def parameters(self) -> Sheet:
-        """Those of the tried effects, or all, with their intervals."""
-        table = parameter_table(self.problem, self.fit)
-        own = {n: p for n, p in table.items() if not self.uses or ParameterName(n).owner in self.uses}
-        return study_sheets.parameters(own)
 
 
 def as_it_is(study: Study) -> Trial:
@@ -107,7 +102,10 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
 def _trial(uses: tuple[str, ...], problem: Problem, best: Fit) -> Trial:
     predictions = problem.plain(best.theta)
     errors = observable_errors(problem, problem.observations, predictions)
-    return Trial(uses, problem, best, tuple(errors), tuple(predictions), residual_map(problem, best))
+    parameters = study_sheets.parameters(parameter_table(problem, best, uses or None))
+    return Trial(
+        uses, problem, best, tuple(errors), tuple(predictions), parameters, residual_map(problem, best)
+    )
 
 
 _WAIT_S = 0.2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -199,18 +199,20 @@ def undetermined(problem: Problem, theta: Array) -> list[ParameterName]:
     return found
 
 
-def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
-    """Fitted parameters with 95 % intervals from the covariance, in their declared units.
+def parameter_table(
+    problem: Problem, best: Fit, owners: Container[str] | None = None
+) -> dict[str, dict[str, Any]]:
+    """Fitted parameters of effects with 95 % intervals, in their declared units; of all effects by default.
 
-    The interval ends at the domain. `plausible` is false where the value lies outside the declared
+    `plausible` is false where the value lies outside the declared
     plausible range by more than two standard uncertainties, or more than three of its certificate off.
     """
     table: dict[str, dict[str, Any]] = {}
-    widen = np.sqrt(max(best.reduced_chi2, 1.0)) if np.isfinite(best.reduced_chi2) else 1.0
-    intervals = intervals_95(problem, best, widen)
-    for k, name in enumerate(problem.names):
+    own = [name for name in problem.names if owners is None or name.owner in owners]
+    for name, interval in intervals_95(problem, best, own).items():
         parameter = problem.assembly.parameters[name.whole]
-        value, sd = float(best.theta[k]), best.standard_error(name) * widen
+        value = float(best.theta[problem.names.index(name)])
+        sd = best.standard_error(name) * np.sqrt(best.dispersion)
         least, most = problem.plausible(name.whole)
         prior = problem.priors.get(name.whole)
         within = (
@@ -219,7 +221,7 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
             else abs(value - prior[0]) <= TOO_FAR * prior[1]
         )
         table[name] = {
-            **parameter.in_unit(value, *intervals[name]),
+            **parameter.in_unit(value, *interval),
             "plausible": bool(within),
             "at_bound": name in best.at_bound,
             "nuisance": name.whole in problem.priors,

@@ -16,7 +16,7 @@ from specan.models.catalogue import effects_from_file
 from specan.result import Result
 from specan.study.build_problem import undetermined
 from specan.study.create import effect_entry, hold_undetermined
-from specan.study.estimation.fit import fit, intervals_95, profile_interval
+from specan.study.estimation.fit import fit
 from specan.study.history import History, Step, changing, commit, error_pairs
 from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
@@ -36,8 +36,6 @@ class Change(Result):
     before, after : Step
     was, study : Study
         As it was before, and as it is now.
-    intervals : dict
-        95 % profile intervals of the new effect's parameters, in their declared units.
     held : tuple of str
         Parameters of the new effect that the data do not determine and that were fixed.
     remarks : tuple of str
@@ -48,7 +46,6 @@ class Change(Result):
     after: Step
     was: Study
     study: Study
-    intervals: dict[str, tuple[float, float]]
     held: tuple[str, ...]
     remarks: tuple[str, ...]
 
@@ -63,14 +60,6 @@ class Change(Result):
         ]
         return f"{self.after.action} {self.after.effect}, " + ", ".join([*falls, *self.remarks])
 
-    @property
-    def parameters(self) -> dict[str, dict[str, Any]]:
-        """Fitted parameters after it, with the profile intervals of the new effect."""
-        found = {name: dict(row) for name, row in self.after.parameters.items()}
-        for name, (low, high) in self.intervals.items():
-            found[name] |= {"low": low, "high": high}
-        return found
-
     def content(self) -> dict[str, Any]:
         """What ``specan study add --json`` and ``drop --json`` print."""
         after = self.after
@@ -80,7 +69,7 @@ class Change(Result):
                 when: {name: getattr(step, name) for name in _OF_A_STEP}
                 for when, step in (("before", self.before), ("after", after))
             },
-            "parameters": self.parameters,
+            "parameters": after.parameters,
             "parameters_held": self.held,
             "remarks": self.remarks,
         }
@@ -129,10 +118,9 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
             text.append("effect", effect_entry(use))
         changed, held = hold_undetermined(Study(study.directory, draft=text))
         after = changed.step("add", str(use), because, study.diagnosed)
-        intervals = _intervals(changed, use)
         remarks = _remarks_on_adding(study, changed, before, after, use, held)
         changed.keep(after)
-    return Change(before, after, study, changed, intervals, held, tuple(remarks))
+    return Change(before, after, study, changed, held, tuple(remarks))
 
 
 def drop_effect(study: Study, effect: str, because: str = "") -> Change:
@@ -154,7 +142,7 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
         changed.keep(after)
     remarks = [f"{use} is constrained by its certificate again"] if has_prior else []
     remarks += _on_errors(before, after, expected_to_fall=False)
-    return Change(before, after, study, changed, {}, (), tuple(remarks))
+    return Change(before, after, study, changed, (), tuple(remarks))
 
 
 def drop_effect_file(directory: Path, name: str) -> str:
@@ -245,21 +233,6 @@ def _check_addable(study: Study, use: Use) -> None:
         raise RequestError(f"{use} cannot be tested with these data: it {why}")
 
 
-def _intervals(study: Study, use: Use) -> dict[str, tuple[float, float]]:
-    """Of the parameters of an effect, by profile; of many rows, whose quadratic is sharp, from the covariance."""
-    problem, best = study.problem, study.best
-    names = [name for name in problem.names if name.owner == str(use)]
-    if problem.strategy.frugal:
-        ends = intervals_95(problem, best, max(best.reduced_chi2, 1.0) ** 0.5)
-    else:
-        ends = {name: profile_interval(problem, best, name, inflate=True) for name in names}
-    found = {}
-    for name in names:
-        from_si = problem.assembly.parameters[name.whole].from_si
-        found[str(name)] = (from_si(ends[name][0]), from_si(ends[name][1]))
-    return found
-
-
 def _remarks_on_adding(
     old: Study, new: Study, before: Step, after: Step, use: Use, held: Sequence[str]
 ) -> list[str]:
@@ -313,6 +286,6 @@ def _can_go(study: Study, name: str) -> bool:
         refitted = fit(lean, start=study.best.values, starts=STARTS)
     except SpecanError:  # without it there is no fit: it is needed
         return False
-    scale = max(study.best.reduced_chi2, 1.0)
+    scale = study.best.dispersion
     spared = len(study.problem.names) - len(lean.names)
     return (refitted.chi2 - study.best.chi2) / scale < spared * np.log(study.problem.n_effective)

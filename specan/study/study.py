@@ -301,6 +301,11 @@ class Study:
         return tuple(observable_errors(self.problem, self.problem.observations, predictions))
 
     @cached_property
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """Fitted parameters with their intervals."""
+        return parameter_table(self.problem, self.shown)
+
+    @cached_property
     def held_out(self) -> HeldOut | None:
         """Errors on the data that were put aside; None without such."""
         return self._held_out_by(self.problem, self.shown) if self.data.held_out else None
@@ -326,7 +331,7 @@ class Study:
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""
         where = localise(self.problem, self.shown) if self.data.known else None
-        return Comparison(self, self.shown, self.errors, where, parameter_table(self.problem, self.shown))
+        return Comparison(self, self.shown, self.errors, where, self.parameters)
 
     def frf_errors(self) -> list[FrfErrors]:
         """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
@@ -457,7 +462,7 @@ class Study:
             reduced_chi2=self.shown.reduced_chi2 if known else None,
             p_value=self.shown.p_value if known else None,
             held_out_reduced_chi2=held.reduced_chi2 if held and known else None,
-            parameters=parameter_table(self.problem, self.shown),
+            parameters=self.parameters,
             at_bound=self.shown.at_bound,
             model_discrepancy_percent=self.data.discrepancy_percent,
             hashes=self.hashes,

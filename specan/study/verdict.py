@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
-from specan.errors import ComputationError
 from specan.models import Use
 from specan.result import Result, counted, gathered
-from specan.study.estimation.fit import intervals_95, profile_interval
+from specan.study.estimation.fit import intervals_95
 from specan.study.estimation.left_out import left_out_errors
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.selection.pulls import Pull
@@ -300,24 +296,13 @@ class Diagnosis(Result):
 
 
 def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, Any]]:
-    """Own parameters of the effects, with 95 % intervals, in their declared units.
-
-    `profiled`: all other parameters are refitted along an interval, which then follows a valley and the ends of known
-    ranges; else, or where such a refit fails, it is that of the covariance, inside the domain.
-    """
+    """Own parameters of the effects, with 95 % intervals (`intervals_95`), in their declared units."""
     table: dict[str, dict[str, Any]] = {}
     own = {str(u) for u in refit.uses}
-    intervals = intervals_95(refit.problem, refit.fit, float(np.sqrt(refit.dispersion)))
-    for k, name in enumerate(refit.fit.names):
-        if name.owner not in own:
-            continue
-        value = float(refit.fit.theta[k])
-        low, high = intervals[name]
-        if profiled and not refit.problem.strategy.frugal:
-            # A refit that fails, or an end that is not bracketed, leaves the interval of the covariance.
-            with contextlib.suppress(ComputationError, ValueError):
-                low, high = profile_interval(refit.problem, refit.fit, name, inflate=True)
-        table[name] = refit.problem.assembly.parameters[name.whole].in_unit(value, low, high)
+    names = [name for name in refit.fit.names if name.owner in own]
+    for name, interval in intervals_95(refit.problem, refit.fit, names, profiled=profiled).items():
+        value = float(refit.fit.theta[refit.fit.names.index(name)])
+        table[name] = refit.problem.assembly.parameters[name.whole].in_unit(value, *interval)
     return table
 
 

@@ -154,10 +154,9 @@ def test_intervals_hold_the_truth_beside_noise_that_follows_itself(disturbed, co
         rng = np.random.default_rng([seed, int(disturbed), int(100 * coloured)])
         problem = base_problem(model, [observed(model, rng, disturbed, coloured)])
         found = fit(problem, starts=1)
-        widen = np.sqrt(max(found.reduced_chi2, 1.0))
         white = replace(found, covariance=covariance(found.jacobian, problem.scale))
         for one, count in ((found, held), (white, as_white)):
-            ends = intervals_95(problem, one, widen)
+            ends = intervals_95(problem, one)
             count += [ends[name][0] <= value <= ends[name][1] for name, value in truth.items()]
     assert np.mean(held) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / recordings)
     assert coloured + disturbed == 0 or np.mean(as_white) < 0.85

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, least_squares
 
-from specan.errors import ComputationError, RequestError, nearest
+from specan.errors import ComputationError, RequestError
 from specan.models.effect import ParameterName
 from specan.study.estimation.distributions import quantile, tail
 from specan.study.estimation.levenberg_marquardt import (
@@ -77,6 +77,11 @@ class Fit:
     dof: float
     reduced_chi2: float
     p_value: float
+
+    @property
+    def dispersion(self) -> float:
+        """The reduced chi-square, never below one; one where there is none."""
+        return max(1.0, self.reduced_chi2)  # in this order: of nothing it is not a number
 
     def standard_error(self, name: str) -> float:
         """Standard uncertainty of a parameter, from the covariance."""
@@ -306,27 +311,39 @@ def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_erro
     return tail(max(lack, 0.0) / own, own, noise_dof)
 
 
-def intervals_95(problem: Problem, best: Fit, widen: float = 1.0) -> dict[ParameterName, tuple[float, float]]:
-    """95 % intervals of all elements of theta from the covariance, inside their domains.
+def intervals_95(
+    problem: Problem, best: Fit, names: Container[str] | None = None, *, profiled: bool = True
+) -> dict[ParameterName, tuple[float, float]]:
+    """95 % intervals of elements of theta, inside their domains, widened by the root of the dispersion.
 
+    By profile: {x : min chi2(x) - chi2_min < quantile}, all other parameters refitted (Raue et al. 2009). From the
+    covariance where the strategy is frugal (the chi-square of many rows is quadratic) and where a refit fails.
     What is held and has a standard uncertainty q (`Parameter.spread`) moves the minimum by ``-(J'J)^-1 J' dr/dq q``,
     which is added in squares. Of a quantity that is positive that may be more than the quantity: a factor, then.
 
     Parameters
     ----------
-    widen : float
-        Factor on what the covariance says.
+    names : collection of str, optional
+        Of which; all by default.
+    profiled : bool
+        False: from the covariance, which is quick.
     """
-    moved = _moved_by_what_is_held(problem, best)
-    sd = np.hypot(widen * np.sqrt(np.diag(best.covariance)), moved)
+    moved = NORMAL_95 * _moved_by_what_is_held(problem, best)
+    allowed = best.dispersion * quantile(1 - 0.95, 1, problem.noise_dof)
     found = {}
-    for name, value, reach, held, low, high in zip(
-        best.names, best.theta, NORMAL_95 * sd, moved, *problem.bounds(), strict=True
-    ):
-        if held > 0 and problem.assembly.parameters[name.whole].si.min > 0 < value:
-            ends = value * np.exp(-reach / value), value * np.exp(reach / value)
+    for k, (name, low, high) in enumerate(zip(problem.names, *problem.bounds(), strict=True)):
+        if names is not None and name not in names:
+            continue
+        value, reach = float(best.theta[k]), float(np.sqrt(allowed)) * best.standard_error(name)
+        ends = value - reach, value + reach
+        if profiled and not problem.strategy.frugal:
+            with suppress(ComputationError, ValueError):  # ValueError: an end that is not bracketed
+                ends = _profile(problem, best, k, allowed)
+        down, up = (np.hypot(end - value, moved[k]) for end in ends)
+        if moved[k] > 0 and problem.assembly.parameters[name.whole].si.min > 0 < value:
+            ends = value * np.exp(-down / value), value * np.exp(up / value)
         else:
-            ends = value - reach, value + reach
+            ends = value - down, value + up
         found[name] = max(float(ends[0]), float(low)), min(float(ends[1]), float(high))
     return found
 
@@ -346,29 +363,13 @@ def _moved_by_what_is_held(problem: Problem, best: Fit) -> Array:
     return np.asarray(np.linalg.norm(moved, axis=0))
 
 
-def profile_interval(problem: Problem, best: Fit, name: str, *, inflate: bool = False) -> tuple[float, float]:
-    """95 % interval {x : min chi2(x) - chi2_min < quantile}, all other parameters refitted (Raue et al. 2009).
-
-    An end that lies beyond the domain is the end of the domain: the interval is then one-sided.
-
-    Parameters
-    ----------
-    name : str
-        Element of `problem.names`.
-    inflate : bool
-        Widen by the root of the reduced chi-square where that exceeds one.
-    """
-    if name not in problem.names:
-        raise RequestError(f"{name!r} is not a free parameter", remedy=nearest(name, problem.names))
-    # 0.95: confidence of profile intervals
-    allowed = quantile(1 - 0.95, 1, problem.noise_dof)
-    if inflate and best.dof > 0:
-        allowed *= max(1.0, best.reduced_chi2)
-    excess = _Excess(problem, best, name, allowed)
-    centre, ends = float(best.theta[excess.index]), []
+def _profile(problem: Problem, best: Fit, index: int, allowed: float) -> tuple[float, float]:
+    """Where the least chi-square has risen by `allowed`; an end beyond the domain is the end of the domain."""
+    excess = _Excess(problem, best, index, allowed)
+    centre, ends = float(best.theta[index]), []
     for side, bounds in zip((-1, 1), problem.bounds(), strict=True):
-        end = found = float(bounds[excess.index])
-        inner, step = centre, float(np.sqrt(allowed)) * best.standard_error(name)
+        end = found = float(bounds[index])
+        inner, step = centre, float(np.sqrt(allowed)) * best.standard_error(best.names[index])
         # 12: steps outward to an end of a profile
         for _ in range(12 if centre != end else 0):
             outer = centre + side * step
@@ -393,9 +394,9 @@ def profile_interval(problem: Problem, best: Fit, name: str, *, inflate: bool = 
 class _Excess:
     """Least chi-square with one element of theta held at a value, less that of the fit and what it may rise."""
 
-    def __init__(self, problem: Problem, best: Fit, name: str, allowed: float) -> None:
+    def __init__(self, problem: Problem, best: Fit, index: int, allowed: float) -> None:
         self.problem, self.best, self.allowed = problem, best, allowed
-        self.index = k = problem.names.index(name)
+        self.index = k = index
         self.others = np.arange(best.theta.size) != k
         self.direction = best.covariance[:, k] / max(best.covariance[k, k], 1e-300)
         self.known = {float(best.theta[k]): -allowed}  # each value is fitted once

@@ -92,7 +92,7 @@ class Refit:
     @property
     def dispersion(self) -> float:
         """The reduced chi-square, never below one."""
-        return max(self.reduced, 1.0)
+        return self.fit.dispersion
 
     def bic(self, dispersion: float) -> float:
         """Chi-square in units of `dispersion` plus the price of the added parameters."""

@@ -105,7 +105,7 @@ def test_adding_what_is_missing_lets_both_errors_fall(study):
     assert change.after.fit_error["value"] < 0.5 * change.before.fit_error["value"]
     assert change.after.held_out_error["value"] < 0.5 * change.before.held_out_error["value"]
     assert change.after.held_out_reduced_chi2 < 1.7
-    low, high = change.intervals["load-dependent-friction.change"]
+    low, high = (change.after.parameters["load-dependent-friction.change"][e] for e in ("low", "high"))
     assert low < -0.012 < high
     assert not any("does not fall" in r or "rises" in r for r in change.remarks)
     steps = History(study.directory).steps
