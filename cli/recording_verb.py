@@ -208,7 +208,11 @@ class ResultDelivery(Delivery):
         from specan.io.limit_file import read_limits
         from specan.result import picked
 
-        kept = [] if limit is None else found.keeps(read_limits(limit))
+        kept = []
+        if limit is not None:
+            curve = read_limits(limit)
+            kept = found.keeps(curve)
+            drawn |= {} if drawn.get("view") else {"limits": curve}  # not over time
         self.draw(found, **drawn)
         if self.output is not None:
             write_result(found, self.output, decimal=self.decimal)
@@ -219,9 +223,9 @@ class ResultDelivery(Delivery):
             say_calibration(found)
             for one in kept:
                 distance = f"{abs(one.excess_dB):.2f} dB"
-                text = f"passed, {distance} below" if one.passed else f"FAILED, {distance} beyond"
+                text = f"passed, margin {distance}" if one.passed else f"FAILED, {distance} beyond the limit"
                 label = "" if limit is None else limit.name
-                where = f"the limit at {one.place} ({one.compared} compared)"
+                where = f"at {one.place} ({one.compared} compared)"
                 click.echo(f"Limits {label}: {one.channel}: {text} {where}")
 
         content: dict[str, Any] = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,7 +61,7 @@ class LimitCurve:
     def of_bands(
         self, channel: str, nominal_hz: Real, level_dB: Real, overall_dB: Mapping[str, float]
     ) -> Kept:
-        """Hold bands against the limits at their nominal frequencies, and overall levels against theirs.
+        """Compare bands with the limits at their nominal frequencies, and overall levels with theirs.
 
         Raises
         ------
@@ -74,50 +74,50 @@ class LimitCurve:
         >>> curve.of_bands("Mic 1", np.array([500.0, 1000.0]), np.array([58.0, 56.5]), {})
         Kept(channel='Mic 1', excess_dB=1.5, place='1000 Hz', compared=2)
         """
-        found: list[tuple[float, str]] = []
-        for frequency, lower, upper in zip(self.frequency_hz, self.lower_dB, self.upper_dB):
-            # Nominal frequencies are rounded to two or three digits, and bands are at least 3 % apart.
-            for band in np.flatnonzero(np.abs(nominal_hz / frequency - 1) < 0.01):
-                found.append((_excess(level_dB[band], lower, upper), f"{nominal_hz[band]:g} Hz"))
-        for name, (lower, upper) in self.overall_dB.items():
-            if name in overall_dB:
-                found.append((_excess(overall_dB[name], lower, upper), f"total-{name}"))
-        return self._worst(channel, found)
+        ends = np.array([self.overall_dB.get(name, (np.nan, np.nan)) for name in overall_dB]).reshape(-1, 2)
+        places = [*(f"{f:g} Hz" for f in nominal_hz), *(f"total-{name}" for name in overall_dB)]
+        levels = np.append(level_dB, list(overall_dB.values()))
+        limits = np.concatenate([self.at_bands(nominal_hz), ends.T], axis=1)
+        return self._worst(channel, places.__getitem__, levels, limits)
 
     def of_lines(self, channel: str, frequency_hz: Real, level_dB: Real) -> Kept:
-        """Hold lines against the limits, which are straight over the logarithm of the frequency between their points.
+        """Compare lines with the limits.
 
         Raises
         ------
         RequestError
             No line lies within the range of the limits.
         """
-        within = (frequency_hz >= self.frequency_hz[0]) & (frequency_hz <= self.frequency_hz[-1])
-        within &= frequency_hz > 0
-        f, level = frequency_hz[within], level_dB[within]
-        lower, upper = (
-            np.interp(np.log(f), np.log(self.frequency_hz), values)
-            for values in (self.lower_dB, self.upper_dB)
-        )
-        excess = np.fmax(level - upper, lower - level)
-        held = np.isfinite(excess) | np.isneginf(excess)
-        found = []
-        if held.any():
-            worst = int(np.argmax(np.where(held, excess, -np.inf)))
-            found = [(float(excess[worst]), f"{f[worst]:g} Hz")]
-        return self._worst(channel, found, int(held.sum()))
+        limits = self.at_lines(frequency_hz)
+        return self._worst(channel, lambda line: f"{frequency_hz[line]:g} Hz", level_dB, limits)
 
-    def _worst(self, channel: str, found: list[tuple[float, str]], compared: int | None = None) -> Kept:
-        found = [entry for entry in found if not np.isnan(entry[0])]
-        if not found:
+    def at_bands(self, nominal_hz: Real) -> Real:
+        """Lower and upper limits of bands, NaN where there is none."""
+        found = np.full((2, nominal_hz.size), np.nan)
+        for frequency, *ends in zip(self.frequency_hz, self.lower_dB, self.upper_dB):
+            # Nominal frequencies are rounded to two or three digits, and bands are at least 3 % apart.
+            found[:, np.abs(nominal_hz / frequency - 1) < 0.01] = np.array(ends)[:, None]
+        return found
+
+    def at_lines(self, frequency_hz: Real) -> Real:
+        """Lower and upper limits of lines: straight over the logarithm of the frequency between their points."""
+        with np.errstate(divide="ignore"):
+            x = np.log(frequency_hz)
+        return np.array(
+            [
+                np.interp(x, np.log(self.frequency_hz), ends, left=np.nan, right=np.nan)
+                for ends in (self.lower_dB, self.upper_dB)
+            ]
+        )
+
+    def _worst(self, channel: str, place: Callable[[int], str], level: Real, limits: Real) -> Kept:
+        excess = np.fmax(level - limits[1], limits[0] - level)
+        compared = int(np.sum(~np.isnan(excess)))
+        if not compared:
             raise RequestError(
-                f"the limits in {self.label} apply to nothing that {channel} shows",
+                f"the limits in {self.label} have no band or line of {channel}",
                 expected="frequencies of the bands or lines that are shown",
                 remedy="choose another --fraction or range, or correct the limits",
             )
-        worst, place = max(found)
-        return Kept(channel, float(worst), place, len(found) if compared is None else compared)
-
-
-def _excess(level: float, lower: float, upper: float) -> float:
-    return float(np.fmax(level - upper, lower - level))
+        worst = int(np.nanargmax(excess))
+        return Kept(channel, float(excess[worst]), place(worst), compared)

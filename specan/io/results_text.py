@@ -220,8 +220,8 @@ def write_table(
         file.writelines(blocks)
 
 
-# A cell that is a number with a point.
-_NUMBER = re.compile(r"(?<![^\t\n])(-?\d+)\.(\d+(?:e[-+]\d+)?)(?![^\t\n])")
+# A number with a point: a cell, or in a flag such as ``counted-max=66.99``.
+_NUMBER = re.compile(r"(?<![^\t\n=])(-?\d+)\.(\d+(?:e[-+]\d+)?)(?![^\t\n ])")
 
 
 _SHEET_ROWS = 1_048_576  # of a workbook

@@ -26,6 +26,7 @@ from specan.report.figure_style import (
     styled,
 )
 from specan.report.panels import (
+    BOUND,
     Curve,
     Drawing,
     Panel,
@@ -35,42 +36,48 @@ from specan.report.panels import (
     grouped,
     level_panels,
     numbered,
+    with_bounds,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from specan.data.limits import LimitCurve
+
 _DYNAMICS_DB = 90.0  # that a figure shows at most
 
 
-def band_panels(found: BandLevels) -> Drawing:
-    """Band levels of every channel as steps, one pair of axes a level reference.
+def band_panels(found: BandLevels, limits: LimitCurve | None = None) -> Drawing:
+    """Band levels of every channel as steps, one pair of axes a level reference, and limits that they have to keep.
 
     Of more than eight channels the range is drawn, the median, and the channels that are furthest from it.
     """
     labels = [level_label(reference.text) for reference in found.references]
     edges = np.append(found.lower_hz, found.upper_hz[-1])
     panels = level_panels(labels, found.channels, edges, found.level_dB, _DYNAMICS_DB)
+    if limits is not None:
+        panels = with_bounds(panels, limits.label, edges, limits.at_bands(found.nominal_hz))
     facts = f"{division_name(found.fraction)}, {found.how}", _loudest(found)
     title = found.label or "Band levels"
     return Drawing(title, facts, "Mid-band frequency / Hz", tuple(panels), hertz=True)
 
 
 @styled
-def figure_band_levels(found: BandLevels) -> Figure:
+def figure_band_levels(found: BandLevels, *, limits: LimitCurve | None = None) -> Figure:
     """The bands, and the overall levels beside them.
 
     The bar on a filled level is one standard deviation of stationary noise (`BandLevels.u_dB`).
     """
-    drawing = band_panels(found)
+    drawing = band_panels(found, limits)
     figure = new_figure(1.9 + 2.5 * len(drawing.panels))
     sheet = figure.subplots(
         len(drawing.panels), 2, sharex="col", sharey="row", width_ratios=[6, 1], squeeze=False
     )
     draw_panels(list(sheet[:, 0]), drawing.panels)
     numbers = numbered(drawing.panels)
-    for (axes, totals), rows in zip(sheet, grouped(r.text for r in found.references).values(), strict=True):
+    kinds = grouped(r.text for r in found.references).values()
+    for (axes, totals), panel, rows in zip(sheet, drawing.panels, kinds, strict=True):
         if len(rows) == 1:
             for row in rows:
                 level = np.where(np.isneginf(found.level_dB[row]), np.nan, found.level_dB[row])
@@ -79,7 +86,12 @@ def figure_band_levels(found: BandLevels) -> Figure:
             style_of(numbers[name])["color"] if (name := found.channels[row]) in numbers else "0.75" for row in rows
         ]  # fmt: skip
         _draw_totals(totals, found, rows, colours)
-        shown = np.concatenate([found.level_dB[rows].ravel(), *(v[rows] for v in found.overall_dB.values())])
+        bounds = {} if limits is None else limits.overall_dB
+        for place, name in enumerate(found.overall_dB):
+            totals.hlines(bounds.get(name, ()), place - 0.5, place + 0.5, BOUND["color"], BOUND["linestyle"])
+        overall = (values[rows] for values in found.overall_dB.values())
+        drawn = (curve.y for curve in panel.bounds)
+        shown = np.concatenate([found.level_dB[rows].ravel(), *overall, *drawn, *bounds.values()])
         if np.isfinite(shown).any():
             axes.set_ylim(*level_limits(shown, _DYNAMICS_DB))
     sheet[-1, 1].set_xlabel("Overall")

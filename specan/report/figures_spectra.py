@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,9 +11,12 @@ from specan.data.frequency_response import FrequencyResponse
 from specan.data.orders import OrderSpectrum
 from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum
 from specan.report.figure_style import band_about, level_label, micro, with_gaps
-from specan.report.panels import Curve, Drawing, Panel, Picture, grouped, level_panels
+from specan.report.panels import Curve, Drawing, Panel, Picture, grouped, level_panels, with_bounds
 from specan.result import counted
 from specan.units import level_reference
+
+if TYPE_CHECKING:
+    from specan.data.limits import LimitCurve
 
 _DYNAMICS_DB = 100.0  # that a figure shows at most
 _PICTURE_DB = 60.0  # that colours show: more would hide what differs by a few
@@ -72,11 +75,13 @@ def _worth(found: FrequencyResponse, relative: Real) -> str:
     return ", ".join(texts)
 
 
-def figure_spectrum(found: Spectrum) -> Drawing:
-    """Levels of every channel, one pair of axes a level reference, and the phase where there is one."""
+def figure_spectrum(found: Spectrum, *, limits: LimitCurve | None = None) -> Drawing:
+    """Levels of every channel, one pair of axes a level reference, their limits, and the phase where there is one."""
     level, f, scale = found.level_dB, found.frequency_hz, found.scale
     labels = [f"Level / {micro(scale.level_text(unit))}" for unit in found.units]
     panels = level_panels(labels, found.channels, f, level, _DYNAMICS_DB)
+    if limits is not None:
+        panels = with_bounds(panels, limits.label, f, limits.at_lines(f))
     if found.phase_deg is not None:
         strong = level > np.nanmax(level, axis=1, initial=-np.inf)[:, None] - _PHASE_DB
         phases = np.where(strong, found.phase_deg, np.nan)

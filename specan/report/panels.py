@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 FEW = 8  # channels that are drawn each in its own colour
 APART = 3  # of many: those that are drawn over the range
+BOUND = {"color": "#B00020", "linestyle": "--"}  # red: of a limit
 _SPARSE = 60  # points up to which a line has marks
 
 
@@ -82,6 +83,8 @@ class Panel:
         "steps" are never filled.
     marks : tuple of float
         Where thin lines run across.
+    bounds : tuple of Curve
+        Limits that the curves have to keep.
     """
 
     label: str
@@ -92,6 +95,7 @@ class Panel:
     phase: bool = False
     kind: str = "line"
     marks: tuple[float, ...] = ()
+    bounds: tuple[Curve, ...] = ()
 
     @property
     def values(self) -> Real | None:
@@ -144,6 +148,18 @@ class Drawing:
         )
         pictures = (replace(p, name=name(p.name)) for p in self.pictures)
         return replace(self, panels=tuple(panels), pictures=tuple(pictures))
+
+
+def with_bounds(panels: Iterable[Panel], label: str, x: Real, ends: Real) -> list[Panel]:
+    """Panels of levels with their lower and upper limits, which the axis shows as well."""
+    bounds = tuple(Curve(label, x, one) for one in ends if np.isfinite(one).any())
+    known = [end for one in bounds for end in (np.nanmin(one.y) - 3.0, np.nanmax(one.y) + 3.0)]
+    return [
+        replace(p, bounds=bounds, limits=(min(p.limits[0], *known), max(p.limits[1], *known)))
+        if p.limits and known
+        else p
+        for p in panels
+    ]
 
 
 def joined(drawings: Sequence[Drawing]) -> Drawing:
@@ -260,6 +276,8 @@ def draw_panels(sheet: Sequence[Axes], panels: Sequence[Panel]) -> None:
                 _draw(axes, panel, curve, style_of(numbers[curve.name], many))
             elif many and panel.kind == "thin":
                 axes.plot(curve.x, curve.y, color="0.72", linewidth=0.4, zorder=1.5)
+        for curve in panel.bounds:
+            _draw(axes, replace(panel, kind="steps"), curve, BOUND)
         if panel.phase:
             phase_axis(axes, panel.label)
         else:

@@ -303,7 +303,8 @@ class Study:
     @cached_property
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Fitted parameters with their intervals."""
-        return parameter_table(self.problem, self.shown)
+        found = self.kept.find("parameters", dict)
+        return found or self.kept.keep("parameters", parameter_table(self.problem, self.shown))
 
     @cached_property
     def held_out(self) -> HeldOut | None:

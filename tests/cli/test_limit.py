@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import specan
 from specan.data.limits import LimitCurve
 from specan.errors import InputError, RequestError
 from specan.io.limit_file import read_limits
+from specan.io.results_text import write_table
 from specan_cli.main import main
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "io"))
@@ -102,4 +104,29 @@ def test_limits_that_hold_for_nothing_are_told(tone: Path, tmp_path: Path) -> No
     limits.write_text("band_hz,upper_dB\n12345,80\n")
     fault = run("octave", tone, "--fmax", 4000, "--limit", limits).exception
     assert isinstance(fault, RequestError)
-    assert "apply to nothing" in str(fault)
+    assert "no band or line" in str(fault)
+
+
+def test_limits_are_drawn_where_they_hold(tone: Path) -> None:
+    nothing = np.full(2, np.nan)
+    curve = LimitCurve(
+        "a", np.array([1000.0, 2000.0]), nothing, np.array([95.0, 120.0]), {"A": (np.nan, 93.0)}
+    )
+    bands, totals = specan.plot(specan.octave(tone, fmin=500, fmax=4000, fraction=1), limits=curve).axes
+    (steps,) = [p.get_data() for p in bands.patches if p.get_label() == "a"]
+    assert steps.values == pytest.approx([np.nan, 95.0, 120.0, np.nan], nan_ok=True)
+    assert bands.get_ylim()[1] > 120
+    assert [c.get_segments()[-1][:, 1].tolist() for c in totals.collections if len(c.get_segments())] == [
+        [93.0, 93.0]
+    ]
+    lines = specan.plot(specan.fft(tone), limits=curve).axes[0].lines
+    (line,) = [one for one in lines if one.get_label() == "a"]
+    assert np.interp(2000.0, line.get_xdata(), line.get_ydata()) == pytest.approx(120.0)
+
+
+def test_flags_have_the_decimal_sign_of_the_table(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    write_table(
+        path, [], ["channel", "flags"], ["Mic 1.5\tedges counted-Leq_A=53.413 counted-max=66.99\n"], ","
+    )
+    assert path.read_text().splitlines()[-1] == "Mic 1.5\tedges counted-Leq_A=53,413 counted-max=66,99"

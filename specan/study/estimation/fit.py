@@ -383,7 +383,7 @@ def _profile(problem: Problem, best: Fit, index: int, allowed: float) -> tuple[f
                     lambda value: math.sqrt(max(excess(value) + allowed, 0.0)) - math.sqrt(allowed),
                     inner,
                     outer,
-                    xtol=1e-4 * abs(outer - centre),
+                    xtol=1e-3 * abs(outer - centre),
                 )
                 break
             inner, step = outer, 1.6 * step
