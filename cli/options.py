@@ -99,7 +99,7 @@ _ANALYSIS = "How it is analysed"
 GROUPS = {
     "What is analysed": {
         "channels", "channel", "start_s", "stop_s", "reference", "tacho", "instrument", "excitation", "band", "fmin",
-        "fmax", "fmin_hz", "fmax_hz", "wall", "effects", "accept_changes",
+        "fmax", "wall", "effects", "accept_changes",
     },
     _ANALYSIS: set(),
     "How it is read": {"channel_table", "calibration", "sampling_rate", "settings"},

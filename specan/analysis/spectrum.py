@@ -49,7 +49,7 @@ class BlockSettings(SectionSettings):
         Of the blocks.
     detrend : bool
         Take the mean out of each block.
-    fmin_hz, fmax_hz, start_s, stop_s : float
+    fmin, fmax, start_s, stop_s : float
         Range of the lines that are kept, and time section.
     weighting : {"A", "B", "C", "Z"}
         Of the magnitudes (IEC 61672-1:2013, annex E); A, B and C of sound pressure only. Phases stay.
@@ -60,14 +60,14 @@ class BlockSettings(SectionSettings):
     window: WindowName = "hann"
     overlap: float = Field(default=0.5, ge=0.0, le=0.95)
     detrend: bool = True
-    fmin_hz: float = Field(default=0.0, ge=0.0)
-    fmax_hz: float | None = Field(default=None, gt=0.0)
+    fmin: float = Field(default=0.0, ge=0.0)
+    fmax: float | None = Field(default=None, gt=0.0)
     weighting: Weighting = "Z"
 
     @property
     def highest_hz(self) -> float:
-        """`fmax_hz`; without, no end."""
-        return math.inf if self.fmax_hz is None else self.fmax_hz
+        """`fmax`; without, no end."""
+        return math.inf if self.fmax is None else self.fmax
 
 
 class FourierSpectrum(BlockSettings):
@@ -296,7 +296,7 @@ def spectrum_of(
 ) -> Spectrum:
     """The lines that were asked for, with all that belongs to them."""
     frequency_hz, density, phase, block, n_blocks, n_effective = lines
-    kept = lines_between(frequency_hz, settings.fmin_hz, settings.highest_hz)
+    kept = lines_between(frequency_hz, settings.fmin, settings.highest_hz)
     rate = channels[0].sampling_rate
     mostly_below = _cut(channels, density, settings.window)
     if phase is not None:
@@ -374,7 +374,7 @@ class SpectrogramSettings(BlockSettings):
         hop = hop_of(block, self.overlap)
         n_blocks = (stop - start - block) // hop + 1
         frequency: Real = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
-        kept = lines_between(frequency, self.fmin_hz, self.highest_hz)
+        kept = lines_between(frequency, self.fmin, self.highest_hz)
         room = max(1, VALUES // (len(channels) * int(kept.sum())))
         per_column = -(-n_blocks // min(self.columns, room))
         gain = np.square(np.abs([correction_of_block(c, frequency) for c in channels]))

@@ -157,8 +157,8 @@ def fft(recording: Source, **settings: Any) -> Spectrum:
     recording : Recording or path
         Opened already, or a file to read.
     **settings
-        ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``,
-        ``fmax_hz``, ``start_s``, ``stop_s``, ``whole``, ``averaging``, ``n_exponential``, ``reference``: see
+        ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin``,
+        ``fmax``, ``start_s``, ``stop_s``, ``whole``, ``averaging``, ``n_exponential``, ``reference``: see
         `specan.analysis.spectrum.FourierSpectrum`.
 
     Returns
@@ -178,7 +178,7 @@ def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
         Opened already, or a file to read.
     **settings
         ``columns``, ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``,
-        ``fmin_hz``, ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrum.SpectrogramSettings`.
+        ``fmin``, ``fmax``, ``start_s``, ``stop_s``: see `specan.analysis.spectrum.SpectrogramSettings`.
 
     Returns
     -------

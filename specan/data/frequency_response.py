@@ -175,15 +175,15 @@ class FrequencyResponse(RecordingResult):
         header = ["channel", hertz, one_unit or "magnitude", "phase deg", "coherence", "u %", "u deg"]
         return [Sheet(title, header, rows)]
 
-    def between(self, fmin_hz: float, fmax_hz: float) -> FrequencyResponse:
-        """The lines from `fmin_hz` to `fmax_hz`.
+    def between(self, fmin: float, fmax: float) -> FrequencyResponse:
+        """The lines from `fmin` to `fmax`.
 
         Raises
         ------
         RequestError
             There are none.
         """
-        kept = lines_between(self.frequency_hz, fmin_hz, fmax_hz)
+        kept = lines_between(self.frequency_hz, fmin, fmax)
         lines = picked(self, f"response {LINES} degrees_of_freedom {COMMON}")
         return replace(
             self,
@@ -228,18 +228,18 @@ class FrequencyResponse(RecordingResult):
             }
 
 
-def lines_between(frequency_hz: Real, fmin_hz: float, fmax_hz: float) -> Flags:
-    """Lines from `fmin_hz` to `fmax_hz`.
+def lines_between(frequency_hz: Real, fmin: float, fmax: float) -> Flags:
+    """Lines from `fmin` to `fmax`.
 
     Raises
     ------
     RequestError
         There are none.
     """
-    kept = (frequency_hz >= fmin_hz) & (frequency_hz <= fmax_hz)
+    kept = (frequency_hz >= fmin) & (frequency_hz <= fmax)
     if not kept.any():
         raise RequestError(
-            f"no line lies between {fmin_hz:g} and {fmax_hz:g} Hz",
+            f"no line lies between {fmin:g} and {fmax:g} Hz",
             expected=f"a range within {frequency_hz[0]:g} to {frequency_hz[-1]:g} Hz",
         )
     return np.asarray(kept)

@@ -234,7 +234,8 @@ class RecordingPage(Page):
 
         def show(found: Found) -> None:
             self.found = found
-            self.status.end(*((self.refused, "error") if self.refused else _notes(found)))
+            said, kind = (self.refused, "error") if self.refused else _notes(found)
+            self.status.end(tab.worded(said), kind)
             if found:
                 tab.draw(found, view)
             self._show_tab()
@@ -258,7 +259,7 @@ class RecordingPage(Page):
         self.status.go_on(f"{self.tabs[self.view.tab].title}: reading, {100 * part:.0f} %")
 
     def _failed(self, message: str) -> None:
-        super()._failed(message)
+        super()._failed(self.tabs[self.view.tab].worded(message))
         self._waiting.text = ""
 
     def _save(self, kind: str) -> None:

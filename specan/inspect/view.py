@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -206,6 +207,23 @@ def settings_of(view: View, tab: str) -> dict[str, Any]:
     """What is on screen, as the settings of the analysis of a tab; what is empty has its default."""
     found = {setting: getattr(view, field) for _, field, setting in _FIELDS[tab] if setting}
     return {setting: None if value == "" else value for setting, value in found.items()}
+
+
+def with_labels(text: str, tab: str, labels: Mapping[str, str]) -> str:
+    """A message of an analysis with the controls of a tab in place of options; `labels` are those of the fields.
+
+    Examples
+    --------
+    >>> with_labels("name the tacho (--tacho CH)", "orders", {"tacho": "Tacho"})
+    "name the tacho ('Tacho')"
+    """
+    fields = {option: field for option, field, _ in _FIELDS.get(tab, ())}
+
+    def label(option: re.Match[str]) -> str:
+        known = labels.get(fields.get(option[1], ""))
+        return f"'{known}'" if known else option[0]
+
+    return re.sub(r"(--[a-z-]+)(?: [A-Z]+\b)?(?: \(\w+= in Python\))?", label, text)
 
 
 COLUMNS = 500  # of a spectrogram on the page

@@ -120,5 +120,5 @@ def test_the_foot_of_a_tone_outside_the_range_is_no_peak() -> None:
     channel = Channel("Mic 1", unit="Pa", sampling_rate=rate, n_samples=t.size)
     samples = np.cos(2 * np.pi * 500 * t) + 1e-3 * np.cos(2 * np.pi * 800 * t) + np.cos(2 * np.pi * 1500 * t)
     shown = Recording("a.tdms", (channel,), ArraySource([samples]))
-    found = FourierSpectrum(whole=True, fmin_hz=501.0, fmax_hz=1499.0)(shown)
+    found = FourierSpectrum(whole=True, fmin=501.0, fmax=1499.0)(shown)
     assert float(found.sheets()[0].rows[0][2]) == 800.0

@@ -135,7 +135,7 @@ def test_holds():
 
 
 def test_range_section_and_channels():
-    settings = FourierSpectrum(lines=400, fmin_hz=100, fmax_hz=200, start_s=2.0, channels=("Ch 2",))
+    settings = FourierSpectrum(lines=400, fmin=100, fmax=200, start_s=2.0, channels=("Ch 2",))
     found = settings(recording(NOISE, np.where(T < 2, 0.0, cosine(20))))
     assert found.frequency_hz.min() >= 100
     assert found.frequency_hz.max() <= 200
@@ -182,7 +182,7 @@ def test_flags_and_refusals():
     with pytest.raises(InputError, match="block"):
         FourierSpectrum(lines=100_000)(recording(NOISE))
     with pytest.raises(RequestError, match="no line"):
-        FourierSpectrum(lines=400, fmin_hz=5000)(recording(NOISE))
+        FourierSpectrum(lines=400, fmin=5000)(recording(NOISE))
     with pytest.raises(RequestError, match="single block"):
         SpectrumAccumulator(recording(NOISE), FourierSpectrum(averaging="none"))
 

@@ -15,7 +15,7 @@ from specan.data.recording import Recording
 from specan.errors import RequestError
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import Plots, Spectral, plain
-from specan.inspect.view import View, settings_of
+from specan.inspect.view import View, settings_of, with_labels
 from specan.inspect.work import Heard, Tell
 from specan.report.figures import description_of
 from specan.report.panels import Drawing, joined
@@ -188,6 +188,10 @@ class Tab:
         widget.on_change("value", lambda a, old, new: self.change(**{field: kind(new) if kind else new}))
         self.controls.append(widget)
         self._widgets[field] = widget
+
+    def worded(self, message: str) -> str:
+        """A message with the names that its controls have here."""
+        return with_labels(message, self.name, {field: w.title for field, w in self._widgets.items()})
 
     def settings_of(self, view: View) -> None:
         """Show settings that another tab has changed."""
