@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import math
 import os
 import shlex
 import tempfile
@@ -53,6 +54,12 @@ RECORDINGS = [
           f"frf {NOISE} --channel 'Mic 1' --channel 'Mic 9'"),
     Entry("frf_24", "Transfer functions of many channels", "", f"frf {NOISE}"),
     Entry("rms", "Levels", "Level, range of the time-weighted level, and percentiles.", f"rms {NOISE}"),
+    Entry("orders", "Orders", "",
+          'orders run.tdms --tacho "Tacho carrier" --channel "Acc 1" --mesh 66 --sidebands 3 --max-order 210',
+          ("simulate planetary-gear sample_data/planetary_gear/rig.toml -o run.tdms --duration 3",), cheap=False),
+    Entry("impulse", "Impulse responses", "", f"impulse {NOISE} --channel 'Mic 1' --channel 'Mic 9' -o impulse.csv"),
+    Entry("decay", "Reverberation times", "", f"decay {KNOCK} --channel 'Mic 1' --fmax 1000"),
+    Entry("srs", "Shock response", "A half-sine of 500 m/s² and 11 ms.", "srs drop.csv"),
     Entry("calibration", "Calibration", "Sensitivities and phases with 95 % intervals.",
           "calibrate sample_data/recordings/calibration/*.tdms -o calibration.toml"),
 ]  # fmt: skip
@@ -139,7 +146,7 @@ def _patched(module: Any, name: str, value: Any) -> Iterator[None]:
 
 @contextlib.contextmanager
 def workplace() -> Iterator[None]:
-    """A fresh current directory with the sample data, and the rig file of the guide to rooms."""
+    """A fresh current directory with the sample data, the rig file of the guide to rooms, and a shock."""
     old = Path.cwd()
     with tempfile.TemporaryDirectory() as place:
         os.chdir(place)
@@ -148,6 +155,9 @@ def workplace() -> Iterator[None]:
             guide = (ROOT / "docs" / "room.md").read_text(encoding="utf-8")
             rig = guide.split("<!-- file: cabin.toml -->\n```toml\n")[1].split("```")[0]
             Path("box.toml").write_text(rig, encoding="utf-8")
+            times = [k / 20000 for k in range(4000)]
+            drop = [f"{t:g},{500 * math.sin(math.pi * min(t, 0.011) / 0.011):.6g}" for t in times]
+            Path("drop.csv").write_text("\n".join(["time_s,Acc [m/s^2]", *drop]), encoding="utf-8")
             yield
         finally:
             os.chdir(old)

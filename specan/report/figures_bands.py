@@ -235,7 +235,7 @@ def figure_decay(found: DecayTimes) -> Drawing:
         panels.append(Panel("Clarity C80 / dB", clarity, leads=False))
     known = found.t20_s[np.isfinite(found.t20_s)]
     result = f"T20 {known.min():.3g} to {known.max():.3g} s" if known.size else "No band has a decay of 20 dB"
-    facts = f"1/{found.fraction} octave, ISO 3382-1; bands: one standard deviation", result
+    facts = f"1/{found.fraction} octave, ISO 3382-1; shaded: one standard deviation", result
     edge = 10 ** (0.15 / found.fraction)
     return Drawing(
         found.label or "Decay times", facts, "Mid-band frequency / Hz", tuple(panels), hertz=True,

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.report.figure_style import COLOURS, heading, new_figure, remark, styled
+from specan.report.figure_style import COLOURS, heading, micro, new_figure, remark, styled
+from specan.report.panels import Drawing, level_panels
 from specan.report.waveform import COLUMNS, Waveform, common_reach, read_overviews
 
 if TYPE_CHECKING:
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
     from specan.data.decay import ImpulseResponses
 
 MOST_CHANNELS = 32
+_DYNAMICS_DB = 80.0  # that the figure of impulse responses shows at most
 
 
 def _scale(axes: Axes, channel: Channel, reach: float | None) -> None:
@@ -83,6 +87,14 @@ def figure_waveforms(
     return figure
 
 
-def figure_impulse_responses(found: ImpulseResponses) -> Figure:
-    """Waveforms of impulse responses."""
-    return figure_waveforms(found.recording())
+def figure_impulse_responses(found: ImpulseResponses) -> Drawing:
+    """Levels of impulse responses over time, one pair of axes a unit: the highest sample of each column."""
+    size = max(found.time_s.size // COLUMNS, 1)
+    highest = np.maximum.reduceat(np.abs(found.samples), np.arange(0, found.time_s.size, size), axis=1)
+    with np.errstate(divide="ignore"):
+        level = 20 * np.log10(highest)
+    labels = [f"Level / dB re 1 {micro(c.unit)}/{found.reference_unit}" for c in found.channels]
+    names = [c.label for c in found.channels]
+    panels = level_panels(labels, names, found.time_s[::size], level, _DYNAMICS_DB)
+    facts = (f"{found.method} over {found.reference}",)
+    return Drawing(found.label or "Impulse responses", facts, "Time / s", tuple(panels))
