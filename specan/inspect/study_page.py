@@ -87,7 +87,7 @@ class StudyPage(Page):
         ]
         self._bottom = self._side_by_side([part.body for part in self.agreement], 5, "figures")
         self._middle = column(
-            story, self._side_by_side(top, 3), sizing_mode="stretch_both",
+            story, self._side_by_side(top, 3, **{"max-height": "max-content"}), sizing_mode="stretch_both",
             styles={**_share(1), "min-width": "0", "gap": "4px"}, css_classes=["whole"],
         )  # fmt: skip
         main = row(
@@ -110,10 +110,13 @@ class StudyPage(Page):
         )  # fmt: skip
 
     @staticmethod
-    def _side_by_side(parts: Sequence[Any], weight: int, *classes: str) -> Any:
+    def _side_by_side(parts: Sequence[Any], weight: int, *classes: str, **styles: str) -> Any:
         """Parts in a row; under each other where the window is narrow."""
         return row(
-            *parts, sizing_mode="stretch_both", styles=_share(weight), css_classes=["stacked", *classes]
+            *parts,
+            sizing_mode="stretch_both",
+            styles={**_share(weight), **styles},
+            css_classes=["stacked", *classes],
         )
 
     def _save(self, kind: str) -> None:
