@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import sys
 import threading
+import traceback
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from inspect import signature
@@ -215,12 +217,17 @@ def _judge(
     plain = getattr(function, "function", function)
     try:
         own = {n: with_unit(p.si.default, p.received_unit) for n, p in parameters.items()}
-        given = function(*arguments, **own)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)  # a unit that is taken off, as by np.asarray
+            given = function(*arguments, **own)
         parts = given if isinstance(given, dict) else dict.fromkeys(wanted, given)
         wrong = [(q, same_dimension(parts[q], unit)) for q, unit in wanted.items()]
         found = next((f"{q!r} in {said}, declared is {wanted[q] or '1'}" for q, said in wrong if said), "")
     except Exception as fault:  # the unit library raises many kinds; a formula may not work with units at all
-        if type(fault).__name__ != "DimensionalityError":
+        into_a_number = traceback.extract_tb(fault.__traceback__)[-1].name.startswith(
+            "__"
+        )  # float(), math.sqrt()
+        if type(fault).__name__ != "DimensionalityError" or into_a_number:
             unchecked.append(name)
             return
         found = f"terms with different units ({fault})"

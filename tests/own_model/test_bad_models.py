@@ -94,6 +94,15 @@ def test_a_faulty_model_does_not_pass_the_check(place, case):
     assert re.search(expected.replace("9 rows", r"\d+ rows"), said), said
 
 
+@pytest.mark.parametrize("formula", ["float(a) * x", "a * np.asarray(x, float)"])
+def test_a_formula_that_takes_units_off_is_not_judged(place, formula):
+    content = body(f"return {formula}").replace("(2.0, 0, 9)", "(2.0, 0, 9, 'N/mm')")
+    (place / "m.py").write_text(content, encoding="utf-8")
+    said = CliRunner().invoke(main, ["model", "check", "m.py"], catch_exceptions=False)
+    assert said.exit_code == 0
+    assert "units could not be checked in y" in said.stderr
+
+
 def test_an_evaluation_has_a_limit_of_time_that_is_said(place, monkeypatch):
     monkeypatch.setattr(trial, "LIMIT_S", 0.2)
     (place / "m.py").write_text("import time\n" + body("time.sleep(1.5)\nreturn a * x"), encoding="utf-8")
