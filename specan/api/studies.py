@@ -359,7 +359,7 @@ def diagnose(study: Study | str | Path) -> Diagnosis:
 
 def _paths(given: Measured, place: Path, name: str) -> list[Path]:
     """Files of measured data; a data frame is written to one."""
-    whole = [given] if isinstance(given, (str, Path)) or hasattr(given, "to_csv") else list(given)
+    whole = list(given) if isinstance(given, (list, tuple)) else [given]
     found = []
     for number, one in enumerate(whole, 1):
         if isinstance(one, (str, Path)):

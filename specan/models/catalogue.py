@@ -80,6 +80,10 @@ _KEPT: dict[str, Model] = {}
 
 def keep_in_memory(model: Model) -> str:
     """A name by which `load_model` finds a model that no file holds, as long as this program runs."""
+    if not isinstance(model, Model):
+        raise RequestError(
+            f"{model!r:.60} is not a model", expected="a Model, the name of one, or a Python file"
+        )
     name = f"{_MEMORY}{len(_KEPT)}"
     _KEPT[name] = model
     return name

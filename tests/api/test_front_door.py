@@ -215,6 +215,15 @@ def test_what_is_no_recording_is_said(wrong):
         specan.rms(wrong)
 
 
+@pytest.mark.parametrize("model, measured, said", [
+    (3, "t.csv", "3 is not a model"), ("worm-gear", 3, "the measured data are a int"),
+    ("worm-gear", None, "the measured data are a NoneType"),
+])  # fmt: skip
+def test_what_is_no_study_is_said(model, measured, said, tmp_path):
+    with pytest.raises(RequestError, match=said):
+        specan.Study.new(tmp_path / "study", model, measured)
+
+
 def test_views_are_those_of_the_options():
     levels = specan.octave(recording(), averaging="fast")
     assert [a.get_xlabel() for a in levels.plot(view="history").axes[:2]] == ["", "Time / s"]
