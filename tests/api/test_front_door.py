@@ -215,7 +215,7 @@ def test_what_is_no_recording_is_said(wrong):
         specan.rms(wrong)
 
 
-@pytest.mark.parametrize("model, measured, said", [
+@pytest.mark.parametrize(("model", "measured", "said"), [
     (3, "t.csv", "3 is not a model"), ("worm-gear", 3, "the measured data are a int"),
     ("worm-gear", None, "the measured data are a NoneType"),
 ])  # fmt: skip

@@ -1,6 +1,7 @@
 """The page fits the screen of a laptop, its units are apart, and it says which command gives the same."""
 
 import json
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +12,13 @@ from click.testing import CliRunner
 
 pytest.importorskip("bokeh")
 
-from specan.inspect.opened import Opened
+import specan
+from specan.data.calibration import stated
+from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import Plots
+from specan.inspect.tabs.levels import OctaveTab
+from specan.inspect.tabs.spectra import FftTab, FrfTab
+from specan.inspect.tabs.tab import text_of
 from specan.inspect.view import View, commands
 from specan.io.open import open_recording
 from specan.report.panels import Curve, Drawing, Panel
@@ -48,6 +54,28 @@ def test_the_command_of_a_view_runs_and_takes_its_settings(view, tmp_path):
     if view.tab == "octave":
         assert found["fraction"] == view.fraction
         assert [c["channel"] for c in found["channels"]] == ["Mic 1", "Mic 2"]
+
+
+@pytest.mark.parametrize("tab", [OctaveTab, FftTab, FrfTab], ids=lambda tab: tab.__name__)
+def test_the_command_of_a_tab_gives_its_numbers_calibration_and_lines_included(tab, tmp_path):
+    calibration = str(tmp_path / "calibration.toml")
+    insertions = sorted(map(str, (ROOT / "sample_data/recordings/calibration").glob("*.tdms")))
+    made = CliRunner().invoke(main, ["calibrate", *insertions, "-o", calibration], catch_exceptions=False)
+    assert made.exit_code == 0
+    recording = specan.read(NOISE, calibration=calibration)
+    opened = Opened((watched(recording, NOISE),), ("--calibration", calibration))
+    view = View(
+        tab=tab.__name__.removesuffix("Tab").lower(), channel=("Measurement/Mic 1", "Measurement/Mic 2")
+    )
+    found = tab(opened, view, lambda **_: None).compute(view, lambda _: True)
+    (line,) = commands(opened, view)
+    done = CliRunner().invoke(main, [*shlex.split(line)[1:], "-o", "-"], catch_exceptions=False)
+    shown = text_of(stated(found[0][1], recording)).decode()
+    written, shown = (
+        re.sub("(?m)^# settings: .*", "", text) for text in (done.stdout, shown)
+    )  # defaults are None
+    assert written == shown
+    assert "calibration.toml" in done.stdout
 
 
 def test_each_unit_has_a_figure_and_many_lines_have_few_colours():
