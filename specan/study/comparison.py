@@ -89,18 +89,20 @@ class Comparison(Result):
             unseen = zip(study.data.held_out, study.held_out.predictions, strict=True)
             parts += [("held-out", one, predicted) for one, predicted in unseen]
         known = study.model.observables
-        columns = {c.column for c in study.model.conditions.values()}
+        columns = {name: c.column for name, c in study.model.conditions.items() if not c.group}
         frames = []
         for data, one, predicted in parts:
             names = np.broadcast_to(getattr(one, "observable", one.name), one.measured.shape)
             frames.append(
                 pd.DataFrame(
                     {
-                        "file": one.name,
+                        **one.places,
                         "data": data,
+                        **{n: labels for n, labels in one.labels.items() if n not in columns},
                         **{
-                            n: readings(study.model, one, n) if n in columns else v
-                            for n, v in one.labels.items()
+                            c: readings(study.model, one, c)
+                            for n, c in columns.items()
+                            if n in one.conditions
                         },
                         "observable": names,
                         "measured": one.measured,

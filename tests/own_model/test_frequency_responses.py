@@ -8,6 +8,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -95,6 +96,16 @@ def test_a_table_of_transfer_functions(place):
     np.testing.assert_allclose(found[1].sigma, 0.01 * np.abs(noisy[1]), rtol=1e-8)
     said = verdict_on(place / "frf.csv")
     assert said.effects == ("sprung-mass-on-2",)
+
+
+def test_every_value_of_the_residuals_says_its_line_and_part(place):
+    noisy = written(place / "frf.csv", FREQUENCY, receptance(ThreeMasses(), FREQUENCY))
+    run("study", "new", "s", "--model", TWO_MASS, "--measurement", "frf.csv", "--hold-out", "channel=x2")
+    run("study", "compare", "s", "-o", "rows.csv")
+    rows = pd.read_csv("rows.csv", comment="#").set_index(["channel", "part", "frequency"]).measured
+    for channel, h in zip(("x1", "x2"), noisy, strict=True):
+        np.testing.assert_allclose(rows[channel]["real"].loc[FREQUENCY], h.real, rtol=1e-5)
+        np.testing.assert_allclose(rows[channel]["imaginary"].loc[FREQUENCY], h.imag, rtol=1e-5)
 
 
 TABLES = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -333,9 +333,9 @@ def _torque(recording: Recording, model: Model, known: OrderLines, file: DataFil
     return known.torque, "as the rig file says"
 
 
-def _label(model: Model, whole: OrderLinesObservation, given: str) -> str:
+def _label(model: Model, labels: Iterable[str], given: str) -> str:
     """The label that a key means: its name, the column of a condition, or the last word of its name."""
-    for name in whole.labels:
+    for name in labels:
         condition = model.conditions.get(name)
         if given in (name, name.rpartition("_")[2], condition.column if condition else name):
             return name

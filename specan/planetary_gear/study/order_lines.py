@@ -101,6 +101,11 @@ class OrderLinesObservation(KeptLines):
         return tuple(dict.fromkeys(self.of_row))
 
     @property
+    def places(self) -> Mapping[str, Any]:
+        """Recording of every row, and which part of a line it is."""
+        return {**super().places, "file": self.rows(np.array(self.of_row)[:, None])}
+
+    @property
     def n_effective(self) -> float:
         """Number of real values less two for every gain that is eliminated."""
         return float(self.n - 2 * len(self.of_one_gain))

@@ -91,15 +91,13 @@ class Column:
         return float(convert(convert(value, given, known.column_unit), known.column_unit, known.unit))
 
 
-def chosen(columns: Mapping[str, Column], where: str, *, elsewhere: bool = False) -> NDArray[np.bool_]:
+def chosen(columns: Mapping[str, Column], where: str) -> NDArray[np.bool_]:
     """Rows that ``key=value,value`` means; a key may be a part of a column's name.
 
     Parameters
     ----------
     columns : mapping
     where : str
-    elsewhere : bool
-        Whether other files may hold the number that a column does not vary around.
 
     Raises
     ------
@@ -116,11 +114,10 @@ def chosen(columns: Mapping[str, Column], where: str, *, elsewhere: bool = False
             remedy="write it out",
         )
     column = columns[names[0]]
-    constant = column.values.dtype.kind == "f" and np.ptp(column.values) == 0
     found = np.zeros(column.values.size, dtype=bool)
     for word in map(str.strip, text.split(",")):
         here = column.holds(word, where)
-        if not here.any() and not (elsewhere and constant):
+        if not here.any():
             unit = column.printed_unit if word[-1:].isdigit() else ""
             raise RequestError(
                 f"no row has {names[0]} = {word}{unit}",

@@ -15,7 +15,7 @@ from specan.arrays import Flags, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
-from specan.study.data.held_out import Column, chosen
+from specan.study.data.held_out import Column, chosen, of_file
 from specan.study.observation import DataFile, MeasuredFiles, Observation
 
 ObservationT = TypeVar("ObservationT", bound=Observation)
@@ -37,7 +37,7 @@ def reads(path: Path) -> bool:
 def parted(
     wholes: Iterable[tuple[DataFile, ObservationT]],
     wanted: MeasuredFiles,
-    label_of: Callable[[ObservationT, str], str] = lambda whole, key: key,
+    label_of: Callable[[Iterable[str], str], str] = lambda names, key: key,
 ) -> tuple[list[ObservationT], list[ObservationT]]:
     """What is fitted, and what is held out: ``channel=A 6``, ``third_octave_hz=200``, and all of validations.
 
@@ -46,26 +46,25 @@ def parted(
     Raises
     ------
     RequestError
-        Nothing is left to fit; a key or a level that the rows do not have. A number that a file does not vary around
-        is left to other files.
+        Nothing is left to fit; a key or a level that no measurement has.
     """
-    fitted: list[ObservationT] = []
-    held_out: list[ObservationT] = []
-    for file, whole in wholes:
-        if file not in wanted.measurements:
-            held_out.append(whole)
-            continue
-        aside = np.zeros(whole.n, dtype=bool)
-        columns = {name: Column(values) for name, values in whole.labels.items()}
-        for file_name, where in wanted.hold_out:
-            if file_name in (None, file.name):
-                key, equals, text = where.partition("=")
-                aside |= chosen(columns, f"{label_of(whole, key.strip())}{equals}{text}", elsewhere=True)
-        fitted += [whole.take(~aside)] if not np.all(aside) else []
-        held_out += [whole.take(aside)] if np.any(aside) else []
-    if not fitted:
+    files = list(wholes)
+    unseen = [whole for file, whole in files if file not in wanted.measurements]
+    of = [file.name for file, _ in files if file in wanted.measurements]
+    parts = [whole for file, whole in files if file in wanted.measurements]
+    sizes = [whole.n for whole in parts]
+    names = [name for name in parts[0].labels if all(name in whole.labels for whole in parts)]
+    columns = {name: Column(np.concatenate([whole.labels[name] for whole in parts])) for name in names}
+    aside = np.zeros(sum(sizes), dtype=bool)
+    for file_name, where in wanted.hold_out:
+        key, equals, text = where.partition("=")
+        found = chosen(columns, f"{label_of(names, key.strip())}{equals}{text}")
+        aside |= found & of_file(file_name, of, np.repeat(np.arange(len(of)), sizes))
+    if np.all(aside):
         raise RequestError("everything that was measured is held out", remedy="hold out less")
-    return fitted, held_out
+    rows = list(zip(parts, np.split(aside, np.cumsum(sizes)[:-1]), strict=True))
+    fitted = [whole.take(~out) for whole, out in rows if not np.all(out)]
+    return fitted, [whole.take(out) for whole, out in rows if np.any(out)] + unseen
 
 
 def doubts(

@@ -211,6 +211,11 @@ class Observation:
         def recordings(self) -> tuple[str, ...]: ...  # noqa: D102
 
     @property
+    def places(self) -> Mapping[str, Any]:
+        """What a list of all values says of each before its conditions and labels."""
+        return {"file": self.name}
+
+    @property
     def n(self) -> int:
         """Length of `measured`."""
         return int(self.measured.size)

@@ -59,6 +59,11 @@ class KeptLines(Observation):
         """The one recording."""
         return (self.recording,)
 
+    @property
+    def places(self) -> Mapping[str, Any]:
+        """File of every row, and which part of a line it is."""
+        return {"file": self.name, "part": np.repeat(("real", "imaginary"), self.n // 2)}
+
     def powers(self) -> tuple[Array, Array]:
         """Which rows count for a level, and the power of noise in each that is beside it."""
         raise NotImplementedError
