@@ -83,8 +83,8 @@ def wall_table(wall: str, given: KnownWall, band_hz: tuple[float, float]) -> Wal
     if given.file is not None:
         path = Path(given.file)
         wanted = f"frequency_hz, and of {', '.join(COLUMNS[1:])} those that are known"
-        rows = read_rows(path, "frequency_hz", wanted)
-        columns = {name: tuple(numbers(path, rows, name).tolist()) for name in COLUMNS if name in rows[0]}
+        names, rows = read_rows(path, "frequency_hz", wanted)
+        columns = {name: tuple(numbers(path, rows, name).tolist()) for name in COLUMNS if name in names}
         given = given.model_copy(update=columns)
         where = f"{Path(given.file or '').name} of wall {wall}"
     stated = [name for name in ("z_re", *LAWS) if getattr(given, name)]

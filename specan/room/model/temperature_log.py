@@ -59,19 +59,19 @@ def read_temperature_log(path: Path) -> TemperatureLog:
     InputError
         The file cannot be read, has no such column or no reading, or one that no room has.
     """
-    rows = read_rows(path, COLUMN, f"a column {COLUMN}, beside one of the time")
+    names, rows = read_rows(path, COLUMN, f"a column {COLUMN}, beside one of the time")
     readings = numbers(path, rows, COLUMN)
     if not np.all((readings > -50) & (readings < 80)):  # as [air] nominal_temperature_C allows
         raise InputError(
             f"the temperature log {path.name} goes from {readings.min():g} to {readings.max():g} degrees",
             expected="degrees Celsius between -50 and 80",
         )
-    return TemperatureLog(readings, _times(path, rows) if TIME in rows[0] else None)
+    return TemperatureLog(readings, _times(path, rows) if TIME in names else None)
 
 
 def _times(path: Path, rows: list[dict[str, str]]) -> NDArray[np.datetime64]:
     try:
-        found = np.array([np.datetime64(row[TIME].strip().removesuffix("Z"), "us") for row in rows])
+        found = np.array([np.datetime64(row.get(TIME, "").removesuffix("Z"), "us") for row in rows])
     except ValueError:
         raise InputError(
             f"the temperature log {path.name} has a {TIME} that is not a time",
