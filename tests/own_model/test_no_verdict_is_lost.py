@@ -63,6 +63,17 @@ def test_the_smallest_size_seen_is_that_of_the_effect_at_that_size(tmp_path) -> 
     assert sizes["bend"]["value"] ** 2 == pytest.approx(sizes["offset"]["value"], rel=0.2)
 
 
+@effect("snap", adds_to="force", neutral={"size": 0.0})
+def snap(x, *, size=Parameter(0.1, "N", min=-5, max=5)):
+    """A ten-thousandth of the noise, however large it is."""
+    return 1e-5 * np.tanh(1e3 * size) + 0 * x
+
+
+def test_an_effect_that_does_not_grow_has_no_smallest_size(tmp_path) -> None:
+    found = diagnose(problem(tmp_path, model(snap), np.linspace(1, 10, 30), 2 * np.linspace(1, 10, 30)))
+    assert found.smallest_visible == {"snap": None}
+
+
 @pytest.mark.parametrize("rows", [900, 1200])
 def test_a_dense_table_of_one_condition_has_a_verdict(tmp_path, rows) -> None:
     x = np.linspace(50, 100, rows)

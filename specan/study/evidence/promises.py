@@ -189,10 +189,10 @@ class Catalogue:
             return None
         unit = -2 * float(tangent.ln_likelihood(where.chi2 + 1.0) - tangent.ln_likelihood(where.chi2))
         fall = (2 * needed + np.log1p(width**2 * curvature)) / unit
-        more = float((np.sqrt(fall) + ONE_SIDED_80) / np.sqrt(curvature))
-        if not candidate.without_prior:
-            more **= 1 / self._power(where, candidate, own[0], more)
-        size = more * one_step
+        more = (np.sqrt(fall) + ONE_SIDED_80) / np.sqrt(curvature)
+        power = 1.0 if candidate.without_prior else self._power(where, candidate, own[0], more)
+        with np.errstate(over="ignore"):  # beyond all numbers: it is not seen
+            size = float(np.power(more, 1 / power) * one_step)
         return size if size <= most else None
 
     def _power(self, where: Marginal, candidate: Candidate, one: Signature, more: float) -> float:
