@@ -14,7 +14,6 @@ from specan.models import Use
 from specan.report import study_sheets
 from specan.report.residual_map import ResidualMap, residual_map
 from specan.result import Sheet
-from specan.study.build_problem import parameter_table
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
@@ -24,7 +23,7 @@ from specan.study.selection.candidates import candidates
 from specan.study.selection.starting_values import kept_values, starting_values
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME
-from specan.study.verdict import Diagnosis
+from specan.study.verdict import Diagnosis, parameter_table
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,11 +11,9 @@ import numpy as np
 from specan.errors import RequestError, nearest
 from specan.models import Model, Parameter, Use, varying
 from specan.models.effect import ParameterName
-from specan.study.estimation.fit import Fit, intervals_95
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 from specan.study.selection.candidates import grouped_by
-from specan.study.selection.pulls import TOO_FAR
 from specan.study.study_file import EffectEntry, ParameterEntry, StudyFile
 from specan.units import convert, scale_to
 
@@ -197,33 +195,3 @@ def undetermined(problem: Problem, theta: Array) -> list[ParameterName]:
         found.append(worst)
         names.remove(worst)
     return found
-
-
-def parameter_table(
-    problem: Problem, best: Fit, owners: Container[str] | None = None
-) -> dict[str, dict[str, Any]]:
-    """Fitted parameters of effects with 95 % intervals, in their declared units; of all effects by default.
-
-    `plausible` is false where the value lies outside the declared
-    plausible range by more than two standard uncertainties, or more than three of its certificate off.
-    """
-    table: dict[str, dict[str, Any]] = {}
-    own = [name for name in problem.names if owners is None or name.owner in owners]
-    for name, interval in intervals_95(problem, best, own).items():
-        parameter = problem.assembly.parameters[name.whole]
-        value = float(best.theta[problem.names.index(name)])
-        sd = best.standard_error(name) * np.sqrt(best.dispersion)
-        least, most = problem.plausible(name.whole)
-        prior = problem.priors.get(name.whole)
-        within = (
-            least - 2 * sd <= value <= most + 2 * sd
-            if prior is None
-            else abs(value - prior[0]) <= TOO_FAR * prior[1]
-        )
-        table[name] = {
-            **parameter.in_unit(value, *interval),
-            "plausible": bool(within),
-            "at_bound": name in best.at_bound,
-            "nuisance": name.whole in problem.priors,
-        }
-    return table

@@ -22,7 +22,7 @@ from specan.study.evidence.law_search import Law, search_laws
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
 from specan.study.user_effects import LAWS, trust_file, write_beside_older
-from specan.study.verdict import errors, parameters_of, percent
+from specan.study.verdict import errors, parameter_table, percent
 
 # chi-square, three standard deviations, by which a fit may end above what the search found
 OUT_OF_REACH = 9.0
@@ -197,7 +197,7 @@ def _fitted(
         file=file,
         text=law.text,
         quantity=law.quantity,
-        parameters=parameters_of(refit),
+        parameters=parameter_table(problem, best, {name}),
         probability=law.probability,
         error_after=errors(refit)[0].rms,
         left_out_after=None if left_out is None else left_out.rms,

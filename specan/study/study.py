@@ -18,7 +18,7 @@ from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
 from specan.result import counted
-from specan.study.build_problem import assemble, parameter_table
+from specan.study.build_problem import assemble
 from specan.study.comparison import Comparison
 from specan.study.estimation.continuation import continuation_fit, linearised
 from specan.study.estimation.fit import Fit, describe, fit, misfit_p_value
@@ -61,7 +61,7 @@ from specan.study.user_effects import (
     try_effects,
     with_own_effects,
 )
-from specan.study.verdict import Diagnosis, Ranked
+from specan.study.verdict import Diagnosis, Ranked, parameter_table
 
 if TYPE_CHECKING:
     from specan.study.localisation.frf_errors import FrfErrors

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from specan.models import Use
 from specan.result import Result, counted, gathered
-from specan.study.estimation.fit import intervals_95
+from specan.study.estimation.fit import Fit, intervals_95
 from specan.study.estimation.left_out import left_out_errors
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
-from specan.study.selection.pulls import Pull
+from specan.study.estimation.problem import Problem
+from specan.study.selection.pulls import TOO_FAR, Pull
 from specan.study.selection.refits import Refit
 
 
@@ -295,14 +298,33 @@ class Diagnosis(Result):
         return found
 
 
-def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, Any]]:
-    """Own parameters of the effects, with 95 % intervals (`intervals_95`), in their declared units."""
+def parameter_table(
+    problem: Problem, best: Fit, owners: Container[str] | None = None, *, profiled: bool = True
+) -> dict[str, dict[str, Any]]:
+    """Fitted parameters of effects with 95 % intervals (`intervals_95`), in their declared units; all by default.
+
+    `plausible` is false where the value lies outside the declared
+    plausible range by more than two standard uncertainties, or more than three of its certificate off.
+    """
     table: dict[str, dict[str, Any]] = {}
-    own = {str(u) for u in refit.uses}
-    names = [name for name in refit.fit.names if name.owner in own]
-    for name, interval in intervals_95(refit.problem, refit.fit, names, profiled=profiled).items():
-        value = float(refit.fit.theta[refit.fit.names.index(name)])
-        table[name] = refit.problem.assembly.parameters[name.whole].in_unit(value, *interval)
+    own = [name for name in problem.names if owners is None or name.owner in owners]
+    for name, interval in intervals_95(problem, best, own, profiled=profiled).items():
+        parameter = problem.assembly.parameters[name.whole]
+        value = float(best.theta[problem.names.index(name)])
+        sd = best.standard_error(name) * np.sqrt(best.dispersion)
+        least, most = problem.plausible(name.whole)
+        prior = problem.priors.get(name.whole)
+        within = (
+            least - 2 * sd <= value <= most + 2 * sd
+            if prior is None
+            else abs(value - prior[0]) <= TOO_FAR * prior[1]
+        )
+        table[name] = {
+            **parameter.in_unit(value, *interval),
+            "plausible": bool(within),
+            "at_bound": name in best.at_bound,
+            "nuisance": name.whole in problem.priors,
+        }
     return table
 
 

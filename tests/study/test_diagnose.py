@@ -17,7 +17,7 @@ from specan.study.observation.table import TableObservation
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.pulls import pulls
 from specan.study.selection.refits import Refit, Refits
-from specan.study.verdict import Diagnosis, parameters_of
+from specan.study.verdict import Diagnosis, parameter_table
 
 
 @effect("timid", adds_to="heat", neutral={"c": 0.0})
@@ -348,7 +348,7 @@ def test_json_is_the_contract_and_a_diagnosis_can_be_kept(toy, truth, tmp_path):
     assert json.loads(text) == found
     for row in found["ranking"]:
         for parameter in row["parameters"].values():
-            assert set(parameter) == {"value", "low", "high", "unit"}
+            assert set(parameter) == {"value", "low", "high", "unit", "plausible", "at_bound", "nuisance"}
     if found["residual_law"]:
         assert set(found["residual_law"]) == {"text", "quantity"}
 
@@ -399,7 +399,8 @@ def test_intervals_cover_the_truth(toy):
     for seed in range(60):
         problem = toy.problem(lambda x, z: 4 * x**2, ["square"], seed=seed)
         refits = Refits(Refit(frozenset(), problem, fit(problem)))
-        row = parameters_of(refits.fit(refits.base, frozenset({Use("square")}), [{}]))["square.c"]
+        refit = refits.fit(refits.base, frozenset({Use("square")}), [{}])
+        row = parameter_table(refit.problem, refit.fit)["square.c"]
         inside += row["low"] <= 4000 <= row["high"]
     assert 53 <= inside <= 60
 

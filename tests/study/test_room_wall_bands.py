@@ -9,12 +9,13 @@ from specan.models.catalogue import load_model
 from specan.room.model import EXAMPLE_RIG
 from specan.room.wall_impedance.wall_admittance import spline_basis, third_octaves, wall_fit
 from specan.schema import parse
-from specan.study.build_problem import assemble, parameter_table
+from specan.study.build_problem import assemble
 from specan.study.estimation.fit import fit
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem
 from specan.study.study_file import StudyFile
+from specan.study.verdict import parameter_table
 
 FREQUENCY = np.arange(90.0, 300.0, 3.0)
 BAND = {"f_min_hz": 90.0, "f_max_hz": 300.0}

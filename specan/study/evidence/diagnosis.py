@@ -35,7 +35,7 @@ from specan.study.verdict import (
     Ranked,
     error_fall,
     errors,
-    parameters_of,
+    parameter_table,
     percent,
     places_of,
 )
@@ -237,8 +237,9 @@ class _Telling:
         for one in tried[:MOST_TOLD]:
             refit = self.refit(one.best)
             named = one in self.judged.sets
+            told = about_itself(refit) if named else refit
             error, *more = errors(refit)
-            own = pulls(refit)
+            own, pulled = {str(u) for u in one.uses}, pulls(refit)
             rows.append(
                 Ranked(
                     effects=tuple(sorted(u.name for u in one.uses)),
@@ -248,10 +249,10 @@ class _Telling:
                     error_after=error.rms,
                     level_after_dB=error.level_dB,
                     others_after={e.observable: e.rms for e in more},
-                    parameters=parameters_of(about_itself(refit) if named else refit, named),
-                    plausible=not any(abs(p.pull) > TOO_FAR for p in own),
-                    at_bound=any(n.owner in {str(u) for u in one.uses} for n in refit.fit.at_bound),
-                    pulls=shown(own),
+                    parameters=parameter_table(told.problem, told.fit, own, profiled=named),
+                    plausible=not any(abs(p.pull) > TOO_FAR for p in pulled),
+                    at_bound=any(n.owner in own for n in refit.fit.at_bound),
+                    pulls=shown(pulled),
                 )
             )
         return tuple(rows)
