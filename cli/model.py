@@ -224,7 +224,7 @@ def _check_whole(model: Model, file: Path, recorded: Mapping[str, Any] | None, a
         click.echo(f"{name} passes: neutral, finite, determined by some measurement {where}.")
     for name in found.hidden:
         click.echo(
-            f"Note: the parameters of the base do the same as {name}; no measurement {where} can detect it."
+            f"Note: the parameters of the base have the same effect as {name}; no measurement {where} can detect it."
         )
     for one, other in found.alike:
         click.echo(f"Note: no measurement {where} distinguishes {one} from {other}.")

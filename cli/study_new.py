@@ -136,7 +136,7 @@ def _print(begun: Begun, content: Mapping[str, Any]) -> None:
     show_sheets([study_sheets.errors(errors, "Error of the fitted model")])
     if not study.data.known:
         click.echo(
-            "\nThe uncertainty of the measurement is unknown: compare shows errors, diagnose will refuse."
+            "\nThe uncertainty of the measurement is unknown: compare shows errors; diagnose needs it."
         )
     if study.mistaken_set_up.text:
         click.echo(f"\nCheck the set-up: {study.mistaken_set_up.sentence}.")
@@ -162,5 +162,5 @@ def _assumed(begun: Begun, content: Mapping[str, Any]) -> Iterator[str]:
     for name in begun.held:
         yield f"{name} is held: these data do not determine it (fixed = true in study.toml)"
     if content["rig_defaults_used"]:
-        yield "from the defaults, since the rig file does not say:"
+        yield "Defaults, not stated in the rig file:"
         yield from (f"  {key} = {value}" for key, value in content["rig_defaults_used"].items())

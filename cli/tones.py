@@ -15,7 +15,7 @@ from specan_cli.recording_verb import ResultDelivery, Source, given, recording_v
 @opt(
     "--frequency frequency_hz",
     float,
-    "Frequency of the tone, near enough.  [default: that of the file, else searched]",
+    "Approximate frequency of the tone.  [default: that of the file, else searched]",
     "HZ",
 )
 @opt("--harmonics", click.IntRange(min=1), "Harmonics that are fitted.  [default: 10]")

@@ -96,7 +96,7 @@ def _check_alike(levels: BandLevels, background: BandLevels) -> None:
     if levels.averaging != "linear":
         raise RequestError(
             f"a background cannot be subtracted from levels with {levels.averaging} averaging",
-            expected="linear averaging, of energies that add up",
+            expected="linear averaging",
         )
     if not np.array_equal(levels.exact_hz, background.exact_hz):
         raise RequestError(

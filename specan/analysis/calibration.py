@@ -96,7 +96,7 @@ def _spoilt(heard: Sequence[tuple[Insertion, Heard]], failed: bool) -> list[tupl
         where = f" in {insertion.label}" if several else ""
         unused = "" if failed or h.usable else "; its sensitivity there is not used"
         if h.clipped:
-            judged.append((2 if failed else 1, f"clipped{where}: rests on its largest value{unused}"))
+            judged.append((2 if failed else 1, f"clipped{where}: stays at its largest value{unused}"))
         if h.missing:
             text = f"the tone is missing in {h.missing} of {h.missing + h.windows} windows{where}"
             judged.append((2 if failed and not h.usable else 1, text + (unused or ", which are left out")))
@@ -439,7 +439,7 @@ def _phase(
     reference = max(found, key=lambda entry: entry[2])[1].reference
     kept = [(f, phase) for f, phase, _ in found if phase.reference == reference]
     dropped = [
-        f"the phase of {channel} at {f:.6g} Hz is left out: there it hangs on {phase.reference}, not on {reference}"
+        f"the phase of {channel} at {f:.6g} Hz is left out: it is relative to {phase.reference}, not to {reference}"
         for f, phase, _ in found
         if phase.reference != reference
     ]

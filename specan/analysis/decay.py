@@ -382,4 +382,6 @@ def _length(settings: ImpulseResponse, driven: Real, rate: float) -> tuple[int, 
     end = int(np.flatnonzero(np.abs(driven) > _SILENT * np.abs(driven).max())[-1]) + 1
     if n - end >= _SHORTEST_S * rate:
         return n - end, ()
-    return n // 2, ("the reference does not end before the recording: responses are as long as half of it",)
+    return n // 2, (
+        "the excitation lasts to the end of the recording: responses are half as long as the recording",
+    )

@@ -103,7 +103,7 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
     if sine is not None and (frequency is None or abs(frequency - sine) > 0.01 * sine):
         frequency = sine
     if said is not None:
-        claim = Excitation(SAYABLE[said], frequency if said == "sine" else None, "said by the user")
+        claim = Excitation(SAYABLE[said], frequency if said == "sine" else None, "stated by the user")
         return _confronted(claim, [part for part in (stated, seen) if part is not None])
     assert stated is not None
     return _confronted(replace(stated, frequency_hz=frequency) if stated.kind == "sine" else stated, [seen])
@@ -174,10 +174,12 @@ def _from_channels(recording: Recording) -> Excitation:
         silent.append(f"{channel.label} is silent")
     if silent:
         return Excitation("unknown", None, ", ".join(silent))
-    return Excitation("unknown", None, "no property says it, and there is no generator or vibrometer channel")
+    return Excitation(
+        "unknown", None, "no property states it, and there is no generator or vibrometer channel"
+    )
 
 
-_NOT_LOOKED = Excitation("unknown", None, "not looked at")
+_NOT_LOOKED = Excitation("unknown", None, "not analysed")
 
 
 def _may_be_a_tone(recording: Recording) -> bool:
@@ -257,7 +259,7 @@ _SAID = {
     "broad": "neither a tone nor noise (pulses, modulation)",
     "narrow": "a narrow band that is neither a tone nor noise",
     "square wave": "a square wave",
-    "slow": "hardly five periods in a second",
+    "slow": "too few periods in a second",
 }
 
 
@@ -280,7 +282,7 @@ def _moving(
         case "steps":
             return Excitation("stepped-sine", None, f"{where}: a tone in steps {ways}")
         case "moves":
-            return Excitation("unknown", None, f"{where}: a tone that moves {ways}")
+            return Excitation("unknown", None, f"{where}: a tone whose frequency varies {ways}")
     return None
 
 

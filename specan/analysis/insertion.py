@@ -261,7 +261,7 @@ def _reject_other_tone(
         loud = [t for t in others if t.amplitude > heard * 10 ** (HEARD_FROM_OUTSIDE_DB / 20)]
         if loud:
             far = (
-                "show no tone" if heard == 0 else f"hear it {HEARD_FROM_OUTSIDE_DB:g} dB or more below others"
+                "show no tone" if heard == 0 else f"read it {HEARD_FROM_OUTSIDE_DB:g} dB or more below others"
             )
             named = shortened([c.label for c in found.channels], 6)
             raise InputError(

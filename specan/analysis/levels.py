@@ -29,8 +29,8 @@ from specan.units import level_reference
 # Readings of the time-weighted level: five in a time constant, but no more of them than this.
 READINGS_PER_TIME_CONSTANT, READINGS = 5, 200_000
 _SETTLING = (
-    "about the mean; what A, B and C make of the cut at the start of the section is taken off; percentiles and minimum "
-    f"leave out the first {SETTLING_TIME_CONSTANTS:g} time constants after 0.09 s"
+    "about the mean; the response of A, B and C to the cut at the start of the section is removed; percentiles and "
+    f"minimum leave out the first {SETTLING_TIME_CONSTANTS:g} time constants after 0.09 s"
 )
 
 

@@ -431,7 +431,7 @@ class OrderAccumulator:
         if stated is None:
             return [
                 f"the angle of {self.shaft.tacho.channel} is not that of the vibration: {line}; a tacho with more "
-                "pulses a turn follows faster changes of the speed"
+                "pulses per turn follows faster changes of the speed"
             ]
         if found.steady and self.settings.wanted:
             fits = stated * (1 + found.slope / found.order)

@@ -244,7 +244,7 @@ def integrated(channels: Sequence[Channel], name: WindowName, block: int) -> tup
     """A note on the lowest frequency of what is integrated."""
     lines = [lowest_line(name, channel.derivatives) for channel in channels]
     lowest = max(lines) * channels[0].sampling_rate / block
-    note = f"integrated from {lowest:.3g} Hz on: below, there is no line; finer lines go lower"
+    note = f"integrated from {lowest:.3g} Hz up; more lines go lower"
     return (note,) if lowest else ()
 
 

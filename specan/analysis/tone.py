@@ -221,7 +221,7 @@ class ToneAccumulator:
     def _remarks(self, fitted: Fitted, channels: list[Channel]) -> list[str]:
         remarks = []
         if fitted.wandering:
-            remarks.append(f"the frequency wanders; phases follow {self.leader.label} block by block")
+            remarks.append(f"the frequency varies; phases follow {self.leader.label} block by block")
         remarks += [f"{c.label}: {c.conversion}, its RMS without the noise" for c in channels if c.conversion]
         if fitted.deviations.shape[1] < 4:
             remarks.append("too short for an uncertainty: fewer than four blocks")
@@ -298,7 +298,7 @@ def not_steps(tables: Sequence[ToneTable]) -> dict[str, str]:
             and others
             and table.reference_rms < _MAINS_BELOW * float(np.median(others))
         ):
-            found[table.label] = f"a weak tone at {table.frequency_hz:.4g} Hz may be hum of the mains"
+            found[table.label] = f"a weak tone at {table.frequency_hz:.4g} Hz may be mains hum"
     return found
 
 

@@ -311,7 +311,9 @@ class TransferFunctionAccumulator:
         remarks += [f"{c.label}: {c.conversion}" for c in channels if c.conversion]
         late = [c.label for c, shift in zip(self.channels, self.shifts) if shift]
         if late:
-            remarks.append(f"aligned before the analysis and turned back after it: {', '.join(late)}")
+            remarks.append(
+                f"delays compensated in the analysis and restored in the result: {', '.join(late)}"
+            )
         return remarks
 
     def _on_lines(self, found: Estimate, lost: Real) -> list[str]:
@@ -348,7 +350,7 @@ class TransferFunctionAccumulator:
         wanted = settings.n_lines * (self.sufficient // settings.block)
         if averages_in(n, block_of(wanted), settings.window, settings.overlap) >= LEAST_AVERAGES:
             return f"use --lines {wanted}"
-        return f"--lines {wanted} would do, with a longer recording"
+        return f"--lines {wanted} and a longer recording are needed"
 
     def _on_the_instrument(self) -> list[str]:
         share = self.foreign_share

@@ -28,7 +28,7 @@ SHORTEST, LEANING, COARSE = 16, 0.02, 200
 
 
 def is_cut_off(samples: Real, top: float, span: float) -> bool:
-    r"""Whether a signal rests on its largest value `top`, at full scale or below it.
+    r"""Whether a signal stays at its largest value `top`, at full scale or below it.
 
     A converter or an amplifier that saturates gives the same value again and again, far more often than the
     values just below it. Near the top of an unclipped signal the density grows downwards: a sine that is

@@ -70,7 +70,7 @@ def octaves_below(sampling_rate: float) -> list[tuple[float, float]]:
 def _band(samples: Real, sampling_rate: float, low_hz: float, high_hz: float) -> Complex:
     if not 0 <= low_hz < high_hz < sampling_rate / 2:
         raise RequestError(
-            f"the band from {low_hz:g} to {high_hz:g} Hz cannot be cut at {sampling_rate:g} samples a second",
+            f"the band from {low_hz:g} to {high_hz:g} Hz cannot be cut at {sampling_rate:g} samples per second",
             expected=f"a band below {sampling_rate / 2:g} Hz",
         )
     n = samples.shape[-1]

@@ -127,8 +127,8 @@ def _levels(x: Real, sampling_rate: float) -> tuple[float, float]:
         if apart.size and apart.std() < REGULAR * apart.mean() and apart.mean() < FEWEST:
             rate = sampling_rate / apart.mean()
             raise InputError(
-                f"the tacho rises {rate:.0f} times a second, too often for {sampling_rate:.6g} samples a second",
-                expected=f"at least {FEWEST} samples a pulse",
+                f"the tacho has {rate:.0f} pulses per second, too many for {sampling_rate:.6g} samples per second",
+                expected=f"at least {FEWEST} samples per pulse",
                 remedy=f"sample at {FEWEST * rate:.0f} Hz or more, use a tacho with fewer pulses per turn, or give the "
                 "speed; if these are no pulses, name the right channel",
             )

@@ -136,7 +136,7 @@ def read_channel_table(path: Path | str) -> ChannelTable:
         _, rows = csv_rows(path, RequestError)
         if not rows:
             raise RequestError(
-                f"{path.name} holds no rows", expected="a header with 'channel' and a row a channel"
+                f"{path.name} holds no rows", expected="a header with 'channel' and one row per channel"
             )
         found = tuple(parse(Row, content, f"{path.name}, line {line}") for line, content in rows)
         return ChannelTable(found, path.name)

@@ -93,11 +93,13 @@ def _numbers(path: Path, lines: list[str], delimiter: str, columns: int) -> Real
     except ValueError as fault:
         raise InputError(
             f"{path.name} holds a cell that is not a number ({fault})",
-            expected=f"{columns} numbers a row below the header",
+            expected=f"{columns} numbers per row below the header",
             remedy="a decimal comma in a comma-separated file does this: separate by semicolons",
         ) from None
     if found.shape[1] != columns:
-        raise InputError(f"{path.name}: {found.shape[1]} cells a row", expected=f"{columns} as in the header")
+        raise InputError(
+            f"{path.name}: {found.shape[1]} cells per row", expected=f"{columns} as in the header"
+        )
     return np.ascontiguousarray(found.T)
 
 

@@ -100,7 +100,7 @@ def open_recording(
     except Exception as fault:  # a damaged number can end in any error of Python
         raise InputError(
             f"{name} cannot be opened ({type(fault).__name__}: {fault})",
-            expected="headers that are whole",
+            expected="complete headers",
             remedy="copy or record it again",
         ) from fault
     if calibration is None:
@@ -231,7 +231,7 @@ def _refuse(path: Path) -> NoReturn:
     except OSError as fault:
         raise InputError(
             f"{path} is a directory that cannot be read ({fault.strerror}); what it holds is not analysed",
-            remedy="allow it to be read",
+            remedy="give read permission",
         ) from None
     raise InputError(f"{path} is a directory", expected="a recording")
 

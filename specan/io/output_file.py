@@ -160,7 +160,7 @@ def check_directory(path: Path) -> None:
         It does not.
     """
     if not path.absolute().parent.is_dir():
-        raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+        raise RequestError(f"the directory of {path} does not exist", remedy="create it, or choose another")
 
 
 def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[str]]) -> None:

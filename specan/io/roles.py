@@ -65,10 +65,10 @@ def identify(name: str, properties: Mapping[str, Any], group: str = "") -> Chann
             )
     elif sensitivity is not None:
         decisions["sensitivity"] = (
-            f"not used: the samples are already in {raw_unit}; the file remarks {sensitivity[0]:g} {sensitivity[1]}"
+            f"not used: the samples are already in {raw_unit}; the file states {sensitivity[0]:g} {sensitivity[1]}"
         )
     if quantity and is_known(quantity) and si_unit(quantity)[0] != unit:
-        why = "is not reached without a sensitivity" if unit == raw_unit else "contradicts the sensitivity"
+        why = "needs a sensitivity" if unit == raw_unit else "contradicts the sensitivity"
         decisions["unit"] += f"; QuantityUnit {quantity!r} {why}"
     role, decisions["role"] = role_of(name, properties, unit if unit != "1" else "", quantity)
     derivatives = derivatives_of(role, unit, decisions)
@@ -125,7 +125,7 @@ def derivatives_of(role: Role, unit: str, decisions: dict[str, str]) -> int:
     if role != "vibrometer" or unit not in ("m", "m/s^2"):
         return 0
     what, times = ("displacement", 1) if unit == "m" else ("acceleration", -1)
-    decisions["derivatives"] = f"the vibrometer gives {what} in {unit}; brought to velocity by j w"
+    decisions["derivatives"] = f"the vibrometer gives {what} in {unit}; converted to velocity by j w"
     return times
 
 

@@ -137,7 +137,7 @@ def from_keys(places: Sequence[tuple[str, Mapping[str, Any]]], label: str) -> Ra
             raise InputError(
                 f"{label}: {how} and {other} contradict each other",
                 expected="one sampling rate",
-                remedy="say it: --sampling-rate HZ",
+                remedy="give --sampling-rate HZ",
             )
     return Rate(hz, how)
 
@@ -146,7 +146,7 @@ def contradiction(rate: Rate, places: Sequence[tuple[str, Mapping[str, Any]]]) -
     """A key that says something else than the rate found before it; empty where there is none."""
     for said, hz in _stated(places):
         if abs(hz - rate.hz) > _SAME * rate.hz:
-            return f"{said} says something else and is not used"
+            return f"{said} disagrees and is not used"
     return ""
 
 

@@ -93,7 +93,7 @@ class Opening:
                 channel = self.channel_table.applied(channel, self.label)
             rate = signal.rate or Rate(0.0, "nothing says it")
             if self.sampling_rate is not None:
-                rate = Rate(float(self.sampling_rate), "said by the user")
+                rate = Rate(float(self.sampling_rate), "stated by the user")
             if channel.sampling_rate:
                 rate = Rate(channel.sampling_rate, channel.decisions["sampling_rate"])
             full_scale = channel.full_scale

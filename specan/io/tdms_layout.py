@@ -273,7 +273,7 @@ def _shared(strips: dict[str, Strip], chunk: int, rest: int, objects: list[Any])
     if isinstance(objects[0], DaqmxSegmentObject):
         raise InputError(
             "a complete segment of several DAQmx buffers ends in a short chunk",
-            expected="whole chunks, because nothing says how the buffers share the rest",
+            expected="whole chunks, since the file does not say how the buffers share the rest",
         )
     if any(o.data_type.size is None for o in objects):
         return {}  # where text ends cannot be known without reading it

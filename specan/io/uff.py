@@ -101,7 +101,7 @@ def read_uff(path: Path, kinds: tuple[int, ...]) -> list[DataSet]:
 def _data_set(path: Path, content: Mapping[str, Any]) -> DataSet:
     values, x = np.asarray(content["data"]), np.asarray(content["x"], dtype=float)
     if values.ndim != 1 or values.size != x.size or not values.size:
-        raise InputError(f"{path.name}: a data set holds {values.size} values at {x.size} places of its axis")
+        raise InputError(f"{path.name}: a data set holds {values.size} values at {x.size} points of its axis")
     response, also = _end(content, "rsp")
     reference, other = _end(content, "ref")
     return DataSet(

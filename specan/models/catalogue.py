@@ -161,7 +161,7 @@ def model_from_file(path: Path, rig: Mapping[str, Any], content: bytes | None = 
         raise RequestError(
             f"the model file {path} holds {len(found) or 'no'} model{'s' * (len(found) > 1)}",
             expected="one Model, or a function build(rig) that returns one",
-            remedy="" if found else "specan model new FILE.py writes one to begin with",
+            remedy="" if found else "specan model new FILE.py writes an example",
         )
     return found[0].with_rig(rig) if rig and not callable(build) else found[0]
 

@@ -95,19 +95,16 @@ def rig_template(model: Model, example: Mapping[str, Any]) -> str:
     --------
     >>> from specan.models.catalogue import example_model, example_rig
     >>> rig_template(example_model("worm-gear"), example_rig("worm-gear")).splitlines()[0]
-    '# What is known of a set-up of the model worm-gear. The numbers are those of an example: put in your own.'
+    '# What is known of a set-up of the model worm-gear. The numbers are an example: replace them with your own.'
     """
     import tomlkit
 
-    lines = [
-        f"# What is known of a set-up of the model {model.name}. "
-        "The numbers are those of an example: put in your own."
-    ]
+    lines = [f"# Rig file of the model {model.name}. The numbers are an example: replace them with your own."]
     content = {key: value for key, value in example.items() if key not in ("limits", "uncertainty")}
     if content:
         lines += ["", tomlkit.dumps(content).strip()]
     tables = {
-        "limits": ("From where to where each condition can be set, in the unit of its column.", _limits),
+        "limits": ("Lowest and highest value of each condition, in the unit of its column.", _limits),
         "uncertainty": ("Standard uncertainties, in the unit of each column.", _uncertainties),
     }
     for name, (said, usual) in tables.items():
@@ -144,9 +141,7 @@ def _uncertainties(model: Model) -> list[str]:
             f"# {condition.column}_setting = 0.1{_remark(condition.column_unit)}: of setting it anew"
         )
         lines.append(f"# {condition.column}_setting_percent = 1.0  # the same as a percentage of its value")
-    lines.append(
-        "# model_discrepancy_percent = 0.5  # of the model's prediction: how right it is expected to be"
-    )
+    lines.append("# model_discrepancy_percent = 0.5  # expected error of the model's prediction")
     return lines
 
 

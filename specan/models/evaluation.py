@@ -275,15 +275,15 @@ class Assembly:
             shape, kind = np.shape(given), np.asarray(given).dtype.kind
             if kind not in "biufc":
                 return RequestError(
-                    f"{place_of(effect.function)}: {use} gives {given!r}", expected="one number a row"
+                    f"{place_of(effect.function)}: {use} gives {given!r}", expected="one number per row"
                 )
             if shape not in ((), size):
                 return RequestError(
                     f"{place_of(effect.function)}: {use} gives the shape {shape} for {name!r}, "
                     f"which has the shape {size}",
-                    expected="one value a row",
+                    expected="one value per row",
                 )
-        return RequestError(f"what acts on {name!r} has other shapes than it", expected="one value a row")
+        return RequestError(f"what acts on {name!r} has other shapes than it", expected="one value per row")
 
     def _spread(self, use: Use, effect: Effect, name: str, given: Any) -> Any:
         """Put one element's contribution into an array over the axis; neutral elsewhere."""

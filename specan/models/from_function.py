@@ -123,7 +123,7 @@ def _named(functions: Sequence[Callable[..., Any]], observables: Mapping[str, An
         raise RequestError(
             f"the observable {lacking[0]!r} has no function",
             expected=f"a function of that name beside {', '.join(named)}",
-            remedy="return one quantity a function",
+            remedy="return one quantity per function",
         )
     return named
 
@@ -281,7 +281,9 @@ PREFIX = "specan_user_"  # of the module names under which users' files are load
 
 # Of a function of single numbers that was given an array.
 _OF_ARRAYS = ("truth value of an array", "0-dimensional arrays", "length-1 arrays")
-_ARRAYS = "functions receive arrays, one value a row: use numpy's, np.sqrt for math.sqrt and np.where for if"
+_ARRAYS = (
+    "functions receive arrays, one value per row: use numpy's, np.sqrt for math.sqrt and np.where for if"
+)
 
 
 def users_mistake(fault: BaseException, function: Callable[..., Any], name: str) -> RequestError | None:

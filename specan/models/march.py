@@ -78,7 +78,7 @@ class Program:
         moved, inner = self.moved, reached(read, self.assembly._reads)
         if set(self.assembly._plan[1]) & moved & inner:
             raise RequestError(
-                "the rates read each other in a circle within one instant",
+                "the rates depend on each other in a loop at one instant",
                 remedy="give one of the effects that close it a state of its own",
             )
         for name in order:

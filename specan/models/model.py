@@ -143,7 +143,7 @@ class Model:
                     f"the effect {effect.name!r} acts at one {effect.at}, an axis that {self.name} lacks",
                     remedy=nearest(effect.at, self.axes),
                 )
-        self.base_order  # noqa: B018 - says which quantities read each other in a circle
+        self.base_order  # noqa: B018 - says which quantities depend on each other in a loop
         for observable in self.observables.values():
             _require_known(observable.name, (observable.quantity,), set(self.quantities))
             node = self.quantities[observable.quantity]
@@ -443,7 +443,7 @@ class Model:
         except CycleError as fault:
             circle = ", ".join(sorted(set(fault.args[1])))
             raise RequestError(
-                f"the quantities {circle} of {self.name} read each other in a circle"
+                f"the quantities {circle} of {self.name} depend on each other in a loop"
             ) from None
 
     @cached_property

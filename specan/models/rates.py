@@ -18,7 +18,9 @@ KIND = "time"  # of measurement
 TIME = "time"
 MEASURED = "measured"  # of a state's start
 FEW = 15  # samples whose slope tells how quickly a piece begins
-UNSIZED = "ranges of effects of the shelf are for usual sizes of 1; a recording tells them (--measurement)"
+UNSIZED = (
+    "effects of the shelf have ranges for values of about 1; give a recording to set them (--measurement)"
+)
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,7 @@ class Rates:
         for name, size in sizes.items():
             if not (np.isfinite(size) and size > 0):
                 raise RequestError(
-                    f"{name} is {size:g} in what the model answers at its starting values",
+                    f"{name} is {size:g} in the model's response at its starting values",
                     remedy=f'change these, or give the shelf its usual size: ("{name}", 5, "{_units(model)[name]}")',
                 )
         made = [effect for one in self.unsized for effect in one.effects(sizes, _units(model))]

@@ -114,7 +114,7 @@ def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> No
         if numbers.shape not in ((), (size,)):
             raise RequestError(
                 f"{what} gives the shape {numbers.shape} for {size} rows",
-                expected=f"one value a row, the shape ({size},)",
+                expected=f"one value per row, the shape ({size},)",
             )
         if name in tabled and np.iscomplexobj(values):
             raise RequestError(

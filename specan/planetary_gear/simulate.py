@@ -53,7 +53,7 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     motion = simulate(rig, duration, sampling_rate=RATE)
     channels = recorded_channels(motion, RATE)
     write_recording(path, channels, RATE, _described(rig), noise=(options["noise"], options["seed"]))
-    note(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")
+    note(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples per second written to {path}")
     note(f"step {1e6 * motion.step_s:.3g} us")
     show_recording(channels, options["as_json"], step_s=motion.step_s)
 

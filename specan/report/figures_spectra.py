@@ -154,7 +154,7 @@ def figure_orders(found: OrderSpectrum) -> Drawing:
         more["dots"] = [(lines.order, one) for one in values]
     order, level = found.order[found.order > 0], found.level_dB[:, found.order > 0]
     panels = level_panels(labels, found.channels, order, level, _ORDERS_DB, **more)
-    facts = _about_orders(found), "Dots: the lines that were given" if found.lines else ""
+    facts = _about_orders(found), "Dots: the requested lines" if found.lines else ""
     return Drawing(found.label, facts, "Order of the shaft", tuple(panels))
 
 

@@ -63,7 +63,7 @@ def _record(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     # 24 bits, as the laboratory's program writes
     write_recording(path, channels, rate, group, samples="int32")
     length = channels[0].samples.size / rate
-    note(f"{len(channels)} channels of {length:g} s at {rate:g} samples a second written to {path}")
+    note(f"{len(channels)} channels of {length:g} s at {rate:g} samples per second written to {path}")
     effects = [str(use) for use in chosen.assembly.uses]
     show_recording(channels, options["as_json"], effects=effects, sampling_rate_hz=rate)
 

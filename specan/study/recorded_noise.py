@@ -116,7 +116,7 @@ def _runs_apart(o: TimeObservation, responses: Mapping[str, Array]) -> str:
                 seconds = 2 * float(time[np.argmax(size)] - time[0]) / np.log(late / soon)
                 return (
                     f"a small change of {state} at the start grows more than {APART:g} times over the recording: the "
-                    "motion is chaotic, or runs away, and no model can foretell it to the end. Compare it in pieces "
+                    "motion is chaotic, or runs away, and cannot be predicted to the end. Compare it in pieces "
                     f"with starts of their own: Model.from_rates(..., window_s={seconds:.1g})"
                 )
     return ""

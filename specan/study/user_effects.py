@@ -179,7 +179,7 @@ def load_own_effects(directory: Path, entries: Sequence[EffectFileEntry]) -> lis
             f"effect file {entry.file}",
             entry.sha256,
             path.read_bytes(),
-            f"take in what it is now with {again}",
+            f"accept the changed file with {again}",
             again,
         )
         effects += effects_from_file(path, content)
@@ -234,7 +234,7 @@ def _trusted(what: str, sha256: str | None, content: bytes, otherwise: str, by: 
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
         raise RequestError(
-            f"the study's {what} was changed since it was taken in", remedy=f"restore it, or {otherwise}"
+            f"the study's {what} was changed since it was added", remedy=f"restore it, or {otherwise}"
         )
     if not is_trusted(found):
         raise RequestError(

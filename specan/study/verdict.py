@@ -195,7 +195,7 @@ class NextMeasurements(Result):
             return counted(len(self.rows), "proposal")
         if self.verdict in ("effect", "nothing-missing"):
             return "no further measurement is needed: no two explanations compete for these data"
-        return "no measurement within the rig's limits is known that would decide"
+        return "no measurement within the rig's limits would distinguish the explanations"
 
     def columns(self) -> dict[str, Any]:
         """One row for each measurement, in words."""

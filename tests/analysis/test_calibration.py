@@ -173,7 +173,7 @@ def test_clipping_fails_a_channel(rig: Rig) -> None:
     channels = (clipped.channels[0], dataclasses.replace(clipped.channels[1], full_scale=20.0 * rail))
     _, second = calibrate([dataclasses.replace(clipped, channels=channels)]).channels
     assert second.verdict == "failed"
-    assert "clipped: rests on its largest value" in second.reasons
+    assert "clipped: stays at its largest value" in second.reasons
 
 
 def test_insertions_that_contradict_each_other_are_doubted(rig: Rig) -> None:

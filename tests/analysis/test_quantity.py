@@ -111,7 +111,7 @@ def test_the_foot_of_a_tone_below_the_lowest_line_is_no_peak(settings: dict[str,
     peaks = [float(row[2]) for row in found.sheets()[0].rows]
     assert peaks == pytest.approx([500.0, 500.0], abs=3)
     assert found.values[0, round(500 / 6.25)] == pytest.approx(0.3 / (2 * np.pi * 500) ** 2, rel=5e-3)
-    assert any("finer lines go lower" in note for note in found.notes)
+    assert any("more lines go lower" in note for note in found.notes)
 
 
 def test_the_foot_of_a_tone_outside_the_range_is_no_peak() -> None:

@@ -1,6 +1,6 @@
 """Every example of the user guide and of the README is run.
 
-In a page, blocks are run from top to bottom in one empty directory in which `sample_data` stands:
+In a page, blocks are run from top to bottom in one empty directory with what ``specan demo`` writes:
 
 - ``console``: lines that begin with ``$ specan`` are commands. Lines below one are its output on both
   streams, ``...`` standing for anything, blanks not counted; nothing below means that any output is right.
@@ -15,13 +15,13 @@ import doctest
 import io
 import re
 import shlex
-import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from specan_cli.demo import copy_samples
 from specan_cli.main import run
 
 ROOT = Path(__file__).parents[2]
@@ -107,10 +107,7 @@ def run_python(page: Path, text: str, first: int, names: dict) -> None:
 def test_examples_of_a_page_do_what_it_says(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    try:
-        (tmp_path / "sample_data").symlink_to(ROOT / "sample_data", target_is_directory=True)
-    except OSError:  # Windows lets only some users do that
-        shutil.copytree(ROOT / "sample_data", tmp_path / "sample_data")
+    copy_samples(tmp_path / "sample_data")
     monkeypatch.chdir(tmp_path)
     for name, value in (("COLUMNS", "110"), ("NO_COLOR", "1")):
         monkeypatch.setenv(name, value)

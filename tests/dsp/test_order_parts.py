@@ -72,7 +72,7 @@ def test_a_tacho_too_fast_for_the_sampling_rate_is_told_from_one_without_pulses(
     """Four samples a pulse behind an ideal low-pass: of a square wave its first harmonic is left, at four phases."""
     t = np.arange(10240) / 2560
     with pytest.raises(
-        InputError, match=r"rises 640 times a second, too often for 2560 .* sample at 38[34]. Hz"
+        InputError, match=r"has 640 pulses per second, too many for 2560 .* sample at 38[34]. Hz"
     ):
         pulse_times(np.sin(2 * np.pi * 640 * t + 0.1), 2560.0)
     assert np.diff(pulse_times(np.sin(2 * np.pi * 400 * t + 0.1), 2560.0)) == pytest.approx(1 / 400, rel=0.05)

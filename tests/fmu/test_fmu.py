@@ -108,7 +108,7 @@ def test_a_study_names_the_effect_that_the_fmu_lacks(drive, tmp_path, monkeypatc
     settings.write_text(settings.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     result = CliRunner().invoke(main, ["study", "compare", "s"])
     assert isinstance(result.exception, RequestError)
-    assert "was changed since it was taken in" in str(result.exception)
+    assert "was changed since it was added" in str(result.exception)
 
 
 def test_a_crash_names_the_place_and_the_next_simulation_runs(drive):

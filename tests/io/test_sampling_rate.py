@@ -35,7 +35,7 @@ class TestSamplingRate:
 
     def test_the_user_counts_first(self, path):
         write(path, [("c", self.data, {"wf_increment": 0.001})])
-        assert rate_of(open_recording(path, sampling_rate=8000.0)) == (8000.0, "said by the user")
+        assert rate_of(open_recording(path, sampling_rate=8000.0)) == (8000.0, "stated by the user")
 
     @pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
     def test_a_rate_that_is_none_is_refused(self, path, rate):

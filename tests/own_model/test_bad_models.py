@@ -43,7 +43,7 @@ CASES = {
     "fails when loaded": ("x = 1\ny = x / 0\n", r"m\.py, line 2 fails when it is loaded \(ZeroDivisionError"),
     "a circle": (
         HEAD + "def f(x, a, g):\n    return a * x + g\ndef g(y):\n    return y\n" + MODEL.replace("(f,", "(f, g,"),
-        r"m\.py, line 7: the quantities .*read each other in a circle",
+        r"m\.py, line 7: the quantities .*depend on each other in a loop",
     ),
     "an argument that is nothing known": (
         body("return x").replace("def f(x, a)", "def f(x, b)"), r"m\.py, line 3: 'y' reads 'b'.*known are",
@@ -155,7 +155,7 @@ def test_effects_that_no_measurement_tells_apart_are_named(place):
 
 
 def test_an_effect_that_the_base_does_itself_is_named(place):
-    assert "do the same as drag; no measurement within the limits can detect it" in checked(
+    assert "have the same effect as drag; no measurement within the limits can detect it" in checked(
         place, ("drag", "size * x")
     )
 

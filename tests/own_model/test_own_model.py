@@ -136,7 +136,7 @@ def test_a_model_of_somebody_elses_study_is_not_run_unasked(study, monkeypatch, 
 def test_a_changed_model_file_is_noticed(study):
     path = study / "model" / "spring.py"
     path.write_text(path.read_text("utf-8") + "\n", encoding="utf-8")
-    assert "was changed since it was taken in" in refused("study", "compare", study)
+    assert "was changed since it was added" in refused("study", "compare", study)
 
 
 def test_an_installed_package_brings_a_model(monkeypatch):

@@ -51,7 +51,7 @@ def test_an_effect_that_the_base_imitates_with_this_input(place):
         MODEL.replace("model =", gain).replace("[cubic, dry]", "[cubic, dry, gain]")
     )
     said = run("model", "check", place / "changed.py", "--measurement", place / "run.tdms")
-    assert "the parameters of the base do the same as gain" in said
+    assert "the parameters of the base have the same effect as gain" in said
 
 
 @pytest.mark.parametrize(

@@ -161,7 +161,7 @@ def _result(future: Future, entry: Input) -> Outcome | Refusal:
     try:
         found: Outcome | Refusal = future.result()
     except KilledWorker:
-        reason = "every worker that analysed it was ended from outside (memory?); run it alone"
+        reason = "every worker that analysed it was killed (out of memory?); run it alone"
         return Outcome(FileResult(entry.label, "failed", reason))
     except ImportError as fault:
         raise RequestError(

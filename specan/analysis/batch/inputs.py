@@ -131,7 +131,7 @@ def check_own(path: Path, store: Path, new: Path | None = None) -> None:
         known = []
     if path.exists() and _named(path) not in [*known, *([_named(new)] if new else [])]:
         raise RequestError(
-            f"{path} exists, and it is not as a batch wrote it there",
+            f"{path} exists and is not what a batch wrote there",
             remedy="choose another directory with -o, or move the file",
         )
 

@@ -283,7 +283,5 @@ def _one(task: Task) -> Outcome:
 
 
 def _lost(task: Task) -> Outcome:
-    reason = (
-        "the process that analysed it was ended from outside (memory?); run it alone, or with fewer processes"
-    )
+    reason = "the process that analysed it was killed (out of memory?); run it alone, or with fewer processes"
     return Outcome(FileResult(task.entry.label, "failed", reason))

@@ -208,7 +208,7 @@ def _check_places(gear: Gear) -> None:
     if given is not None and len(given) != gear.planets:
         raise RequestError(
             f"planet_angles_deg has {len(given)} angles for {gear.planets} planets",
-            expected="one angle a planet",
+            expected="one angle per planet",
         )
     for angle in given or ():
         if abs(angle / step - round(angle / step)) > 1e-3:

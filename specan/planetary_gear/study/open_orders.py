@@ -150,8 +150,8 @@ def observe(
     return observation, [
         f"{file.name}: {len(sensors)} sensors, {known.order.size} order lines over {lines.turns} turns, angle from "
         f"{tacho}; {said} (carrier torque {how})",
-        f"{file.name}: marks of {tacho} uneven by up to {np.degrees(uneven.max(initial=0)):.2g} degree, or its shaft "
-        "turns so; lines beside strong ones are as uncertain as that makes them",
+        f"{file.name}: marks of {tacho} uneven by up to {np.degrees(uneven.max(initial=0)):.2g} degree, or the speed "
+        "varies so; the uncertainty of lines beside strong ones includes it",
         *(f"{file.name}: {note}" for note in found.notes),
     ]
 

@@ -26,7 +26,7 @@ WORDS = Words(
     ideal="the ideal room",
     discrepancy_of="response",
     remedy_uncertainty="position_m = 0.002",
-    what_else="Positions that would tell more of the walls: specan study impedance {study}",
+    what_else="Positions that would determine more of the walls: specan study impedance {study}",
 )
 CONDITIONS = (
     Condition("frequency", "Hz", "Frequency of each line.", "frequency_hz", "Hz"),
@@ -40,7 +40,7 @@ MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the b
 LACKS = {  # why effects at an axis without elements cannot be looked for
     "known_wall": "the rig file states the impedance of no wall ([walls])",
     "loudspeaker": "the rig file has no further loudspeaker ([[loudspeakers]])",
-    "lean": "the walls of a mesh stand as they are meshed",
+    "lean": "the walls of a mesh have the slopes of the mesh",
 }
 LARGEST_M = 100.0  # no room is so large along its shortest edge
 MOST_MODES = 60_000  # about 60 MB a block of lines

@@ -167,12 +167,12 @@ def _increasing(where: str, given: Sequence[float]) -> Real:
 
 def _values(where: str, name: str, given: float | Sequence[float] | None, frequency: Real) -> Real:
     if given is None or np.size(given) == 0:
-        raise RequestError(f"{where} lacks {name}", expected="one value a frequency")
+        raise RequestError(f"{where} lacks {name}", expected="one value per frequency")
     values = np.atleast_1d(np.asarray(given, dtype=float))
     if values.size not in (frequency.size, 1 if name.startswith("u_") else frequency.size):
         raise RequestError(
             f"{where} has {values.size} values of {name} for {frequency.size} frequencies",
-            expected="one value a frequency",
+            expected="one value per frequency",
         )
     return np.broadcast_to(values, frequency.shape)
 
@@ -201,7 +201,9 @@ def tied(walls: Sequence[str], together: Sequence[Sequence[str]]) -> dict[str, t
                 f"[room] tied_walls names {wall!r} twice", expected="each wall in one group at most"
             )
     if any(len(group) < 2 for group in together):
-        raise RequestError("[room] tied_walls has a group of one wall", expected="two walls or more a group")
+        raise RequestError(
+            "[room] tied_walls has a group of one wall", expected="two walls or more per group"
+        )
     group_of = {wall: tuple(w for w in walls if w in group) for group in together for wall in group}
     return {"+".join(group): group for group in (group_of.get(wall, (wall,)) for wall in walls)}
 

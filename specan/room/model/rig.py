@@ -228,7 +228,7 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
     if isinstance(given, tuple) and len(given) != len(rig.mics.position_m):
         raise RequestError(
             f"[uncertainty] position_m has {len(given)} values for {len(rig.mics.position_m)} microphones",
-            expected="one value, or one a microphone",
+            expected="one value, or one per microphone",
         )
     for low, high in rig.band.left_out_hz:
         if low >= high:
@@ -251,7 +251,7 @@ def _check_recordings(rig: Rig) -> None:
     for own in rig.recordings:
         where = f"[[recordings]] {own.file}"
         if files.count(own.file) > 1:
-            raise RequestError(f"{where} occurs twice", expected="one table a recording")
+            raise RequestError(f"{where} occurs twice", expected="one table per recording")
         if own.position_m is not None and len(own.position_m) != count:
             raise RequestError(
                 f"{where} has {len(own.position_m)} positions, [mics] {count}",

@@ -100,7 +100,7 @@ def _sampling_rate(highest: float) -> float:
     needed = OVERSAMPLED * (highest + EDGE_HZ)
     found = [rate for rate in _RATES if rate >= needed]
     if not found:
-        raise RequestError(f"a band up to {highest:g} Hz needs more than {_RATES[-1]:g} samples a second")
+        raise RequestError(f"a band up to {highest:g} Hz needs more than {_RATES[-1]:g} samples per second")
     return found[0]
 
 

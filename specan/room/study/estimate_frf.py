@@ -114,7 +114,7 @@ def _estimated(
     if len(channels) != len(own.rows):
         raise InputError(
             f"{recording.label} has {len(channels)} microphones, the rig file {len(own.rows)} positions",
-            expected="one position a microphone channel, in order",
+            expected="one position per microphone channel, in order",
         )
     settings = TransferFunction(
         reference=reference.label,

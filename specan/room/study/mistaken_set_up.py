@@ -332,6 +332,6 @@ def _rings_elsewhere(problem: Problem, best: Fit) -> str:
     if not told:
         return ""
     return (
-        f"modes ring elsewhere than in the fitted model ({'; '.join([*told.values()][:4])}): the room may be no "
-        "box of these edges (a niche, a large object), or a wall gives way"
+        f"modes are at other frequencies than in the fitted model ({'; '.join([*told.values()][:4])}): the room may "
+        "not be a box with these edges (a niche, a large object), or a wall yields"
     )

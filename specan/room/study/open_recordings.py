@@ -128,7 +128,7 @@ def _observe(
             f"{file.name}: {int(found.kept.any(axis=1).sum())} microphones, {found.frequency_hz.size} lines of "
             f"{1 / block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {block_s:.3g} s "
             f"after {settle:.3g} s; "
-            "the model filters the recorded velocity and goes through the same blocks",
+            "the model filters the recorded velocity and is analysed in the same blocks",
             *_sensitivities(recording),
             *found.notes,
         ],

@@ -56,7 +56,7 @@ class Advice:
     def text(self) -> str:
         """In words."""
         count = len(self.determines)
-        told = f"would determine {count} of the {self.of} wall-bands that are open"
+        told = f"would determine {count} of the {self.of} undetermined wall-bands"
         told += f" ({_listed(self.determines)})" if count else ""
         if self.kind == "positions":
             where = ", ".join(spoken_place(p) for p in self.places_m)

@@ -152,7 +152,7 @@ class Impedance(Result):
     def criterion(self) -> str:
         """What counts as determined, in words."""
         return (
-            f"determined: the data hold alpha at normal incidence to +-{self.accuracy:g} at 95 % "
+            f"determined: alpha at normal incidence is known within +-{self.accuracy:g} at 95 % "
             "(1.96 x 4 x standard error of Re(rho c/Z))"
         )
 

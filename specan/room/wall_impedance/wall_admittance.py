@@ -157,7 +157,7 @@ def _lowest(problem: Problem, theta: Array) -> Array:
         if reached.chi2 - left @ left > NEAR * reached.chi2:
             raise ComputationError(
                 "the fit of the walls does not converge",
-                remedy="look whether the rig file describes the room, with specan study compare",
+                remedy="check with specan study compare whether the rig file describes the room",
             ) from None
         return reached.theta  # a valley that bends: the quadratic about the place does the rest
 

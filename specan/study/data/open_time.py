@@ -113,7 +113,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     try_model(model, few)
     statements.append(f"solved by {model.solver.method()}")
     for name, (size, stated) in noise.items():
-        how = "as stated" if stated else "from the quickest changes"
+        how = "as stated" if stated else "from the fastest changes"
         statements.append(
             f"{name}: noise of {size:.3g} {model.observables[name].unit}, {how}; a diagnosis corrects it by what the "
             "likeliest explanation leaves"

@@ -77,7 +77,7 @@ def _frequency_of(model: Model) -> str:
         raise RequestError(
             f"the model {model.name} has no single condition in Hz",
             expected='a condition frequency, {"frequency": ("Hz", 5, 60)}',
-            remedy="give the functions a frequency in Hz, and let them turn it into an angular one",
+            remedy="give the functions a frequency in Hz, and let them convert it to an angular frequency",
         )
     return found[0]
 
@@ -160,7 +160,7 @@ class _Opened:
         for column, value in self.file.conditions.items():
             if column not in by_column or isinstance(value, str):
                 raise RequestError(
-                    f"{self.file.name}: the condition {column} = {value!r} is none",
+                    f"{self.file.name}: {column} = {value!r} is not a condition with a number",
                     remedy=nearest(column, by_column),
                 )
             known = by_column[column]
@@ -293,7 +293,7 @@ class _Opened:
                           for (o, c), (_, text) in zip(pairs, factors, strict=True))  # fmt: skip
         said = (
             f"{recording.label}: {names}; {f.size} lines of {spacing:.3g} Hz, {settings.estimator}, blocks of "
-            f"{1 / spacing:.3g} s; the model filters the recorded {reference.label} and goes through the same blocks"
+            f"{1 / spacing:.3g} s; the model filters the recorded {reference.label} and is analysed in the same blocks"
             + "".join(f"; {note}" for note in found.notes if note.startswith("leakage"))
         )
         return observation, said, True

@@ -170,7 +170,7 @@ class _Telling:
             likelier = [o for o in likelier if o.probability > max(least, DOUBT)]
             if likelier:
                 parts.append(
-                    f"{likelier[0].text} would be likelier ({percent(likelier[0].probability)}), but is not sure "
+                    f"{likelier[0].text} is likelier ({percent(likelier[0].probability)}), but not likely "
                     "enough to be named"
                 )
             else:
@@ -226,9 +226,7 @@ class _Telling:
         if after.rms > 0.8 * before.rms:
             return ""
         unit = "" if before.unit == "1" else f" {before.unit}"
-        return (
-            f"{best.text} would take the error from {before.rms:.3g} to {after.rms:.3g}{unit} and leave that"
-        )
+        return f"{best.text} would reduce the error from {before.rms:.3g} to {after.rms:.3g}{unit} and leave the rest"
 
     def _ranking(self) -> tuple[Ranked, ...]:
         rows = []

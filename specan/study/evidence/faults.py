@@ -323,8 +323,8 @@ def _not_set_anew(problem: Problem, o: TableObservation, slopes: Mapping[str, Ar
         return
     groups = o.replicate_group[:, None] == np.unique(o.replicate_group)
     text = (
-        "the repeats scatter less than setting is declared to: they were read without setting anew; say so in a "
-        "column 'setup'"
+        "the repeats scatter less than the declared scatter of setting: they were read without setting anew; say so in "
+        "a column 'setup'"
     )
     yield Fault("repeats not set anew", text, np.sqrt(variance)[:, None] * groups, (1.0,), lambda _: "")
 

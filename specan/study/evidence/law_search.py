@@ -184,7 +184,7 @@ def _variables(start: Refit) -> tuple[dict[str, Real], list[Spread]]:
     observations = start.problem.observations
     if not all(isinstance(o, TableObservation) for o in observations):
         raise RequestError(
-            "laws are searched for in tables only", expected="a measurement with one row an operating point"
+            "laws are searched for in tables only", expected="a measurement with one row per operating point"
         )
     if start.problem.n_data < LEAST_ROWS:
         raise RequestError(

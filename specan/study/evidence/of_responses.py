@@ -81,7 +81,7 @@ class OfResponses(Explanations):
         if self._growing or not sets or sets[0].ln_joint <= self._bare(self.forms[0]).ln_joint:
             return
         self._growing = True
-        self.progress("once more, with covariances about the field that was found")
+        self.progress("refitting with the covariance of the field found")
         done = {e.uses: e.tangent.problem.values_at(e.tangent.theta) for e in sets}
         base = with_covariances_about(self.near.base, sets[0].uses, done[sets[0].uses])
         likely = tuple(use for e in sets[:COMPARED] for use in e.uses)

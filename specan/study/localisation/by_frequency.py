@@ -50,7 +50,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
                     Block(where, name, rows.size, 0.0, p_value, 0.0, 0.0, size, unit, variables=words)
                 )
             else:
-                notes.append(f"nothing of the residual of {name} follows {' or '.join(inputs) or 'an input'}")
+                notes.append(f"the residual of {name} does not follow {' or '.join(inputs) or 'an input'}")
             if name in o.noise:
                 notes.append(f"the noise of {name} is {o.noise[name].words}")
             left = o.whiten(predicted - o.measured)[rows]

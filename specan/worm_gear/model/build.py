@@ -231,7 +231,7 @@ def complete(
         printed[OUT][derived] = (ratio * torque_in * printed[ETA])[derived]
         notes.append(f"{OUT} is worked out from {ETA} and {IN} in {derived.sum()} rows")
     idle = np.isnan(torque_in) & ~(torque_out > 0)
-    unspoken = "without load there is no efficiency to speak of"
+    unspoken = "without load efficiency is not defined"
     _refuse(idle, lambda k: unspoken, f"{IN} where the output torque is zero")
     _check_torques(torque_in, torque_out, ratio)
     _check_idle(torque_out, idle_below)

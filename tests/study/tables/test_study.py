@@ -306,7 +306,7 @@ def test_a_changed_effect_file_is_noticed_and_the_old_one_kept(study, tmp_path):
     add_effect(study, str(own))
     inside = study.directory / "effects" / "mine.py"
     inside.write_text(OWN + "# changed\n")
-    with pytest.raises(RequestError, match="was changed since it was taken in"):
+    with pytest.raises(RequestError, match="was changed since it was added"):
         Study(study.directory)
     Study(study.directory, effects=[inside])
     own.write_text(OWN + "# once more\n")

@@ -11,7 +11,7 @@ from specan.models import Parameter, effect
     at="wall",
     neutral={"conductance": 0.0},
     aliases=("porous-absorber", "panel-resonance"),
-    separate_by="a wide band: a porous layer takes more with frequency, a panel around its resonance only; "
+    separate_by="a wide band: a porous layer absorbs more with frequency, a panel around its resonance only; "
     "microphones near the wall",
     reference="Kuttruff, Room Acoustics, ch. 2 (locally reacting walls); surfaces in parallel add. A matched lining "
     "has a resistance of rho c to 2 rho c, a conductance of 0.5 to 1 (ibid., absorption near one)",
@@ -52,7 +52,7 @@ def _at(frequency, third_octave_hz, value):
     at="wall",
     neutral={"coverage": 0.0},
     aliases=("wall-impedance",),
-    separate_by="a wide band: the layer takes more with frequency",
+    separate_by="a wide band: the layer absorbs more with frequency",
     reference="Miki 1990, J. Acoust. Soc. Jpn. (E) 11, 19-24; valid for 0.01 < f / flow resistivity < 1",
 )
 def porous_absorber(
