@@ -116,7 +116,7 @@ def level_reference(unit: str, velocity: str = "1 nm/s") -> LevelReference:
     """Level reference of an SI unit (ISO 1683); 1 of that unit where the standard has none."""
     if unit == "m/s" and velocity == VELOCITY_50_NM_S.text:
         return VELOCITY_50_NM_S
-    return LEVEL_REFERENCES.get(unit, LevelReference(1.0, unit, f"1 {unit}"))
+    return LEVEL_REFERENCES.get(unit, LevelReference(1.0, unit, "1" if unit == "1" else f"1 {unit}"))
 
 
 @cache

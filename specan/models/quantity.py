@@ -41,7 +41,7 @@ class SettingError:
 
 @dataclass(frozen=True)
 class Condition:
-    """An operating condition: what the experimenter sets or reads, one value a row (or line).
+    """An operating condition: what the experimenter sets or reads, one value per row (or line).
 
     Attributes
     ----------

@@ -169,7 +169,7 @@ def test_a_faulty_effect_is_told_with_its_line(place):
     ("body", "said"),
     [
         ("size * x[:3]", r"m\.py, line 6: bend gives the shape \(3,\) for 'y', which has the shape"),
-        ("None", r"m\.py, line 6: bend gives None; expected one number a row"),
+        ("None", r"m\.py, line 6: bend gives None; expected one number per row"),
         ("size * np.log(x - 4)", r"m\.py, line 6: with the effect 'bend', .*'y' is not finite"),
         (
             "size * x**2 * np.random.rand()",
