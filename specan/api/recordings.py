@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, get_type_hints
 
 from specan.data.calibration import stated
 from specan.data.recording import Recording
@@ -423,11 +423,11 @@ def signed(function: Callable[..., Any]) -> Callable[..., Any]:
     if function.__name__ in SETTINGS:
         own = inspect.signature(function)
         known = [p for p in own.parameters.values() if p.kind is not p.VAR_KEYWORD]
+        kind = _kind(function.__name__)
+        hints = get_type_hints(kind)  # without the bounds of pydantic, which nobody reads in a tool tip
         more = [
-            inspect.Parameter(
-                name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=f.annotation
-            )
-            for name, f in _kind(function.__name__).model_fields.items()
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=hints[name])
+            for name, f in kind.model_fields.items()
             if name not in own.parameters
         ]
         function.__dict__["__signature__"] = own.replace(parameters=[*known, *more])
@@ -452,7 +452,7 @@ def _opened(recording: Source) -> Recording:
     if not isinstance(recording, Recording):
         raise RequestError(
             f"expected a Recording or the path of one file, found a {type(recording).__name__}",
-            remedy="of arrays: Recording.from_arrays",
+            remedy="use Recording.from_arrays for arrays",
         )
     return recording
 
