@@ -108,8 +108,8 @@ def fft(
     ] = "hann",
     overlap: float = 0.5,
     detrend: bool = True,
-    fmin_hz: float = 0.0,
-    fmax_hz: float | None = None,
+    fmin: float = 0.0,
+    fmax: float | None = None,
     weighting: Literal["A", "B", "C", "Z"] = "Z",
     whole: bool = False,
     averaging: Literal["linear", "exponential", "max", "min", "none"] = "linear",
@@ -133,7 +133,7 @@ def fft(
         Of the blocks.
     detrend : bool
         Take the mean out of each block.
-    fmin_hz, fmax_hz, start_s, stop_s : float
+    fmin, fmax, start_s, stop_s : float
         Range of the lines that are kept, and time section.
     weighting : {"A", "B", "C", "Z"}
         Of the magnitudes (IEC 61672-1:2013, annex E); A, B and C of sound pressure only. Phases stay.
@@ -166,8 +166,8 @@ def spectrogram(
     ] = "hann",
     overlap: float = 0.5,
     detrend: bool = True,
-    fmin_hz: float = 0.0,
-    fmax_hz: float | None = None,
+    fmin: float = 0.0,
+    fmax: float | None = None,
     weighting: Literal["A", "B", "C", "Z"] = "Z",
     columns: int = 1000,
 ) -> Spectrogram:
@@ -188,7 +188,7 @@ def spectrogram(
         Of the blocks.
     detrend : bool
         Take the mean out of each block.
-    fmin_hz, fmax_hz, start_s, stop_s : float
+    fmin, fmax, start_s, stop_s : float
         Range of the lines that are kept, and time section.
     weighting : {"A", "B", "C", "Z"}
         Of the magnitudes (IEC 61672-1:2013, annex E); A, B and C of sound pressure only. Phases stay.
