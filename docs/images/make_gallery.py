@@ -167,7 +167,6 @@ def page(entries: dict[str, list[Entry]]) -> str:
     """``docs/gallery.md``."""
     parts = [
         "# Gallery\n\nFigures that commands draw, with the commands. `--plot` also writes `.svg` and `.pdf`. "
-        "The pictures are made by `docs/images/make_gallery.py` from the sample data. "
         "[What the figures have in common](figures.md).\n"
     ]
     for section, rows in entries.items():
