@@ -208,6 +208,6 @@ def test_the_size_is_said_before_anything_is_computed(box, tmp_path):
         "72 tetrahedra",
         "unknowns",
         "0.9 x 0.6 x 0.7 m large",
-        "modes and answers of walls",
+        "modes and responses of walls",
     ):
         assert part in text

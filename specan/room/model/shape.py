@@ -78,7 +78,7 @@ def _notes(mesh: RoomMesh, degree: int, k_max: float, f_max_hz: float, name: str
     return (
         f"{name}: {len(mesh.tetrahedra)} tetrahedra of degree {degree}, {unknowns(mesh, degree)} unknowns; "
         f"{large} m large, {mesh.volume:.3g} m^3, {len(mesh.walls)} walls: {', '.join(mesh.walls)}",
-        f"up to {f_max_hz:.0f} Hz about {expected_vectors(mesh, k_max)} modes and answers of walls",
+        f"up to {f_max_hz:.0f} Hz about {expected_vectors(mesh, k_max)} modes and responses of walls",
     )
 
 
@@ -218,7 +218,7 @@ def _edge_under(mesh: RoomMesh, centre: Real, radius: float) -> float:
 
 
 def expected_vectors(mesh: RoomMesh, k_max: float) -> int:
-    """About how many modes and answers of walls a room is reduced to, by Weyl's law in it and on its walls."""
+    """About how many modes and responses of walls a room is reduced to, by Weyl's law in it and on its walls."""
     areas = np.array([triangle_areas(mesh.points, t).sum() for t in mesh.walls.values()])
     traces = (areas * k_max**2 / (4 * np.pi) + 4.2 * np.sqrt(areas) * k_max / (4 * np.pi) + 1).sum()
     return int(expected_modes(mesh, MARGIN * k_max) + traces)
