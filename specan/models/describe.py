@@ -95,7 +95,7 @@ def rig_template(model: Model, example: Mapping[str, Any]) -> str:
     --------
     >>> from specan.models.catalogue import example_model, example_rig
     >>> rig_template(example_model("worm-gear"), example_rig("worm-gear")).splitlines()[0]
-    '# What is known of a set-up of the model worm-gear. The numbers are an example: replace them with your own.'
+    '# Rig file of the model worm-gear. The numbers are an example: replace them with your own.'
     """
     import tomlkit
 
