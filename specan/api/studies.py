@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, TypeAlias, TypedDict, Union, Unpack
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Union, Unpack
 
 from specan.errors import RequestError
 from specan.io.output_file import check_output
@@ -359,7 +359,7 @@ def diagnose(study: Study | str | Path) -> Diagnosis:
 
 def _paths(given: Measured, place: Path, name: str) -> list[Path]:
     """Files of measured data; a data frame is written to one."""
-    whole = list(given) if isinstance(given, (list, tuple)) else [given]
+    whole: list[Any] = list(given) if isinstance(given, (list, tuple)) else [given]
     found = []
     for number, one in enumerate(whole, 1):
         if isinstance(one, (str, Path)):

@@ -28,6 +28,8 @@ from pathlib import Path
 from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from typing_extensions import TypedDict  # of pydantic, which takes no other before Python 3.12
 
 import specan
 from specan.errors import RequestError
@@ -45,6 +47,53 @@ FOLDER = ".kept"
 MOST_FILES = 12  # the oldest go
 _ARRAY = "float64 array"
 Kept = TypeVar("Kept")
+
+
+class _Error(TypedDict):
+    value: float | None
+    unit: str
+    metric: str
+
+
+class _OfObservable(TypedDict):
+    observable: str
+    rms: float | None
+    unit: str
+    n: int
+
+
+class _Parameter(TypedDict):
+    value: float | None
+    low: float | None
+    high: float | None
+    unit: str
+
+
+class _Hashes(TypedDict):
+    study: str
+    rig: str
+    files: dict[str, str]
+    effect_files: dict[str, str]
+
+
+class _Line(TypedDict):
+    """What is read of a line, beside what is only kept."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+    step: int
+    action: str
+    effect: str
+    because: str
+    model_effects: tuple[str, ...]
+    at_bound: tuple[str, ...]
+    fit_error: _Error
+    held_out_error: _Error | None
+    errors: dict[str, tuple[_OfObservable, ...]]
+    parameters: dict[str, _Parameter]
+    hashes: _Hashes
+    reduced_chi2: float | None
+    p_value: float | None
 
 
 @dataclass(frozen=True)
@@ -163,13 +212,18 @@ class History(Result):
             if not line.strip():
                 continue
             try:
-                content = json.loads(line)
-                content["model_effects"] = tuple(content["model_effects"])
-                content["at_bound"] = tuple(content["at_bound"])
-                steps.append(Step(**content))
-            except (ValueError, TypeError, KeyError) as fault:
-                self.ignored.append(f"{self.path}, line {number} is damaged ({fault}) and ignored")
+                steps.append(Step(**TypeAdapter[Any](_Line).validate_json(line)))
+            except (ValidationError, TypeError) as fault:
+                said = _said(fault) if isinstance(fault, ValidationError) else str(fault)
+                self.ignored.append(f"{self.path}, line {number} is damaged ({said}) and ignored")
         return steps
+
+
+def _said(fault: ValidationError) -> str:
+    """The first of what is wrong, after its place in the line."""
+    first = fault.errors()[0]
+    place = ".".join(str(part) for part in first["loc"])
+    return f"{place}: {first['msg']}" if place else first["msg"]
 
 
 @contextlib.contextmanager

@@ -393,6 +393,8 @@ def test_a_damaged_history_is_said_with_its_line_and_kept(study):
     commit(study.directory, None, before)
     assert path.read_text(encoding="utf-8") == before + '{"step": 1, "act\n' + before
     assert len(History(study.directory).steps) == 2
+    path.write_text(before.replace('"observable"', '"obervable"'), encoding="utf-8")
+    assert "errors.fit.0.observable: Field required" in History(study.directory).ignored[0]
 
 
 def test_a_directory_without_a_study_is_said(tmp_path):
