@@ -101,6 +101,8 @@ def test_a_table_of_transfer_functions(place):
 def test_every_value_of_the_residuals_says_its_line_and_part(place):
     noisy = written(place / "frf.csv", FREQUENCY, receptance(ThreeMasses(), FREQUENCY))
     run("study", "new", "s", "--model", TWO_MASS, "--measurement", "frf.csv", "--hold-out", "channel=x2")
+    with pytest.raises(RequestError, match="no row has channel = x3; expected one of x1, x2"):
+        run("study", "new", "t", "--model", TWO_MASS, "--measurement", "frf.csv", "--hold-out", "channel=x3")
     run("study", "compare", "s", "-o", "rows.csv")
     rows = pd.read_csv("rows.csv", comment="#").set_index(["channel", "part", "frequency"]).measured
     for channel, h in zip(("x1", "x2"), noisy, strict=True):

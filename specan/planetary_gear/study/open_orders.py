@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +67,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         wholes.append(_on_its_path(whole, wholes))
         statements += said
     files = (*wanted.measurements, *wanted.validations)
-    fitted, held_out = parted(zip(files, wholes, strict=True), wanted, partial(_label, model))
+    fitted, held_out = parted(zip(files, wholes, strict=True), wanted)
     together = joined(fitted)
     unseen = (replace(joined(held_out), learned=together),) if held_out else ()
     near, path, response = (f"{100 * part:.3g} %" for part in (known.near, known.path, known.response))
@@ -331,12 +330,3 @@ def _torque(recording: Recording, model: Model, known: OrderLines, file: DataFil
     if any(c.name == TORQUE for c in recording.channels):
         return float(np.mean(recording.read([recording.channel(TORQUE)])[0])), f"from the channel {TORQUE}"
     return known.torque, "as the rig file says"
-
-
-def _label(model: Model, labels: Iterable[str], given: str) -> str:
-    """The label that a key means: its name, the column of a condition, or the last word of its name."""
-    for name in labels:
-        condition = model.conditions.get(name)
-        if given in (name, name.rpartition("_")[2], condition.column if condition else name):
-            return name
-    return given

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 from specan.models import Condition
+from specan.study.observation import MeasuredFiles
 from specan.units import convert, is_compatible, printed_unit
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -127,10 +128,37 @@ def chosen(columns: Mapping[str, Column], where: str) -> NDArray[np.bool_]:
     return found
 
 
-def of_file(file: str | None, recordings: Sequence[str], recording: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Rows of a measurement; all where none is named."""
-    if file is None:
-        return np.ones(recording.size, dtype=bool)
-    if file not in recordings:
-        raise RequestError(f"no measurement {file!r}", remedy=nearest(file, recordings))
-    return np.array([one == file for one in recordings])[recording]
+def put_aside(
+    columns: Mapping[str, Column],
+    wanted: MeasuredFiles,
+    files: Sequence[str],
+    recording: NDArray[np.intp],
+    unseen: NDArray[np.bool_] | None = None,
+) -> NDArray[np.bool_]:
+    """Rows that are held out, each condition of one measurement or of all; a value stands for the nearest level.
+
+    Parameters
+    ----------
+    columns : mapping
+        What rows can be chosen by.
+    wanted : MeasuredFiles
+    files : sequence of str
+        Names of the measurements.
+    recording : array of int
+        Number of each row's measurement.
+    unseen : array of bool, optional
+        Rows of validations.
+
+    Raises
+    ------
+    RequestError
+        A measurement, column or level that is not there; or nothing is left to fit.
+    """
+    aside = np.zeros(recording.size, dtype=bool) if unseen is None else unseen
+    for file, where in wanted.hold_out:
+        if file not in (None, *files):
+            raise RequestError(f"no measurement {file!r}", remedy=nearest(file, files))
+        aside = aside | chosen(columns, where) & ((file is None) | (np.array(files)[recording] == file))
+    if np.all(aside):
+        raise RequestError("everything that was measured is held out", remedy="hold out less")
+    return aside

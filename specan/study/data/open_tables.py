@@ -6,13 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models import Model
 from specan.models.groups import grouped
 from specan.models.trial import try_model
-from specan.study.data.held_out import Column, chosen, of_file
+from specan.study.data.held_out import Column, put_aside
 from specan.study.data.operating_table import SCATTER, Rows, check_varied, join
 from specan.study.data.setpoints import grouping_of
 from specan.study.data.table_covariance import uncertainty
@@ -50,13 +49,9 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     rows = join([*fitted, *checked], model)
     if model.is_own:
         try_model(model, rows.conditions)
-    aside = rows.recording >= len(fitted)
-    for file, where in wanted.hold_out:
-        aside |= matching(rows, model, where, file)
-    if np.all(aside):
-        raise RequestError(
-            "all rows are held out", expected="some to fit", remedy="hold out fewer conditions"
-        )
+    columns = {model.conditions[name].column: _column(rows, model, name) for name in rows.conditions}
+    unseen = rows.recording >= len(fitted)
+    aside = put_aside(columns, wanted, rows.recordings, rows.recording, unseen)
     rows = rows.names_of_first(~aside)
     model = grouped(model, rows.groups)
     check_varied(rows.take(~aside), model)
@@ -77,21 +72,6 @@ def _read(file: DataFile, model: Model) -> Table:
         if isinstance(value, str) and column not in model.groups:
             raise RequestError(f"{file.name}: the condition {column!r} is {value!r}", expected="a number")
     return read_measurement(file, model)
-
-
-def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:
-    """Rows that meet a condition such as ``load=60,90``, ``load_kN=60..90`` or ``mass=55 kg``.
-
-    A value stands for the level nearest to it, as far as the scatter of setting allows; without a unit it is in that
-    of the tables.
-
-    Raises
-    ------
-    RequestError
-        No such column or level; what there is, is named.
-    """
-    columns = {model.conditions[name].column: _column(rows, model, name) for name in rows.conditions}
-    return chosen(columns, where) & of_file(file, rows.recordings, rows.recording)
 
 
 def _column(rows: Rows, model: Model, name: str) -> Column:

@@ -15,7 +15,7 @@ from specan.io.open import open_recording
 from specan.models import Condition, Model, Observable
 from specan.models.rates import TIME, Rates
 from specan.models.trial import try_model
-from specan.study.data.held_out import Column, chosen, of_file
+from specan.study.data.held_out import Column, put_aside
 from specan.study.data.recordings import reads as reads
 from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.time import TimeObservation
@@ -92,18 +92,12 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
             f"compared in {len(fitted)} pieces of {rates.window_s:g} s, each with its own start"
         )
     whole = _observation(model, fitted, noise)
-    aside = np.zeros(whole.n, dtype=bool)
     columns = {
         TIME: Column(whole.conditions[TIME], model.conditions[TIME], reach=lambda value: 0.0),
         "channel": Column(whole.observable),
     }
     files = tuple(one.file for one in fitted)
-    for file, where in wanted.hold_out:
-        aside |= chosen(columns, where) & of_file(file, files, np.asarray(whole.recording))
-    if np.all(aside):
-        raise RequestError(
-            "all samples are held out", expected="some to fit", remedy="hold out a shorter time"
-        )
+    aside = put_aside(columns, wanted, files, np.asarray(whole.recording))
     kept = whole.take(~aside) if np.any(aside) else whole
     held_out = [whole.take(aside)] if np.any(aside) else []
     held_out += [_observation(model, checked, noise)] if checked else []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -14,8 +14,8 @@ from scipy.stats import linregress
 from specan.arrays import Flags, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.errors import InputError, RequestError
-from specan.study.data.held_out import Column, chosen, of_file
+from specan.errors import InputError
+from specan.study.data.held_out import Column, put_aside
 from specan.study.observation import DataFile, MeasuredFiles, Observation
 
 ObservationT = TypeVar("ObservationT", bound=Observation)
@@ -37,16 +37,13 @@ def reads(path: Path) -> bool:
 def parted(
     wholes: Iterable[tuple[DataFile, ObservationT]],
     wanted: MeasuredFiles,
-    label_of: Callable[[Iterable[str], str], str] = lambda names, key: key,
 ) -> tuple[list[ObservationT], list[ObservationT]]:
     """What is fitted, and what is held out: ``channel=A 6``, ``third_octave_hz=200``, and all of validations.
-
-    `label_of` names the label that a key stands for.
 
     Raises
     ------
     RequestError
-        Nothing is left to fit; a key or a level that no measurement has.
+        See `put_aside`.
     """
     files = list(wholes)
     unseen = [whole for file, whole in files if file not in wanted.measurements]
@@ -55,13 +52,7 @@ def parted(
     sizes = [whole.n for whole in parts]
     names = [name for name in parts[0].labels if all(name in whole.labels for whole in parts)]
     columns = {name: Column(np.concatenate([whole.labels[name] for whole in parts])) for name in names}
-    aside = np.zeros(sum(sizes), dtype=bool)
-    for file_name, where in wanted.hold_out:
-        key, equals, text = where.partition("=")
-        found = chosen(columns, f"{label_of(names, key.strip())}{equals}{text}")
-        aside |= found & of_file(file_name, of, np.repeat(np.arange(len(of)), sizes))
-    if np.all(aside):
-        raise RequestError("everything that was measured is held out", remedy="hold out less")
+    aside = put_aside(columns, wanted, of, np.repeat(np.arange(len(of)), sizes))
     rows = list(zip(parts, np.split(aside, np.cumsum(sizes)[:-1]), strict=True))
     fitted = [whole.take(~out) for whole, out in rows if not np.all(out)]
     return fitted, [whole.take(out) for whole, out in rows if np.any(out)] + unseen

@@ -5,7 +5,8 @@ import pytest
 from open_tables import read_tables
 
 from specan.errors import InputError, RequestError
-from specan.study.data.open_tables import matching
+from specan.study.data.held_out import chosen
+from specan.study.data.open_tables import _column
 from specan.study.data.operating_table import grouping_of, join
 from specan.study.data.table_reader import read_measurement
 from specan.study.observation import DataFile
@@ -177,6 +178,10 @@ def test_a_condition_that_one_table_lacks_takes_the_rigs_value(tmp_path, tables,
     timed = {**whole, "elapsed_time_s": 60.0 * np.arange(24)}
     rows = join([one, read_file(tables.write_table(tmp_path / "c.csv", timed), gear)], gear)
     assert "elapsed_time" not in rows.conditions
+
+
+def matching(rows, model, where):
+    return chosen({model.conditions[n].column: _column(rows, model, n) for n in rows.conditions}, where)
 
 
 def test_rows_are_held_out_by_level(tmp_path, tables, gear):
