@@ -33,7 +33,8 @@ def test_an_odd_value_of_an_option_is_answered_or_refused(good) -> None:
 
 @pytest.mark.long
 def test_no_option_of_any_command_has_a_victim(good) -> None:
-    assert list(fuzz_commands.options(good, 1, 2)) == []
+    lines = list(fuzz_commands.tried(1, np.random.default_rng(2)))[1::3]
+    assert [fault for words in lines for fault in fuzz_commands.on_copies(good, words)] == []
 
 
 def test_damaged_studies_are_answered_or_refused(good) -> None:

@@ -91,7 +91,8 @@ def test_what_a_person_reads(begun):
     assert "The model does not fit" in text
     assert "fails" in text
     assert "specan study diagnose s" in text
-    text = specan("diagnose", "s").stdout
+    text = specan("diagnose", "s", "--plot", "d.pdf").stdout
+    assert Path("d.pdf").read_bytes().startswith(b"%PDF")
     assert "windage" in text.splitlines()[0]
     assert "Smallest detectable effects" in text
     assert specan("next", "s").stdout
@@ -209,3 +210,7 @@ def test_a_figure_without_anything_to_draw_costs_no_verdict():
     assert "No figure: no candidate was refitted" in found.stderr
     assert found.stdout.startswith("Nothing")
     assert not Path("d.png").exists()
+    ran = specan("next", "s", "--plot", "n.svg")
+    assert "No figure: no condition is proposed" in ran.output
+    assert "Written to" not in ran.output
+    assert not Path("n.svg").exists()

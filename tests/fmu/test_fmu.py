@@ -88,8 +88,8 @@ def test_the_check_of_a_model_takes_it(drive, monkeypatch, tmp_path):
 def test_a_study_names_the_effect_that_the_fmu_lacks(drive, tmp_path, monkeypatch):
     monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "config"))
     monkeypatch.chdir(tmp_path)
-    speed = np.geomspace(5, 300, 40)
-    noise = 0.005 * np.random.default_rng(4).standard_normal(40)
+    speed = np.geomspace(5, 300, 16)
+    noise = 0.005 * np.random.default_rng(4).standard_normal(16)
     measured = 1.1 + 0.25 * np.exp(-speed / 20) + noise
     rows = "\n".join(f"{n:.6g},{t:.6g}" for n, t in zip(speed, measured, strict=True))
     (tmp_path / "bench.csv").write_text("speed,torque\n" + rows + "\n", encoding="utf-8")

@@ -142,14 +142,14 @@ def test_scores_under_noise_that_follows_itself_as_by_its_whole_matrix():
 @pytest.mark.long
 @pytest.mark.parametrize(("disturbed", "coloured"), [(0.0, 0.0), (0.0, 0.95), (3.0, 0.0)])
 def test_intervals_hold_the_truth_beside_noise_that_follows_itself(disturbed, coloured):
-    """Monte Carlo: of 95 % intervals at least 88 % hold (three standard errors); those of white noise hold fewer."""
+    """Monte Carlo: of 95 % intervals at least 85 % hold (three standard errors); those of white noise hold fewer."""
     model = Model.from_rates(
         dx, dv, spring, damper, states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"},
         observables={"x": Signal("mm", 0.05)}, units={"spring": "N", "damper": "N"},
         parameters={"stiffness": (1e4, 1e3, 1e5, "N/m"), "damping": (20, 1, 200, "N*s/m"), "mass": (1, 0.1, 10, "kg")},
     )  # fmt: skip
     truth = {"spring.stiffness": 1e4, "damper.damping": 20.0, "dv.mass": 1.0}
-    held, as_white, recordings = [], [], 100
+    held, as_white, recordings = [], [], 40
     for seed in range(recordings):
         rng = np.random.default_rng([seed, int(disturbed), int(100 * coloured)])
         problem = base_problem(model, [observed(model, rng, disturbed, coloured)])

@@ -78,26 +78,9 @@ def study(tmp_path_factory) -> Path:
     return place / "s"
 
 
-@pytest.mark.parametrize(
-    ("kind", "verb"),
-    [
-        ("png", "compare"),
-        ("svg", "history"),
-        pytest.param("pdf", "diagnose", marks=pytest.mark.long),
-    ],
-)
+@pytest.mark.parametrize(("kind", "verb"), [("png", "compare"), ("svg", "history")])
 def test_studies_are_drawn(kind, verb, study, tmp_path):
     draw(kind, tmp_path, "study", verb, str(study))
-
-
-def test_where_no_condition_is_proposed_no_figure_is_promised(study, tmp_path):
-    figure = tmp_path / "figure.svg"
-    ran = CliRunner().invoke(
-        main, ["study", "next", str(study), "--plot", str(figure)], catch_exceptions=False
-    )
-    assert "No figure: no condition is proposed" in ran.output
-    assert "Written to" not in ran.output
-    assert not figure.exists()
 
 
 def test_a_changed_model_is_drawn(study, tmp_path):
