@@ -50,30 +50,20 @@ Kept = TypeVar("Kept")
 
 
 class _Error(TypedDict):
-    value: float | None
+    value: float
     unit: str
     metric: str
 
 
 class _OfObservable(TypedDict):
     observable: str
-    rms: float | None
+    rms: float
     unit: str
     n: int
 
 
 class _Parameter(TypedDict):
-    value: float | None
-    low: float | None
-    high: float | None
-    unit: str
-
-
-class _Hashes(TypedDict):
-    study: str
-    rig: str
-    files: dict[str, str]
-    effect_files: dict[str, str]
+    value: float
 
 
 class _Line(TypedDict):
@@ -81,7 +71,6 @@ class _Line(TypedDict):
 
     __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
 
-    step: int
     action: str
     effect: str
     because: str
@@ -91,9 +80,7 @@ class _Line(TypedDict):
     held_out_error: _Error | None
     errors: dict[str, tuple[_OfObservable, ...]]
     parameters: dict[str, _Parameter]
-    hashes: _Hashes
-    reduced_chi2: float | None
-    p_value: float | None
+    hashes: dict[str, str | dict[str, str]]
 
 
 @dataclass(frozen=True)

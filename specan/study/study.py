@@ -212,8 +212,8 @@ class Study:
         last, now = self.history.last, self.hashes
         if last is None:
             return True
-        own = last.hashes["effect_files"]
-        return any(last.hashes[k] != now[k] for k in ("study", "rig", "files")) or any(
+        own = last.hashes.get("effect_files", {})
+        return any(last.hashes.get(k) != now[k] for k in ("study", "rig", "files")) or any(
             own.get(name, sha256) != sha256 for name, sha256 in now["effect_files"].items()
         )
 
