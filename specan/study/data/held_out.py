@@ -156,7 +156,7 @@ def put_aside(
     """
     aside = np.zeros(recording.size, dtype=bool) if unseen is None else unseen
     for file, where in wanted.hold_out:
-        if file not in (None, *files):
+        if file is not None and file not in files:
             raise RequestError(f"no measurement {file!r}", remedy=nearest(file, files))
         aside = aside | chosen(columns, where) & ((file is None) | (np.array(files)[recording] == file))
     if np.all(aside):
