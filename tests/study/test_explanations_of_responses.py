@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from specan.study.selection.refits import Refit
 from tests.study.test_coarse import RIG, recorded
 
 
+@cache  # its fit takes longer than what is made of it
 def lined(wrong=0.0):
     """A lined wall that a model without one is far from, as it was fitted; `wrong` near 260 Hz at Mic 2."""
     model = load_model("room", RIG)
