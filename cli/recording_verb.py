@@ -208,14 +208,14 @@ class ResultDelivery(Delivery):
         from specan.io.limit_file import read_limits
         from specan.result import picked
 
-        kept = []
-        if limit is not None:
-            curve = read_limits(limit)
-            kept = found.keeps(curve)
-            drawn |= {} if drawn.get("view") else {"limits": curve}  # not over time
+        curve = None if limit is None else read_limits(limit)
+        kept = [] if curve is None else found.keeps(curve)
+        if curve is not None and not drawn.get("view"):  # over time none are drawn
+            drawn["limits"] = curve
         self.draw(found, **drawn)
         if self.output is not None:
             write_result(found, self.output, decimal=self.decimal)
+        label = "" if curve is None else curve.label
         limits = [picked(one, "channel passed excess_dB place compared") for one in kept]
 
         def show() -> None:
@@ -224,7 +224,6 @@ class ResultDelivery(Delivery):
             for one in kept:
                 distance = f"{abs(one.excess_dB):.2f} dB"
                 text = f"passed, margin {distance}" if one.passed else f"FAILED, {distance} beyond the limit"
-                label = "" if limit is None else limit.name
                 where = f"at {one.place} ({one.compared} compared)"
                 click.echo(f"Limits {label}: {one.channel}: {text} {where}")
 

@@ -36,12 +36,11 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
 
 def show(found: ProposedLaws, directory: Path) -> None:
     """The laws, what they do to the error, and what would distinguish them."""
+    from specan.report import study_sheets
     from specan.study.verdict import percent
 
     if not found.laws:
-        click.echo(
-            f"No law: noise explains the residuals ({percent(found.noise)}; {found.tried} laws tried)."
-        )
+        click.echo(f"{found.summary()}.")
         return
     count = len(found.laws)
     click.echo(
@@ -66,9 +65,7 @@ def show(found: ProposedLaws, directory: Path) -> None:
     for law in found.laws:
         click.echo(f"{law.name}: {law.text}")
         for name, p in law.parameters.items():
-            unit = "" if p["unit"] == "1" else f" {p['unit']}"
-            own = name.rpartition(".")[2]
-            click.echo(f"  {own} = {p['value']:.4g} ({p['low']:.4g} to {p['high']:.4g}){unit}")
+            click.echo(f"  {name.rpartition('.')[2]} = {study_sheets.value_text(p)}")
     click.echo(
         "(error after: RMS once it is added. cross-validated: each condition is predicted by a fit without it.)"
     )

@@ -77,7 +77,7 @@ def diagnose(
         return Diagnosis(
             "cannot-tell",
             f"{mistake.sentence}; correct it, and begin the study again",
-            lack_of_fit=LackOfFit(start.reduced, start.fit.p_value, problem.n_effective),
+            lack_of_fit=LackOfFit(start.fit.reduced_chi2, start.fit.p_value, problem.n_effective),
         )
     return told(OfResponses(near, progress), start)
 

@@ -97,7 +97,7 @@ class ProposedLaws(Result):
     def summary(self) -> str:
         """How many there are."""
         if not self.laws:
-            return f"no law: noise explains the residuals ({percent(self.noise)}; {self.tried} laws tried)"
+            return f"No law: noise explains the residuals ({percent(self.noise)}; {self.tried} laws tried)"
         return f"{counted(len(self.laws), 'law')} of {self.tried} tried"
 
     def columns(self) -> dict[str, Any]:

@@ -291,7 +291,7 @@ def test_a_receiver_that_stands_elsewhere_is_found_by_its_own_rows(model):
     true = {f"microphone-position@Mic 2.{name}": value for name, value in away.items()}
     problem = base_problem(model, [recorded(model, ["microphone-position@Mic 2"], true)])
     base = Refit(frozenset(), problem, describe(problem, problem.start({})))
-    assert base.reduced > 1.5
+    assert base.fit.reduced_chi2 > 1.5
     uses = [c.use for c in candidates(problem)[0]]
     found = displaced(base, uses)
     assert [str(use) for use in found] == ["microphone-position@Mic 2"]

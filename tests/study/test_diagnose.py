@@ -302,7 +302,7 @@ def test_repeats_that_gave_the_noise_are_no_lack_of_fit(toy):
     spent = problem.over([replace(problem.observations[0], noise_dof=24.0, pure_error_dof=24.0)])
     plain, careful = (Refit(frozenset(), p, fit(p)) for p in (problem, spent))
     assert careful.dof == plain.dof - 24
-    assert careful.reduced == pytest.approx((plain.fit.chi2 - 24) / (plain.dof - 24))
+    assert careful.fit.reduced_chi2 == pytest.approx((plain.fit.chi2 - 24) / (plain.dof - 24))
 
 
 def test_law_of_a_power(toy):

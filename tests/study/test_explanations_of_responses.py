@@ -55,9 +55,9 @@ def test_what_is_said_of_the_model_is_said_of_the_fit_that_is_shown(monkeypatch)
     theta = start.fit.theta + 0.1 * start.problem.scale
     elsewhere = replace(start, fit=describe(start.problem, theta))
     verdict = told(OfResponses(InitialFit(elsewhere)), start)
-    assert elsewhere.reduced != pytest.approx(start.reduced, rel=0.01)
+    assert elsewhere.fit.reduced_chi2 != pytest.approx(start.fit.reduced_chi2, rel=0.01)
     assert verdict.verdict == "unknown-effect"
-    assert verdict.lack_of_fit.reduced_chi2 == start.reduced
+    assert verdict.lack_of_fit.reduced_chi2 == start.fit.reduced_chi2
     off = np.concatenate(start.problem.plain(start.fit.theta)) - start.problem.observations[0].measured
     assert verdict.error.before.rms == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-6)
 

@@ -41,7 +41,7 @@ def test_predictions_and_separation_are_those_of_the_fits(toy):
         theta = [refit.fit.values[n] for n in ("line.offset", "line.slope", f"{name}.c")]
         assert first.predictions[name] == pytest.approx(rows[name] @ theta, rel=1e-6)
         gap.append(first.predictions[name])
-        variance += rows[name] @ (refit.fit.covariance * refit.dispersion) @ rows[name]
+        variance += rows[name] @ (refit.fit.covariance * refit.fit.dispersion) @ rows[name]
     assert first.sigma == pytest.approx(1.0)
     assert first.separation_sigma == pytest.approx(abs(gap[0] - gap[1]) / np.sqrt(variance), rel=1e-4)
 

@@ -192,7 +192,7 @@ def test_the_proposed_place_is_the_one_that_separates_most(rivals, model):
     places = free_places(receivers_of(model).rig)
     best = propose_places(rivals, np.array([0.5, 0.5]), 1)[0]
     views = _views(rivals, places)
-    covariances = [r.fit.covariance * r.dispersion for r in rivals]
+    covariances = [r.fit.covariance * r.fit.dispersion for r in rivals]
     each = [np.sqrt(_separations(views, covariances, k)[0, 1]) for k in range(len(places))]
     assert best.separation_sigma == pytest.approx(max(each))
     assert list(best.conditions.values()) == pytest.approx(places[int(np.argmax(each))].tolist())

@@ -34,8 +34,7 @@ class Assigned:
     @property
     def said(self) -> tuple[str, ...]:
         """The lines of the header as a sentence has them."""
-        said = (line.removeprefix("calibration: ") for line in self.header)
-        return tuple("none, nominal sensitivities" if line == "none" else line for line in said)
+        return tuple(line.removeprefix("calibration: ") for line in self.header)
 
 
 def _is_calibrator(entry: Input) -> bool:

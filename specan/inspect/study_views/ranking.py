@@ -14,6 +14,7 @@ from specan.inspect.look import notice
 from specan.inspect.plots import plain
 from specan.models import Use
 from specan.models.effect import ParameterName
+from specan.report import study_sheets
 from specan.report.html_page import bar, table
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked, percent
@@ -93,15 +94,8 @@ class Ranking:
                 parts.append(f"<p><i>Source:</i> {escape(effect.reference)}</p>")
         ranked = self._ranked.get(uses)
         if ranked is not None:
-            rows = [
-                [ParameterName(n).own, f"{p['value']:.3g}", f"{p['low']:.3g} to {p['high']:.3g}", p["unit"]]
-                for n, p in ranked.parameters.items()
-            ]
-            parts.append(table(["Parameter", "value", "95 %", "unit"], rows))
-            if ranked.at_bound:
-                parts.append("<p>A parameter is at the end of its domain.</p>")
-            if not ranked.plausible:
-                parts.append("<p>These values are not plausible.</p>")
+            sheet = study_sheets.parameters(ranked.parameters)
+            parts.append(table(sheet.header, [[ParameterName(name).own, *row] for name, *row in sheet.rows]))
         self.explanation.text = "".join(parts)
 
     # --- parts of the list ------------------------------------------------------------------------

@@ -92,7 +92,7 @@ def propose_places(rivals: Sequence[Refit], weights: Array, count: int) -> list[
     if not places.size:
         return []
     views = _views(rivals, places)
-    covariances = [r.fit.covariance * r.dispersion for r in rivals]
+    covariances = [r.fit.covariance * r.fit.dispersion for r in rivals]
     left, found = set(range(len(places))), []
     for _ in range(min(count, len(places))):
         gains = {k: _separations(views, covariances, k) for k in left}

@@ -139,7 +139,7 @@ def _greedy(rivals: Sequence[Refit], weights: Real, planned: TableObservation, c
     predicted = np.stack([problem.predictions(theta)[0] for problem, theta in there])
     usable = np.all(np.isfinite(predicted), axis=0)
     slopes = [np.asarray(problem.jacobian(theta)[: planned.n]) for problem, theta in there]
-    covariances = [r.fit.covariance * r.dispersion for r in rivals]
+    covariances = [r.fit.covariance * r.fit.dispersion for r in rivals]
     place = _places(rivals[0].problem, planned.conditions)
     found: list[Proposal] = []
     while len(found) < count and np.any(usable):

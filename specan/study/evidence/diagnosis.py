@@ -118,7 +118,9 @@ class _Telling:
             or self._reached_once,
             probabilities=tuple(self._probabilities()),
             ranking=rows,
-            lack_of_fit=LackOfFit(self.given.reduced, self.given.fit.p_value, self.problem.n_effective),
+            lack_of_fit=LackOfFit(
+                self.given.fit.reduced_chi2, self.given.fit.p_value, self.problem.n_effective
+            ),
             model_discrepancy_percent=float(self.problem.assembly.model.rig.discrepancy_percent),
             fails_at=tuple(block.as_dict() for block in fails_at[:MOST_TOLD]),
             residual_law=law and {"text": law.text_with_values, "quantity": law.quantity},
@@ -328,10 +330,10 @@ def _names(sets: Sequence[Stated]) -> str:
 
 def too_good(base: Refit) -> str:
     """A remark where the data scatter less than their uncertainty says: then nothing small is seen."""
-    if not base.reduced < TOO_GOOD or base.dof < ENOUGH:
+    reduced = base.fit.reduced_chi2
+    if not reduced < TOO_GOOD or base.dof < ENOUGH:
         return ""
     return (
-        f"reduced chi-square {base.reduced:.2f}: the stated uncertainty is {1 / np.sqrt(max(base.reduced, 1e-4)):.1f} "
-        "times the scatter, so that small effects cannot be detected. Different conditions may have been "
+        f"reduced chi-square {reduced:.2f}: the stated uncertainty is {1 / np.sqrt(max(reduced, 1e-4)):.1f} times the scatter, so that small effects cannot be detected. Different conditions may have been "
         "taken for repeats, or the declared model discrepancy or uncertainty is too large"
     )

@@ -109,7 +109,7 @@ class OfResponses(Explanations):
     @property
     def _far(self) -> bool:
         """Whether the base is so far off that a promise tells which effects make what it lacks, and no more."""
-        return self.problem.strategy.many_minima and self.near.base.reduced > POOR_FIT
+        return self.problem.strategy.many_minima and self.near.base.fit.reduced_chi2 > POOR_FIT
 
     # --- what may be added -------------------------------------------------------------------------
 
@@ -149,7 +149,9 @@ class OfResponses(Explanations):
             refit.fit, residual=part.residual(tangent.theta), jacobian=part.jacobian(tangent.theta)
         )
         before = self._catalogues.get(frozenset())
-        catalogue = Catalogue(part, here, worth, before, anew=self.near.base.poor_fit and refit.reduced > 1)
+        catalogue = Catalogue(
+            part, here, worth, before, anew=self.near.base.poor_fit and refit.fit.reduced_chi2 > 1
+        )
         if not one.uses:
             one.form.catalogue = catalogue
         self._catalogues[one.uses] = catalogue

@@ -72,7 +72,7 @@ def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> Initial
 
     Single effects are fitted to few, uncertain lines; those that come near, to all lines.
     """
-    if not start.problem.strategy.linearised_covariance or start.reduced < POOR_FIT:
+    if not start.problem.strategy.linearised_covariance or start.fit.reduced_chi2 < POOR_FIT:
         return InitialFit(start)
     refits = _singles(start.problem, progress)
     base, near = refits.base, _nearest(refits)
@@ -88,7 +88,7 @@ def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> Initial
         tuple(use for uses in order for use in uses),
         {uses: values for uses, (_, values) in led.items()},
         order[0],
-        near.reduced,
+        near.fit.reduced_chi2,
     )
 
 

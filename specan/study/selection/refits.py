@@ -80,19 +80,9 @@ class Refit:
         return self.fit.dof - self.problem.pure_error_dof
 
     @property
-    def reduced(self) -> float:
-        """Mean square of the lack of fit in units of the noise."""
-        return self.fit.reduced_chi2
-
-    @property
     def poor_fit(self) -> bool:
         """Whether it is so far from peaks that nothing may be concluded from its parameters."""
-        return self.problem.strategy.continuation and self.reduced > POOR_FIT
-
-    @property
-    def dispersion(self) -> float:
-        """The reduced chi-square, never below one."""
-        return self.fit.dispersion
+        return self.problem.strategy.continuation and self.fit.reduced_chi2 > POOR_FIT
 
     def bic(self, dispersion: float) -> float:
         """Chi-square in units of `dispersion` plus the price of the added parameters."""
@@ -100,7 +90,9 @@ class Refit:
 
     def promised(self, item: Scored) -> float:
         """Change of BIC that a signature promises."""
-        return -item.chi2_reduction / self.dispersion + item.count * float(np.log(self.problem.n_effective))
+        return -item.chi2_reduction / self.fit.dispersion + item.count * float(
+            np.log(self.problem.n_effective)
+        )
 
 
 @dataclass(eq=False)
@@ -154,7 +146,7 @@ class Refits:
         known = [dict(self.known[uses])] if uses in self.known else []
         starts = known or self._continuation_start(start, problem, uses, starts) or starts
         near = self._nearer(problem, start, starts)
-        far = not start.uses or self._whole(start).reduced > POOR_FIT
+        far = not start.uses or self._whole(start).fit.reduced_chi2 > POOR_FIT
         if problem.strategy.many_minima and far:
             # beside an effect the rest of the machine is known better than from afar
             scattered = scattered_starts(problem, start.fit.values, uses - start.uses)

@@ -90,6 +90,6 @@ def _led(
     for use, part in own.items():
         before, after = (float(x[rows[use]] @ x[rows[use]]) for x in (start, here))
         gain = before - after
-        if gain > EXPLAINS * (before - min(refit.reduced, 1.0) * rows[use].size):
+        if gain > EXPLAINS * (before - min(refit.fit.reduced_chi2, 1.0) * rows[use].size):
             out[use] = Displaced({problem.names[k]: float(theta[k]) for k in part}, gain)
     return out

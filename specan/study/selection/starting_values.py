@@ -82,7 +82,7 @@ def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
     """The model without what is new on a down-weighted view; on a subsample where that view is met already."""
     view = down_weighted(lean, values=values)
     seen = Refit(frozenset(), view, fit(view, start=values))
-    if seen.reduced > 1:
+    if seen.fit.reduced_chi2 > 1:
         return seen
     near = about(lean, lean.assembly, values)
     theta = descend_steps(near, near.start(values), JACOBIANS)
