@@ -334,6 +334,7 @@ def too_good(base: Refit) -> str:
     if not reduced < TOO_GOOD or base.dof < ENOUGH:
         return ""
     return (
-        f"reduced chi-square {reduced:.2f}: the stated uncertainty is {1 / np.sqrt(max(reduced, 1e-4)):.1f} times the scatter, so that small effects cannot be detected. Different conditions may have been "
-        "taken for repeats, or the declared model discrepancy or uncertainty is too large"
+        f"reduced chi-square {reduced:.2f}: the stated uncertainty is {1 / np.sqrt(max(reduced, 1e-4)):.1f} times the "
+        "scatter, so that small effects cannot be detected. Different conditions may have been taken for repeats, or "
+        "the declared model discrepancy or uncertainty is too large"
     )
