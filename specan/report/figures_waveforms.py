@@ -77,13 +77,9 @@ def figure_waveforms(
     left_out = f"{len(shown)} of {len(usable)} channels. " if len(shown) < len(usable) else ""
     scales = ", ".join(f"±{end:.3g} {unit}" for unit, end in reach.items())
     about = f"Full height of a strip: {scales}. " if scales else ""
-    long = any(
-        (stop - start) * c.sampling_rate > 2 * COLUMNS for c, (start, stop) in zip(shown, ends, strict=True)
-    )
-    extremes = "From the lowest to the highest sample of each column." if long else ""
     if (said := recording.calibration_of([c.name for c in shown])) != "none":
         remark(figure, f"Calibration: {said}")
-    heading(figure, recording.label or "Waveforms", left_out + about + extremes)
+    heading(figure, recording.label or "Waveforms", left_out + about)
     return figure
 
 
