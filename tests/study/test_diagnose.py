@@ -127,7 +127,7 @@ def test_what_a_named_effect_leaves_is_told(toy):
     truth = lambda x, z: 20 * x**2 + 6 * np.cos(3 * z)  # noqa: E731
     found = diagnose(toy.problem(truth, ["square", "cross"], seed=7))
     assert found.unknown_possible
-    assert "square would take the error from 7.9" in found.reason
+    assert "square would reduce the error from 7.9" in found.reason
 
 
 def test_three_effects_are_one_unknown(toy):
