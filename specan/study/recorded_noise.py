@@ -17,6 +17,7 @@ from specan.study.estimation.levenberg_marquardt import best_screened, descend
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.promises import Catalogue, Promise
+from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
 
@@ -68,7 +69,7 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, Ca
         if best.chi2 >= reached.chi2:
             break
         largest, reached = more, best
-    residual = problem.split(reached.residual[: problem.n_data])
+    residual = problem.split(unspoilt(largest, reached.theta, reached.residual[: problem.n_data]))
     noisy: list[TimeObservation] = []
     for o, left in zip(problem.observations, residual, strict=False):
         assert isinstance(o, TimeObservation)

@@ -129,6 +129,25 @@ def test_what_lies_in_few_samples_is_no_noise(model, runs_away):
     assert runs_away or diagnose(base_problem(model, [left])).verdict == "nothing-missing"
 
 
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (
+            lambda x, t: x + 0.2 * np.sin(2 * np.pi * 50.04 * t) + 0.1 * np.sin(2 * np.pi * 150.12 * t),
+            "at 50 Hz and multiples",
+        ),
+        (lambda x, t: np.minimum(x, np.quantile(x, 0.98)), "rests on its largest value"),
+    ],
+)
+def test_hum_and_samples_that_were_cut_off_are_faults_of_the_data(model, spoil, words):
+    seen = observed(model, np.random.default_rng(4), 0.0, 0.0, size=2e7)
+    spoilt = replace(seen, measured=spoil(seen.measured, np.arange(COUNT) / RATE))
+    found = diagnose(base_problem(model, [spoilt]))
+    assert found.verdict == "faulty-data"
+    assert words in found.reason
+    assert "cubic-spring" in found.alternatives[0]
+
+
 def test_scores_under_noise_that_follows_itself_as_by_its_whole_matrix():
     """J'(R - 1)J with R = 0.9^|i - j|, two chains."""
     columns = np.random.default_rng(1).standard_normal((300, 2))

@@ -33,6 +33,7 @@ from specan.study.evidence.form_errors import FORMS, FormErrors, OverConditions
 from specan.study.evidence.marginal import Columns, Marginal, Tangent
 from specan.study.evidence.noise import Autoregression, Rough, autoregressions, chains_of, scatter
 from specan.study.evidence.promises import Catalogue, Promise
+from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
 from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import without
@@ -482,7 +483,10 @@ class Explanations:
             # of recordings each explanation's own: samples that follow each other closely foretell what is missing
             of = one if self._bends else largest
             if one.kind != "unknown":
-                forms = autoregressions(chains, of.tangent.residual, self._bends)
+                left = of.tangent.residual
+                if self._bends:
+                    left = unspoilt(of.tangent.problem, of.tangent.theta, left)
+                forms = autoregressions(chains, left, self._bends)
                 self.found += [self._under(one, noise) for noise in forms]
             self.found += self._scattered(one)
 
@@ -539,7 +543,7 @@ class Explanations:
     def _top(self, most: int) -> list[Explanation]:
         found = [e for e in self.found if e.kind in ("nothing", "effects") and e.fitted]
         found.sort(key=lambda e: -e.ln_joint)
-        return [e for k, e in enumerate(found) if k < most or not (e.uses or e.form.parts)]
+        return [e for k, e in enumerate(found) if k < most or not (e.uses or e.noise)]
 
     def largest_errors_of_form(self, one: Explanation) -> float:
         """Probability that the equations of a set are off by as much as is thought possible."""

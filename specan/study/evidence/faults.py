@@ -9,29 +9,39 @@ over.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from scipy.special import betaln, logsumexp
 
 from specan.arrays import Flags
+from specan.errors import ComputationError
+from specan.models.effect import Use
 from specan.models.quantity import Condition
 from specan.result import first_of, gathered
-from specan.study.data.setpoints import MOST_LEVELS, TIME, round_step
+from specan.study.data.setpoints import MOST_LEVELS, TIME, grouping_of, round_step
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal, Tangent
+from specan.study.evidence.spoilt_samples import spoilt
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
+from specan.study.observation.time import TimeObservation
 from specan.units import convert, printed_unit
 
-# Deviations of what is not known, summed over: of what the model predicts; and of a scale without a zero, in its usual
-# uncertainties of setting.
+# Deviations of what is not known, summed over: of what the model predicts; and of a condition, in uncertainties of
+# setting.
 SIZES = (0.003, 0.01, 0.03, 0.1, 0.3)
 OF_A_SETTING = (1.0, 3.0, 10.0, 30.0)
 PLACES = 200  # rows from which on something may differ, or values above which, that are tried
 MOST_LINES = 6  # that a sentence names
 LEAST_ROWS = 3  # on either side of such a row
-WARM_UP = (0.05, 0.15)  # of the whole measurement, over which first rows settle
+STEPS = 6  # that are taken to where a condition would be
+IN_REACH = 0.5  # of ln of the likeliest fault, from which steps are taken: a straight line may tell of half
+# Of the whole measurement, after which a temperature has followed losses.
+LAGS = (0.003, 0.01, 0.03, 0.1, 0.3)
+WARM_UP = (0.02, 0.05, 0.15)  # of the whole measurement, over which first rows settle
 
 Words = Callable[[Array], str]
 
@@ -53,7 +63,9 @@ class Fault:
     in_words : callable, optional
         What follows the text for given coefficients; by default the size in the readings.
     ln_known : float
-        ln of the evidence of a fault without columns.
+        ln of the evidence beside what its columns make of it.
+    moves : tuple of str and array (n, k), optional
+        A condition, and by how much coefficients of one change it: a straight line may not lead there.
     """
 
     name: str
@@ -62,6 +74,7 @@ class Fault:
     sizes: tuple[float, ...] = SIZES
     in_words: Words | None = None
     ln_known: float = 0.0
+    moves: tuple[str, Array] | None = None
 
     def of_size(self, problem: Problem, coefficients: Array) -> Fault:
         """The same with its size in words: by how much it changes the readings of the observable that it shows in."""
@@ -110,13 +123,16 @@ class Faults:
             gains, coefficients = marginal.one_by_one(self._white[sizes], np.array(sizes))
             likeliest, means = np.argmax(gains, axis=0), _mean(gains)
             for j, k in enumerate(own):
-                found[k] = float(means[j]), coefficients[[likeliest[j]], j]
+                found[k] = self.all[k].ln_known + float(means[j]), coefficients[[likeliest[j]], j]
         for k, white in self._several.items():
             gains, each = marginal.beside(white, np.array(self.all[k].sizes))
-            found[k] = float(_mean(gains)), each[int(np.argmax(gains))]
+            found[k] = self.all[k].ln_known + float(_mean(gains)), each[int(np.argmax(gains))]
+        most = max(gain for gain, _ in found.values())
         told = []
         for own in gathered((one.name, k) for k, one in enumerate(self.all)).values():
             best = max(own, key=lambda k: found[k][0])
+            if self.all[best].moves and found[best][0] > max(IN_REACH * most, 0.0):
+                found[best] = _followed(marginal, self.all[best], found[best])
             gain = float(_mean(np.array([found[k][0] for k in own])))
             told.append((gain, self.all[best].of_size(self.problem, found[best][1])))
         return told
@@ -125,6 +141,42 @@ class Faults:
 def _mean(ln: Array) -> Array:
     """ln of the mean over the first axis."""
     return np.asarray(logsumexp(ln, axis=0) - np.log(ln.shape[0]))
+
+
+def _followed(marginal: Marginal, fault: Fault, found: tuple[float, Array]) -> tuple[float, Array]:
+    """ln of the evidence that a fault of a condition adds, and its coefficients, after steps as a fit takes them."""
+    assert fault.moves is not None
+    (name, course), tangent = fault.moves, marginal.tangent
+    problem, rows = tangent.problem, tangent.residual.size
+    at, least = np.concatenate([tangent.theta, np.zeros(course.shape[1])]), 2 * tangent.chi2
+    size = tangent.theta.size
+    new = np.concatenate([marginal.shifted(problem.whiten(fault.columns), found[1]), found[1]])
+    for _ in range(STEPS):
+        there = _moved(problem, name, course @ new[size:])
+        residual = np.full(rows, np.inf)
+        with suppress(ComputationError):  # no machine runs there
+            residual = there.residual(new[:size])
+        if not residual @ residual < least:
+            new = (new + at) / 2
+            continue
+        at, least = new, float(residual @ residual)
+        theta, coefficients = at[:size], at[size:]
+        white = problem.whiten(_slope(there, theta, name)[:, None] * course)
+        straight = residual[:rows] - white @ coefficients
+        one = Tangent.at(problem, theta, straight, there.jacobian(theta)[:rows])
+        beside = Marginal(reduce(Tangent.with_noise, tangent.noises, one), marginal.columns)
+        gains, each = beside.beside(white, np.array(fault.sizes))
+        coefficients = each[int(np.argmax(gains))]
+        found = beside.ln_evidence - marginal.ln_evidence + float(_mean(gains)), coefficients
+        new = np.concatenate([beside.shifted(white, coefficients), coefficients])
+    return found
+
+
+def _moved(problem: Problem, name: str, by: Array | float) -> Problem:
+    """A problem whose condition is another by so much."""
+    (o,) = problem.observations
+    conditions = {**o.conditions, name: o.conditions[name] + by}
+    return problem.over([replace(o, conditions=conditions, series=None, position=None)])
 
 
 def sizes_of(problem: Problem, predicted: Array) -> tuple[Array, Array]:
@@ -162,9 +214,10 @@ def faults(tangent: Tangent, predicted: Array) -> Iterator[Fault]:
     yield from _of_readings(problem, first, predicted)
     if first.kind != "table":  # samples are no set-points
         return
-    slopes = {name: _slope(tangent, first, name) for name in _conditions(problem, first)}
+    slopes = {name: _slope(problem, tangent.theta, name) for name in _conditions(problem, first)}
     for name, slope in slopes.items():
-        yield from _of_condition(problem, first, name, slope)
+        yield from _of_condition(tangent, first, name, slope)
+    yield from _of_machine(tangent, first)
     yield from _not_set_anew(problem, first, slopes)
     yield from _copies(tangent, first)
 
@@ -175,6 +228,9 @@ def faults(tangent: Tangent, predicted: Array) -> Iterator[Fault]:
 def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Iterator[Fault]:
     """A zero or a gain of one observable that is not the same in all rows, or readings that are off."""
     relative, level = sizes_of(problem, predicted)
+    samples = spoilt(o, o.measured - predicted) if isinstance(o, TimeObservation) else ()
+    for name, text, shape, tried in samples:
+        yield Fault(name, text, level[:, None] * shape, ln_known=-tried)
     for observable, rows in problem.observable_rows.items():
         unit = printed_unit(problem.assembly.model.observables[observable].unit)
         ranges = _ranges(observable, unit, rows, np.abs(predicted)) if o.kind == "table" else ()
@@ -189,15 +245,11 @@ def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Ite
 
 def _courses(o: TableObservation) -> Iterator[tuple[str, str, Array]]:
     """Name, sentence and course over the rows of what goes with their order."""
-    row = _order(o)
-    time = np.asarray(o.conditions.get(TIME, row), float)
-    if np.ptp(time) > 0:
-        u = (time - time.min()) / np.ptp(time)
-        text = "the {} of the readings drifts with the order of the rows"
-        yield "drift of the {}", text, (u - 0.5)[:, None]
-        text = "the first rows differ from the others and settle, as while warming up"
-        for share in WARM_UP if o.kind == "table" else ():  # of a recording what its start leaves settles too
-            yield "first rows", text, np.exp(-u / share)[:, None]
+    text = "the {} of the readings drifts with the order of the rows"
+    yield "drift of the {}", text, (_elapsed(o) - 0.5)[:, None]
+    text = "the first rows differ from the others and settle, as while warming up"
+    for share in WARM_UP if o.kind == "table" else ():  # of a recording what its start leaves settles too
+        yield "first rows", text, np.exp(-_elapsed(o) / share)[:, None]
     for line, after in _from_a_row_on(o):
         text = f"the {{}} of the readings differs from {line} on"
         yield "{} from a row on", text, after[:, None].astype(float)
@@ -241,25 +293,22 @@ def _conditions(problem: Problem, o: TableObservation) -> Iterator[str]:
             yield name
 
 
-def _slope(tangent: Tangent, o: TableObservation, name: str) -> Array:
+def _slope(problem: Problem, theta: Array, name: str) -> Array:
     """Derivative of the prediction by a condition."""
-    x = o.conditions[name]
+    x = problem.observations[0].conditions[name]
     step = 1e-3 * max(float(np.ptp(x)), 0.1 * float(np.abs(x).max()), 1e-9)
-    ends = []
-    for side in (1, -1):
-        moved = replace(o, conditions={**o.conditions, name: x + side * step}, series=None, position=None)
-        ends.append(tangent.problem.over([moved]).predictions(tangent.theta)[0])
+    ends = [_moved(problem, name, side * step).predictions(theta)[0] for side in (1, -1)]
     slope = (ends[0] - ends[1]) / (2 * step)
     return np.where(np.isfinite(slope), slope, 0.0)
 
 
-def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array) -> Iterator[Fault]:
+def _of_condition(tangent: Tangent, o: TableObservation, name: str, slope: Array) -> Iterator[Fault]:
     """A condition that is not what the table says: at some levels, from a row on, or everywhere."""
+    problem = tangent.problem
     condition, x = problem.assembly.model.conditions[name], o.conditions[name]
-    words, setting = condition.words, condition.setting
-    scale, sizes = (setting.absolute, OF_A_SETTING) if setting.absolute else (x, SIZES)
-    change = slope * scale
-    if not np.any(change):
+    words, setting = condition.words, grouping_of(problem.assembly.model, condition)
+    scale = np.asarray(setting.at(x))
+    if not np.any(slope * scale):
         return
 
     def fault(kind: str, text: str, course: Array | Flags) -> Fault:
@@ -271,22 +320,54 @@ def _of_condition(problem: Problem, o: TableObservation, name: str, slope: Array
             read, true = float(x[at]), float(x[at] + off[at])
             return f": where it says {_shown(condition, read)} it would be {_shown(condition, true)}"
 
-        return Fault(f"{words} {kind}", text, change[:, None] * own, sizes, in_words)
+        by = np.broadcast_to(scale, (o.n,))[:, None] * own
+        return Fault(f"{words} {kind}", text, slope[:, None] * by, OF_A_SETTING, in_words, moves=(name, by))
 
     unit = printed_unit(condition.column_unit)
     for level, rows in levels_of(condition, o).items():
         yield fault("of a level", f"the {words} of the rows at {f'{level:g} {unit}'.rstrip()} is off", rows)
     for line, rows in _from_a_row_on(o):
         yield fault("from a row on", f"the {words} differs from {line} on", rows)
-    if setting.absolute and np.ptp(x) > 0:
+    if condition.setting.absolute and np.ptp(x) > 0:
+        text = f"the {words} of the first rows is not the one that acts, as while warming up"
+        for share in WARM_UP:
+            yield fault("of the first rows", text, np.exp(-_elapsed(o) / share))
         text = f"the {words} is not the one that acts, its sensor may be in another place"
         # Any course of the difference over the condition would imitate every effect that this condition could carry.
         # Where the sensor says that it stays as it is, no effect goes with it: then it may go anywhere in time.
-        course = np.column_stack([np.ones(o.n), (x - x.mean()) / x.std()])
+        course, further = np.column_stack([np.ones(o.n), (x - x.mean()) / x.std()]), [np.zeros((o.n, 0))]
         if condition.column not in o.labels:
-            steps = [after for _, after in _from_a_row_on(o)]
-            course = np.column_stack([np.ones(o.n), *(after / np.sqrt(len(steps)) for after in steps)])
-        yield fault("of another place", text, course)
+            steps = np.array([after for _, after in _from_a_row_on(o)])
+            further = [steps.T / np.sqrt(len(steps)), *_rises(tangent, o)]
+        for more in further:
+            yield fault("of another place", text, np.hstack([course, more]))
+
+
+def _rises(tangent: Tangent, o: TableObservation) -> Iterator[Array]:
+    """Courses of what warms by the losses of a machine and cools by itself, from some start on."""
+    assembly, values, u = tangent.problem.assembly, tangent.problem.values_at(tangent.theta), _elapsed(o)
+    found = assembly.evaluate(o.conditions, values)
+    measured = [assembly.model.observables[name].quantity for name in dict.fromkeys(o.observable.tolist())]
+    for name in [assembly.model.law] if assembly.model.law else measured:
+        loss = np.abs(np.broadcast_to(found[name], u.shape))
+        for lag in LAGS:
+            before = np.exp(-np.maximum(u[:, None] - u, 0.0) / lag) * (u[:, None] >= u)
+            rise = before @ loss / before.sum(axis=1) / max(float(np.mean(loss)), 1e-300)
+            yield np.column_stack([rise, np.exp(-u / lag)])
+
+
+def _of_machine(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
+    """A part of the base that is another from a row on, as after a service."""
+    problem, known = tangent.problem, tangent.problem.assembly.model.effects
+    changes = problem.sensitivities(tangent.theta)[0] * tangent.theta
+    for name, change in zip(problem.names, changes.T, strict=True):
+        owner = known.get(Use.parse(name.owner).name)  # or a quantity
+        if (owner and owner.instrument) or not np.any(change):
+            continue
+        for line, after in _from_a_row_on(o):
+            text = f"the machine is another from {line} on, as after a change of oil or parts: {name} by "
+            columns = (change * after)[:, None]
+            yield Fault("machine from a row on", text, columns, in_words=lambda c: f"{100 * c[0]:+.2g} %")
 
 
 def levels(problem: Problem) -> Iterator[Flags]:
@@ -399,6 +480,12 @@ def _steps(x: Array) -> Iterator[Flags]:
         above = x > place
         if min(above.sum(), (~above).sum()) >= LEAST_ROWS:
             yield above
+
+
+def _elapsed(o: TableObservation) -> Array:
+    """Share of the whole measurement that had passed before each row."""
+    time = np.asarray(o.conditions.get(TIME, _order(o)), float)
+    return np.asarray((time - time.min()) / max(float(np.ptp(time)), 1e-300))
 
 
 def _order(o: TableObservation) -> Array:

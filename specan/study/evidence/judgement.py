@@ -86,12 +86,15 @@ def judge(explanations: Explanations) -> Judgement:
     all_of_them = stated(explanations)
     whole = Judgement("", (), all_of_them)
     named = whole.probability("effects")
-    fault = whole.probability("fault")
-    if fault > SURE:  # its owner has to look for it
+    fault, nothing = whole.probability("fault"), whole.probability("nothing")
+    rest = max(named, whole.probability("beyond"), whole.probability("unknown"))
+    alone = sum(one.probability for one in all_of_them if one.kind == "fault" and not one.uses)
+    # Its owner has to look for what is sure, or for the likeliest where something is sure to be wrong.
+    if fault > SURE or (nothing <= 1 - SURE and alone > rest):
         faults = tuple(one for one in all_of_them if one.kind == "fault")
         return Judgement("faulty-data", faults[:1], all_of_them)
     # A fault that is not sure is no reason to say that an effect is missing.
-    if whole.probability("nothing") > (1 - SURE) * (1 - fault):
+    if nothing > (1 - SURE) * (1 - fault):
         return Judgement("nothing-missing", (), all_of_them)
     beyond = [one for one in all_of_them if one.kind == "beyond"]
     if whole.probability("beyond") > max(named, whole.probability("unknown")):

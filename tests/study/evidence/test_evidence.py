@@ -11,6 +11,7 @@ from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
 from specan.models import Model, Parameter, Use, effect
+from specan.models.quantity import SettingError
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.evidence import marginal
@@ -169,6 +170,20 @@ def test_an_effect_is_told_beside_a_fault_of_the_data(toy):
     said = headline(found)
     assert said.startswith("The data have a fault: drift")
     assert "Missing beside it: cross (" in said
+
+
+def test_a_part_that_was_changed_between_two_rows_is_told_with_its_size(toy):
+    """The slope goes from 3 W to 4.5 W; an x that is set to 0.2 % is not half as large again."""
+    order = np.random.default_rng(8).permutation(48)
+    (rows,) = toy.problem(lambda x, z: 1.5 * x * (order >= 20), [], noise=0.3).observations
+    rows = replace(rows, covariance=0.09 * np.eye(48), lines=order + 2, recording=np.zeros(48, int))
+    model = toy.model("tilt", "cross")
+    model = replace(model, rig=replace(model.rig, setting={"x": SettingError(relative=0.002)}))
+    found = told(base_problem(model, [rows]))
+    assert found.verdict == "faulty-data"
+    assert "the machine is another from line 22 on" in found.reason
+    size = float(re.search(r"line.slope by ([+\d.]+) %", found.reason)[1])
+    assert size == pytest.approx(50, abs=8)
 
 
 def test_noise_that_follows_itself_names_nothing(toy):
