@@ -286,7 +286,7 @@ _ARRAYS = (
 )
 
 
-def users_mistake(fault: BaseException, function: Callable[..., Any], name: str) -> RequestError | None:
+def users_mistake(fault: BaseException, function: Any, name: str) -> RequestError | None:
     """An exception of a quantity or an effect as a mistake in the user's file that it comes from; None if from none.
 
     Parameters

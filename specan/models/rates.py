@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Parameter, Use
-from specan.models.from_function import fields_from_functions
+from specan.models.from_function import fields_from_functions, users_mistake
 from specan.models.quantity import Condition, Observable, Quantity, constant, of_parameter, rig_statement
 from specan.units import is_compatible, scale_to
 
@@ -233,7 +235,16 @@ class Rates:
     ) -> list[dict[str, Any]]:
         """States over the times of a recording, for several sets of parameter values."""
         shape, solver = np.shape(conditions[TIME]), assembly.model.solver
-        found, names = solver.march(assembly, conditions, many), solver.program(assembly).states
+        names = solver.program(assembly).states
+        try:
+            found = solver.march(assembly, conditions, many)
+        except Exception as fault:  # of a formula, where it is not compiled
+            for frame, _ in traceback.walk_tb(fault.__traceback__):
+                code, module = frame.f_code, frame.f_globals.get("__name__", "")
+                of = SimpleNamespace(__code__=code, __module__=module)
+                if mistake := users_mistake(fault, of, code.co_name):
+                    raise mistake from fault
+            raise
         return [
             {name: found[i, :, k].reshape(shape) for i, name in enumerate(names)} for k in range(len(many))
         ]

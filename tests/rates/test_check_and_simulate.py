@@ -59,6 +59,11 @@ def test_an_effect_that_the_base_imitates_with_this_input(place):
     [
         ("(force - spring - damper) / mass", "force - spring - damper", "declared is m/s/s"),
         ("dx, dv, spring,", "dx, spring,", "the state 'v' has no rate"),
+        (
+            "return stiffness * x",
+            "return stiffness * y",
+            "'spring' fails (NameError: name 'y' is not defined)",
+        ),
         ("return size * x**3", "return size * x**2", "declared is N"),
         ("return stiffness * x", "return stiffness * x * np.sqrt(x / x)", "'spring' is not finite"),
         ('inputs={"force": "N"}', 'inputs={"force": "V"}', "a unit like V"),
