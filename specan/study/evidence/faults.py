@@ -175,6 +175,7 @@ def _followed(marginal: Marginal, fault: Fault, found: tuple[float, Array]) -> t
 def _moved(problem: Problem, name: str, by: Array | float) -> Problem:
     """A problem whose condition is another by so much."""
     (o,) = problem.observations
+    assert isinstance(o, TableObservation)  # faults of conditions are those of tables
     conditions = {**o.conditions, name: o.conditions[name] + by}
     return problem.over([replace(o, conditions=conditions, series=None, position=None)])
 

@@ -91,6 +91,7 @@ def unspoilt(problem: Problem, theta: Array, residual: Array) -> Array:
     parts = []
     each = zip(problem.observations, problem.split(residual), problem.predictions(theta), strict=False)
     for o, left, predicted in each:
+        assert isinstance(o, TimeObservation)
         columns = [o.whiten(found) for _, _, found, _ in spoilt(o, o.measured - predicted)]
         white = np.hstack([np.zeros((o.n, 1)), *columns])
         parts.append(left - white @ np.linalg.lstsq(white, left, rcond=None)[0])
