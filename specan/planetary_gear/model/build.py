@@ -162,6 +162,8 @@ def _faultless(gear: Gear, samples: int) -> list[Quantity]:
         ("planet_position", np.zeros((gear.planets, 1)), "m", "By how much each pin lies ahead, at each point.",
          ("planet",)),
         ("sun_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the sun meshes.", ("planet",)),
+        ("sun_softness", np.zeros((gear.planets, samples)), "1", "Part of the stiffness that the sun meshes lack.",
+         ("planet",)),
         ("ring_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the ring meshes.", ("planet",)),
         ("tacho_angle", 0.0, "rad", "Angle of planet 1 at a pulse of the carrier's tacho.", ()),
         ("housing_response", 1.0, "1", "Gain between rim and sensor, of each line.", ()),

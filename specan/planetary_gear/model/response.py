@@ -18,7 +18,7 @@ _NEGLIGIBLE = 1e-10  # of the strongest line of the transmission error
 )
 def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, planet_phase, torque_ripple,
                sun_error, ring_error, operating_points, base_radii, carrier_inertia, planet_inertia,
-               carrier_ratio, carrier_turn, ring_teeth, sun_shaft):  # fmt: skip
+               carrier_ratio, carrier_turn, ring_teeth, sun_shaft, sun_softness):  # fmt: skip
     """Forces of the ring's and the sun's meshes, (points, 2, planets, angle).
 
     The meshes are springs, whose stiffness changes over the pitch, and dampers between the sun, which turns steadily,
@@ -45,35 +45,50 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
         parts = 1.0 / (mass * omega[..., None] ** 2)
         return np.concatenate([parts, -_twist(sun_shaft, omega)[..., None]], axis=-1)
 
-    found = np.zeros_like(spectra)
-    for c in range(points):
+    def answered(c, spectra, steady, ripple):
+        """Spectra of the forces beyond the mean ones at an operating point, (meshes, orders)."""
         turn_hz = operating_points[c, 0] * carrier_ratio
 
-        def dynamics(orders, c=c, turn_hz=turn_hz):
+        def dynamics(orders):
             """Springs, dampers, and what forces move, at orders per turn of the carrier; see `parting`."""
             omega = 2 * np.pi * orders * turn_hz
             moves = np.where(orders[..., None] == 0, 0.0, moved(np.where(orders == 0, 1.0, omega)))
             spring = beside(mesh_spring[c], planet_phase[c], orders.shape[-1] // 2)
             return spring, 1j * omega[..., None] * mesh_damping[c].ravel(), moves
 
-        rest = _excited(spectra[c], ripple, period)
+        rest = _excited(spectra, ripple, period)
         bins = rest[:, None] + period * side
         spring, drag, moves = dynamics(bins / turns)
-        dragged = drag * _at(steady[c], bins)
+        dragged = drag * _at(steady, bins)
         torques = dragged @ moment
         torques[..., 0] += operating_points[c, 1] * _at(ripple[None], bins)[..., 0]
-        pushed = np.where(bins[..., None] == 0, 0.0, (moves * torques) @ moment.T - _at(spectra[c], bins))
+        pushed = np.where(bins[..., None] == 0, 0.0, (moves * torques) @ moment.T - _at(spectra, bins))
         beyond = dragged + _answer(spring, drag, moves, pushed, bins == 0, moment)
         if rest[0] == 0:
             loads = np.tile(planet_load[c], 2)
             beyond[0] += samples * parting(
                 loads, beyond[0] / samples, moment, lambda orders: dynamics(ring_teeth * orders)
             )
-        inside = np.abs(bins) < spectra.shape[-1]
+        found, inside = np.zeros_like(spectra), np.abs(bins) < spectra.shape[-1]
         place, values = bins[inside], beyond[inside]
-        found[c][:, np.abs(place)] = np.where(place[:, None] < 0, values.conj(), values).T
-    forces = np.fft.irfft(found.reshape(points, 2, planets, -1), samples, axis=-1)
-    return without_pull(planet_load[:, None, :, None] + forces)
+        found[:, np.abs(place)] = np.where(place[:, None] < 0, values.conj(), values).T
+        return np.fft.irfft(found.reshape(2, planets, -1), samples, axis=-1)
+
+    forces = np.stack([answered(c, spectra[c], steady[c], ripple) for c in range(points)])
+    forces += planet_load[:, None, :, None]
+    if np.any(sun_softness):
+        # A softer pair of teeth gives way under all of the force, in proportion to it (first order in the softness).
+        place = (
+            (ring_teeth * carrier_turn[:samples] + planet_phase[:, 0, :, None]) % 1.0 * mesh_spring.shape[-1]
+        )
+        spring = np.take_along_axis(mesh_spring[:, 0], place.astype(int) % mesh_spring.shape[-1], axis=-1)
+        gives = np.zeros_like(forces)
+        gives[:, 0] = sun_softness[:, :samples] * forces[:, 0] / spring
+        softer = np.fft.rfft(gives, axis=-1).reshape(spectra.shape)
+        forces += np.stack(
+            [answered(c, softer[c], np.zeros_like(steady[c]), np.zeros_like(ripple)) for c in range(points)]
+        )
+    return without_pull(forces)
 
 
 def _twist(shaft, omega):

@@ -192,11 +192,11 @@ class OrderLinesObservation(KeptLines):
         that are evidence of an effect tell no gain. Lines that are held out have the gains of those that were fitted
         and heard through the same path.
         """
-        lines = self._model_lines(assembly, values)
+        lines = self.model_lines(assembly, values)
         gains = self._shown_gains(lines, range(len(self.of_one_gain)))
         if self.learned is not None:
             seen = self.learned
-            gains = seen._shown_gains(seen._model_lines(assembly, values), seen._paths) | {
+            gains = seen._shown_gains(seen.model_lines(assembly, values), seen._paths) | {
                 k: gain for k, gain in gains.items() if self._paths[k] not in seen._paths
             }
         predicted = np.zeros(self.kept.shape, dtype=complex)
@@ -212,7 +212,7 @@ class OrderLinesObservation(KeptLines):
 
     def path_gains(self, assembly: Assembly, values: Mapping[str, Any]) -> list[dict[str, Any]]:
         """Of each recording: the gains that `plain` learns from its lines, and the RMS error without them."""
-        lines = self._model_lines(assembly, values)
+        lines = self.model_lines(assembly, values)
         gains = np.array(list(self._shown_gains(lines, range(len(self.of_one_gain))).values()))
         where = np.array([np.argwhere(group)[0] for group in self.of_one_gain])
         with np.errstate(divide="ignore"):
@@ -232,7 +232,8 @@ class OrderLinesObservation(KeptLines):
             })  # fmt: skip
         return found
 
-    def _model_lines(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
+    def model_lines(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
+        """The model's lines without gains, (rows, lines)."""
         found = assembly.evaluate(self._conditions, values, wanted=[self.quantity])
         return self._by_row(np.asarray(found[self.quantity]))
 
@@ -305,7 +306,7 @@ class OrderLinesObservation(KeptLines):
         The density of log(measured / predicted) over the measured lines does not go with the prediction: of a line
         that is predicted smaller nothing more is known, until it is lost in the noise.
         """
-        predicted, _ = self._with_gains(self._model_lines(assembly, values)[self.kept])
+        predicted, _ = self._with_gains(self.model_lines(assembly, values)[self.kept])
         size = np.minimum(np.abs(self.amplitude[self.kept]), MOST * np.abs(predicted))
         roots = self._roots(predicted, size)
         return -2 * sum(

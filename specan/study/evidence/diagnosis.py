@@ -125,7 +125,7 @@ class _Telling:
             fails_at=tuple(block.as_dict() for block in fails_at[:MOST_TOLD]),
             residual_law=law and {"text": law.text_with_values, "quantity": law.quantity},
             smallest_visible=visible,
-            not_testable=self.explanations.forms[0].catalogue.not_testable,
+            not_testable=self.explanations.not_testable,
             other_form=_form(self._best.best) if kind == "nothing-missing" else "",
             next_measurement=tuple(asdict(p) for p in proposals),
             pulls=shown(pulled),

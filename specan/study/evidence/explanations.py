@@ -36,7 +36,7 @@ from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
 from specan.study.progress import Progress, unheard
-from specan.study.selection.candidates import without
+from specan.study.selection.candidates import Candidate, without
 from specan.study.selection.refits import Refit, Refits
 
 EffectSet = frozenset[Use]
@@ -211,8 +211,12 @@ class Explanations:
         self.set_up()
         if catalogue is not None:
             self.forms[0].catalogue = catalogue
+        self.look()
+
+    def look(self) -> None:
+        """Find all explanations."""
         self._search()
-        progress("unknown effects, implausible values, noise, faults of the data", SETS)
+        self.progress("unknown effects, implausible values, noise, faults of the data", SETS)
         self._beyond()
         self._beside_unknown()
         self._noise()
@@ -385,7 +389,7 @@ class Explanations:
 
     def _ln_prior(self, form: Form, uses: EffectSet) -> float:
         """Of a set: shared by all with so many names, and by the places where each of these may act."""
-        places = Counter(candidate.use.name for candidate in form.catalogue.candidates)
+        places = Counter(candidate.use.name for candidate in self.candidates(form))
         acting = Counter(use.name for use in uses)
         size, names = len(acting), max(len(places), len(acting))
         shared = comb(names, size) * prod(comb(places.get(name, n), n) for name, n in acting.items())
@@ -528,9 +532,22 @@ class Explanations:
         Beside an explanation; of what that has, beside the base.
         """
         form = one.form
-        count = len({c.use.name for c in form.catalogue.candidates})
-        needed = float(np.log(NOTHING / (OF_SIZE[0] / max(count, 1))) - np.log1p(-SURE))
-        return form.catalogue.visible(self.looked_at(one), self.looked_at(self._bare(form)), needed)
+        return form.catalogue.visible(self.looked_at(one), self.looked_at(self._bare(form)), self.needed)
+
+    @property
+    def needed(self) -> float:
+        """ln of the evidence that an effect has to gain to be named."""
+        count = len({c.use.name for c in self.candidates(self.forms[0])})
+        return float(np.log(NOTHING / (OF_SIZE[0] / max(count, 1))) - np.log1p(-SURE))
+
+    def candidates(self, form: Form) -> Sequence[Candidate]:
+        """Effects that may be missing."""
+        return form.catalogue.candidates
+
+    @property
+    def not_testable(self) -> Mapping[str, str]:
+        """Effects that the data say nothing about, with the reason."""
+        return self.forms[0].catalogue.not_testable
 
     def looked_at(self, one: Explanation) -> Marginal:
         """An explanation on the rows on which promises are made."""

@@ -166,7 +166,7 @@ class Catalogue:
             size = self._visible(where, candidate, needed)
             value = None if size is None else float(candidate.parameter(name).from_si(size))
             found.setdefault(candidate.use.name, {})[candidate.use.at] = value
-        return {name: _together(places, units[name]) for name, places in sorted(found.items())}
+        return {name: together(places, units[name]) for name, places in sorted(found.items())}
 
     def _visible(self, where: Marginal, candidate: Candidate, needed: float) -> float | None:
         """Size of the first amplitude that gains `needed` in four cases of five, its shapes at their defaults."""
@@ -279,7 +279,7 @@ class Catalogue:
         return start
 
 
-def _together(places: dict[str, float | None], unit: str) -> dict[str, Any] | None:
+def together(places: dict[str, float | None], unit: str) -> dict[str, Any] | None:
     """The largest of some sizes."""
     seen = [value for value in places.values() if value is not None]
     if not seen:

@@ -402,10 +402,11 @@ def kind_named(kind: str) -> Any:
 def brought(observations: Sequence[Observation], name: str) -> Callable[..., Any] | None:
     """Function of this name that the kind of measurement of all observations brings; None where there is none.
 
-    ``localise(problem, best)``, ``curve_errors(observation, predicted)``, ``mistaken_set_up(problem)``,
-    ``while_recorded(problem, best)``, ``undeclared_shifts(problem, best, least)``, ``propose_places(rivals, weights,
-    count)``, ``explore_places(problem, block)``, ``with_mode_shifts(problem, assembly, values)``,
-    ``mode_shifts(assembly, values)``, ``likely_places(refit, candidates)``, ``knowing_shifts(problem, unseen)``.
+    ``explanations(problem, base, progress)``, ``localise(problem, best)``, ``curve_errors(observation, predicted)``,
+    ``mistaken_set_up(problem)``, ``while_recorded(problem, best)``, ``undeclared_shifts(problem, best, least)``,
+    ``propose_places(rivals, weights, count)``, ``explore_places(problem, block)``, ``with_mode_shifts(problem,
+    assembly, values)``, ``mode_shifts(assembly, values)``, ``likely_places(refit, candidates)``,
+    ``knowing_shifts(problem, unseen)``.
     """
     kinds = {o.kind for o in observations}
     kind = kinds.pop() if len(kinds) == 1 else ""

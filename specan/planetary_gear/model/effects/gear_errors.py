@@ -102,7 +102,7 @@ def pitch_errors(
 
 @effect(
     "tooth-crack",
-    adds_to="sun_error",
+    adds_to="sun_softness",
     neutral={"softer": 0.0},
     aliases=("pitch-errors",),
     separate_by="torque: the pulses grow with the load, those of a pitch error do not",
@@ -115,8 +115,6 @@ def tooth_crack(
     sun_order,
     sun_teeth,
     mesh_geometry,
-    mean_load,
-    load_stiffness,
     *,
     softer=Parameter(
         0.1, "1", min=0.01, max=0.3, lower=-0.5, upper=0.9, doc="part of the stiffness that is missing"
@@ -125,16 +123,16 @@ def tooth_crack(
         0.0, "1", min=0.0, max=1.0, lower=-1.0, upper=2.0, doc="of the tooth, in turns of the sun"
     ),
 ):
-    """A cracked tooth deflects more under load, with each planet once a turn of the sun: pulses 8.25 times a turn.
+    """A cracked tooth gives way more, with each planet once a turn of the sun: pulses 8.25 times a turn.
 
-    Many lines of 2.75 orders; the pulses rise with the load.
+    Many lines of 2.75 orders; the pulses rise with the force, whether that is the load or a vibration.
     """
     turn = sun_order * carrier_turn[None, :] - planet_angle[:, None] / (2 * np.pi) - place
     part = (turn - np.floor(turn)) * (sun_teeth / mesh_geometry[0, 1])
     carries = part < 1.0
     dip = np.zeros(part.shape)
     dip[carries] = np.sin(np.pi * part[carries]) ** 2
-    return -softer * np.mean(mean_load / load_stiffness) * dip
+    return softer * dip
 
 
 @effect(

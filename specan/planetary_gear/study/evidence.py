@@ -1,0 +1,351 @@
+"""How probable effects are, given order lines that an ideal set does not have.
+
+How strongly a machine answers to an error of its parts is known poorly; where its lines lie, and with which phase each
+sensor hears them, follows from symmetry. A line at order o is heard n passages of the planets beside its order in the
+frame of the carrier; planets that move alike, or one after the other, make a motion of one kind there; and to each of
+these the machine has one answer. So the lines y of an effect are
+
+    y = t sum_q a_q s_q (1 + e) + noise,
+
+t its size over the largest that is known, a_q standard normal, s_q the model's lines for a unit of each amplitude, with
+the gain that lines of the ideal set tell of each sensor and harmonic. The relative errors e are those of the answer,
+one for each harmonic, kind of motion and order in the carrier's frame, correlated over a resonance; of the path to each
+sensor, a random walk over passages; and of each line. All is Gaussian for a given t, and the evidence is the mean over
+sizes and over how much is known of the answers: nothing is fitted. Effects that the model has already make lines with
+the same errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from specan.arrays import Complex
+from specan.models import Use
+from specan.planetary_gear.model.kinematics import FAR
+from specan.planetary_gear.model.lines import UNLIKE
+from specan.planetary_gear.study.order_lines import BANDWIDTH, OrderLinesObservation
+from specan.study.estimation.problem import Problem
+from specan.study.evidence.promises import ONE_SIDED_80
+from specan.study.observation import Array
+from specan.study.selection.candidates import Candidate
+
+# Sizes of an effect over the largest that is known, with the amplification of resonances whose damping ratio is 0.01 to
+# 0.1 (see `Uncertainty`).
+SIZES = 2.0 ** np.arange(-15, 6)
+# How well answers are known: errors over those of the rig file, and what part of them each recording has of its own.
+ANSWERS = (1.0, 0.1), (2.0, 0.5)
+FORMS = 1.0, 3.0  # errors of single lines over those of the rig file
+STEP = 1e-3  # of the largest size that is known, for the model's lines
+PLACES = 24, 3  # of a shape parameter that is an angle, and of another
+SEEN = 1e-2  # chi-square that the largest size must make in a line
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Lines that an effect makes; or those of anything, each with an amplitude of its own.
+
+    Attributes
+    ----------
+    lines : complex array (amplitudes, rows, lines)
+        At the largest size that is known.
+    use : Use, optional
+        None of anything.
+    values : mapping
+        Shape parameters, SI.
+    amplitudes : tuple of (str, float)
+        Names of the amplitudes, and their values at that size, SI.
+    """
+
+    lines: Complex
+    use: Use | None = None
+    values: dict[str, float] = field(default_factory=dict)
+    amplitudes: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Lines about one harmonic in recordings at one speed, or in one recording."""
+
+    row: NDArray[np.intp]
+    line: NDArray[np.intp]
+
+
+class LineEvidence:
+    """Evidence of patterns in the order lines that an ideal set does not have.
+
+    Parameters
+    ----------
+    problem : Problem
+        The model as it is, and its order lines.
+    values : mapping
+        Of its parameters, SI.
+    """
+
+    def __init__(self, problem: Problem, values: dict[str, Any]) -> None:
+        (seen,) = problem.observations
+        assert isinstance(seen, OrderLinesObservation)
+        self.seen, self.values = seen, values
+        self.variance = 2 * self.seen.noise**2
+        self.plain = self.seen.model_lines(problem.assembly, values)
+        self.used = self.seen.beyond & self.seen.kept
+        recordings = {name: k for k, name in enumerate(self.seen.recordings)}
+        self.recording = np.array([recordings[name] for name in self.seen.of_row])
+        self.speed = np.unique(self.seen.path, return_inverse=True)[1] // len(set(self.seen.channels))
+        known = self.seen.known
+        # What may answer for itself about each harmonic: every recording, or every kind of motion in it.
+        recording = self.recording[:, None]
+        self.alone = recording, recording * (known.mode.max() + 1) + known.mode
+        self.frame = np.round(known.order - known.passages, 6)
+        self.strongest = np.stack(
+            [
+                np.abs(np.where(known.harmonic == h, self.seen.amplitude, 0)).max(axis=1)
+                for h in known.harmonic
+            ],
+            axis=1,
+        )
+
+    # --- what lines are to be expected ------------------------------------------------------------
+
+    @cached_property
+    def _gain(self) -> tuple[Complex, Array]:
+        """Gain of each sensor and harmonic that lines of the ideal set tell, and its relative uncertainty, a line each.
+
+        The mean of logarithms, weighted by how little is known of each line.
+        """
+        o, known = self.seen, self.seen.known
+        gain, unsure = np.zeros(o.amplitude.shape, complex), np.ones(o.amplitude.shape)
+        away = known.path * np.minimum(np.abs(known.passages), FAR) / FAR
+        for row, h in product(range(len(o.channels)), np.unique(known.harmonic)):
+            about = known.harmonic == h
+            told = np.flatnonzero(about & o.kept[row] & ~o.beyond[row] & (self.plain[row] != 0))
+            if not told.size:
+                continue
+            ratio = o.amplitude[row, told] / self.plain[row, told]
+            noise = self.variance[row, told] / np.maximum(np.abs(o.amplitude[row, told]), 1e-300) ** 2
+            weight = 1 / (known.near**2 + away[told] ** 2 + noise)
+            turned = np.sum(weight * ratio / np.abs(ratio))
+            size = np.exp(np.sum(weight * np.log(np.abs(ratio))) / weight.sum())
+            gain[row, about] = size * turned / max(abs(turned), 1e-300)
+            unsure[row, about] = np.sqrt(1 / weight.sum())
+        return gain, unsure
+
+    def patterns(self, candidate: Candidate) -> list[Pattern]:
+        """Lines of an effect, one pattern for each place of its shape parameters; none where it makes no new ones."""
+        own = {name: candidate.parameter(name).si for name in candidate.own}
+        shapes = {name: _places(own[name]) for name in candidate.shapes}
+        found = []
+        for place in product(*shapes.values()):
+            values = dict(zip(shapes, place, strict=True))
+            lines, sizes = [], []
+            for name in candidate.amplitudes:
+                size = max(abs(own[name].min), abs(own[name].max))
+                at = {n: candidate.neutral(n) for n in candidate.amplitudes} | values
+                at[name] += STEP * size
+                changed = self.seen.model_lines(
+                    candidate.extended.assembly, self.values | {str(n): v for n, v in at.items()}
+                )
+                lines.append((changed - self.plain) / STEP * self._gain[0] * self.used)
+                sizes.append((name, size))
+            pattern = Pattern(np.stack(lines), candidate.use, values, tuple(sizes))
+            if np.any(np.sum(np.abs(pattern.lines) ** 2, axis=0) > SEEN * self.variance):
+                found.append(pattern)
+        return found
+
+    def anything(self) -> list[Pattern]:
+        """Each line for itself: of all families, or of one of them."""
+        family = np.array([name.partition(" (")[2] for name in self.seen.known.family])
+        kinds = [np.ones(family.size, bool), *(family == f for f in np.unique(family))]
+        kinds += [self.seen.known.family == f for f in np.unique(self.seen.known.family)]
+        each = [self.strongest[None] * (self.used & kind) for kind in kinds]
+        return [Pattern(lines) for lines in each if np.any(lines)]
+
+    @cached_property
+    def _had(self) -> Complex:
+        """Lines of effects that the model has already."""
+        return self.plain * self._gain[0] * self.used
+
+    def _shown(self, *patterns: Pattern) -> NDArray[np.bool_]:
+        """Lines that some patterns, or effects of the model, have."""
+        size = np.abs(self._had) ** 2 + sum(np.sum(np.abs(p.lines) ** 2, axis=0) for p in patterns)
+        return np.asarray(size > SEEN * self.variance)
+
+    # --- evidence ---------------------------------------------------------------------------------
+
+    def ln_evidence(self, patterns: Sequence[Pattern], near: Sequence[Pattern] = ()) -> float:
+        """ln of the probability of the lines with some patterns over that of noise alone.
+
+        Parameters
+        ----------
+        patterns : sequence of Pattern
+        near : sequence of Pattern
+            Those of them that are looked at about their likeliest sizes only.
+        """
+        sizes = [self._likely_sizes(p) if p in near else np.arange(SIZES.size) for p in patterns]
+        grid = SIZES[np.array(list(product(*sizes)), dtype=int)]
+        ln_count = len(patterns) * np.log(SIZES.size)
+        shown = self._shown(*patterns)
+        found = []
+        for form in FORMS:
+            found += [
+                logsumexp(self._coherent(patterns, grid, shown, form, *answer)[0]) - ln_count
+                for answer in ANSWERS
+            ]
+            for apart in self.alone:
+                each = self._each_group(patterns, grid, shown, form, apart)
+                found.append(np.sum(logsumexp(each, axis=1) - ln_count))
+        return float(logsumexp(found) - np.log(len(found)))
+
+    def _likely_sizes(self, pattern: Pattern) -> NDArray[np.intp]:
+        """Numbers of the sizes that are not unlikely in every form of the answers."""
+        if id(pattern) not in self._sizes:
+            shown, grid = self._shown(pattern), SIZES[:, None]
+            each = [self._coherent([pattern], grid, shown, FORMS[-1], *answer)[0] for answer in ANSWERS]
+            each += list(self._each_group([pattern], grid, shown, FORMS[-1], self.alone[0]))
+            likely = np.any([ln > ln.max() - 3.0 for ln in each], axis=0)
+            self._sizes[id(pattern)] = np.flatnonzero(likely)
+        return self._sizes[id(pattern)]
+
+    @cached_property
+    def _sizes(self) -> dict[int, NDArray[np.intp]]:
+        return {}
+
+    def _groups(self, shown: NDArray[np.bool_], apart: NDArray[np.intp]) -> Iterable[Group]:
+        """Lines that patterns have, by harmonic and what sets them apart, (rows, lines)."""
+        for h, k in product(np.unique(self.seen.known.harmonic), np.unique(apart)):
+            row, line = np.nonzero(shown & (self.seen.known.harmonic == h) & (apart == k))
+            if row.size:
+                yield Group(row, line)
+
+    def _coherent(
+        self,
+        patterns: Sequence[Pattern],
+        grid: Array,
+        shown: NDArray[np.bool_],
+        form: float,
+        answer: float,
+        own: float,
+    ) -> tuple[Array, Array]:
+        """ln evidence at each row of sizes with amplitudes that all lines share, and these amplitudes."""
+        columns = sum(p.lines.shape[0] for p in patterns if p.use)
+        ln, inner = np.zeros(len(grid)), np.zeros((len(grid), columns, columns)) + np.eye(columns)
+        cross = np.zeros((len(grid), columns))
+        for group in self._groups(shown, self.speed[:, None]):
+            unlike = np.array(UNLIKE)[self.seen.known.harmonic[group.line] - 1]
+            errors = self._errors(group, form, answer * self.seen.known.response * unlike, own)
+            part, white, left = self._whitened(patterns, grid, group, errors)
+            ln += part
+            inner += 2 * np.einsum("tnq,tnr->tqr", white.conj(), white).real
+            cross += 2 * np.einsum("tnq,tn->tq", white.conj(), left).real
+        amplitudes = np.linalg.solve(inner, cross[..., None])[..., 0]
+        ln += 0.5 * np.sum(cross * amplitudes, axis=1) - 0.5 * np.linalg.slogdet(inner)[1]
+        return np.asarray(ln), np.asarray(amplitudes)
+
+    def _each_group(
+        self,
+        patterns: Sequence[Pattern],
+        grid: Array,
+        shown: NDArray[np.bool_],
+        form: float,
+        apart: NDArray[np.intp],
+    ) -> Array:
+        """ln evidence of what answers for itself, by harmonic and what sets lines apart, (groups, sizes)."""
+        found = [
+            self._whitened(patterns, grid, group, self._errors(group, form, np.ones(group.row.size), 1.0))[0]
+            for group in self._groups(shown, apart)
+        ]
+        return np.reshape(found, (-1, len(grid)))
+
+    def _whitened(
+        self, patterns: Sequence[Pattern], grid: Array, group: Group, errors: Array
+    ) -> tuple[Array, Complex, Complex]:
+        """ln evidence without common amplitudes at each size, lines of each amplitude and what is left, whitened."""
+        had, variance = self._had[group.row, group.line], self.variance[group.row, group.line]
+        measured = self.seen.amplitude[group.row, group.line]
+        lines = [p.lines[:, group.row, group.line] for p in patterns]
+        alone = sum(
+            (
+                t[:, None] ** 2 * np.abs(own[0]) ** 2
+                for t, p, own in zip(grid.T, patterns, lines, strict=True)
+                if not p.use
+            ),
+            np.tile(variance, (len(grid), 1)),
+        )
+        ln = np.full(len(grid), np.sum(np.abs(measured) ** 2 / variance + np.log(variance)))
+        # Lines that are anything alone are independent of the others.
+        of_effects = [own for p, own in zip(patterns, lines, strict=True) if p.use]
+        size = np.abs(had) ** 2 + sum(np.sum(np.abs(own) ** 2, axis=0) for own in of_effects)
+        both, rest = size > SEEN * variance, size <= SEEN * variance
+        ln -= np.sum(np.abs(measured[rest]) ** 2 / alone[:, rest] + np.log(alone[:, rest]), axis=1)
+        errors, y = errors[np.ix_(both, both)], (measured - had)[both]
+        covariance = alone[:, both, None] * np.eye(y.size) + np.outer(had[both], had[both].conj()) * errors
+        columns = []
+        for t, own in zip(grid.T[[bool(p.use) for p in patterns]], of_effects, strict=True):
+            part = np.einsum("qm,qn->mn", own[:, both], own[:, both].conj()) * errors
+            covariance = covariance + t[:, None, None] ** 2 * part
+            columns += [t[:, None] * line for line in own[:, both]]
+        root = np.linalg.cholesky(covariance)
+        right = np.stack([*columns, np.broadcast_to(y, (len(grid), y.size))], axis=-1)
+        found = np.linalg.solve(root, right)
+        left, diagonal = found[..., -1], np.diagonal(root, axis1=1, axis2=2).real
+        ln -= np.sum(np.abs(left) ** 2, axis=1) + 2 * np.sum(np.log(diagonal), axis=1)
+        return ln, found[..., :-1], left
+
+    def _errors(self, group: Group, form: float, response: Array, own: float) -> Array:
+        """Covariance of the relative errors of an effect's lines."""
+        known, (row, line) = self.seen.known, (group.row, group.line)
+        harmonic, passages = known.harmonic[line], known.passages[line]
+        apart = np.subtract.outer(*2 * [np.log(self.frame[line])])
+        one_answer = _same(self.speed[row], harmonic, known.mode[line]) * np.exp(
+            -0.5 * (apart / BANDWIDTH) ** 2
+        )
+        one_answer = one_answer * (1 - own + own * _same(self.recording[row]))
+        away = np.minimum(np.abs(passages), FAR) / FAR
+        side = _same(self.seen.path[row], harmonic, np.sign(passages))
+        unsure = self._gain[1][row, line]
+        return (
+            np.outer(response, response) * one_answer
+            + known.path**2 * side * np.minimum(away[:, None], away)
+            + np.outer(unsure, unsure) * _same(self.seen.path[row], harmonic)
+            + np.diag(np.full(row.size, (form * known.near) ** 2))
+        )
+
+    def visible(self, pattern: Pattern, needed: float) -> float:
+        """Size of the first amplitude, SI, whose lines gain `needed` in four cases of five."""
+        chi2 = 2 * float(np.sum(np.abs(pattern.lines[0]) ** 2 / self.variance))
+        price = np.log(SIZES.size) + 0.5 * np.log1p(2 * needed)
+        return float(
+            (np.sqrt(2 * (needed + price)) + ONE_SIDED_80) / np.sqrt(chi2) * pattern.amplitudes[0][1]
+        )
+
+    def start(self, patterns: Sequence[Pattern]) -> dict[str, float]:
+        """Likeliest values of the parameters of some effects, SI."""
+        many = np.array(list(product(*[SIZES] * len(patterns))))
+        ln, amplitudes = self._coherent(patterns, many, self._shown(*patterns), FORMS[0], *ANSWERS[0])
+        best = int(np.argmax(ln))
+        found, k = {}, 0
+        for size, pattern in zip(many[best], patterns, strict=True):
+            found.update(pattern.values)
+            for name, largest in pattern.amplitudes:
+                found[name] = float(size * amplitudes[best, k] * largest)
+                k += 1
+        return found
+
+
+def _same(*labels: NDArray[Any]) -> NDArray[np.bool_]:
+    """Of each two lines whether all labels are equal."""
+    return np.all([label[:, None] == label for label in labels], axis=0)
+
+
+def _places(parameter: Any) -> Array:
+    """Of a shape parameter: all around where its domain says that it is an angle."""
+    around = parameter.lower <= parameter.min - (parameter.max - parameter.min)
+    count = PLACES[0] if around else PLACES[1]
+    return np.linspace(parameter.min, parameter.max, count, endpoint=not around)

@@ -1,0 +1,134 @@
+"""Explanations of order lines: sets of effects by the evidence of their patterns; what may be named is then fitted."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.special import logsumexp
+
+from specan.errors import ComputationError
+from specan.models import Use
+from specan.planetary_gear.study.evidence import LineEvidence, Pattern
+from specan.study.estimation.levenberg_marquardt import descend
+from specan.study.evidence.explanations import (
+    NOTHING,
+    OF_THE_BEST,
+    UNKNOWN,
+    EffectSet,
+    Explanation,
+    Explanations,
+    Form,
+)
+from specan.study.evidence.marginal import Tangent
+from specan.study.evidence.promises import together
+from specan.study.selection.candidates import Candidate, candidates
+
+PAIRED = 3, 6  # likeliest effects that are looked at with others, and with how many of these
+
+
+@dataclass(frozen=True, eq=False)
+class OfLines(Explanation):
+    """One way in which order lines may have come about."""
+
+    @property
+    def names_its_effects(self) -> bool:
+        """Lines that are within the errors of its form are no other explanation's: see `OfOrderLines`."""
+        return self.kind == "effects"
+
+
+class OfOrderLines(Explanations):
+    """Explanations of the order lines of a planetary gear."""
+
+    cheap = False
+
+    def set_up(self) -> None:
+        """No rig declares another form of the base."""
+        self.forms = [Form({}, self.problem, self.base, 0.0)]
+        self.lines = LineEvidence(self.problem, self.problem.values_at(self.base.theta))
+        found, self._not_testable = candidates(self.problem)
+        self._candidates = [c for c in found if c.use not in self.problem.nuisances]
+        self.patterns = {c.use: self.lines.patterns(c) for c in self._candidates}
+
+    def candidates(self, form: Form) -> Sequence[Candidate]:
+        """Effects that may be missing, without what is uncertain of the machine anyway."""
+        return self._candidates
+
+    @property
+    def not_testable(self) -> Mapping[str, str]:
+        """Effects that the data say nothing about, with the reason."""
+        return self._not_testable
+
+    def look(self) -> None:
+        """Nothing, anything, every effect, and the likeliest with a second one or with anything."""
+        form, nothing = self.forms[0], self.lines.ln_evidence([])
+        self.found = [OfLines("nothing", form, frozenset(), form.tangent, float(np.log(NOTHING)), nothing)]
+        anything = self.lines.anything()
+        each = [self.lines.ln_evidence([one]) for one in anything]
+        self._keep_lines("unknown", frozenset(), np.log(UNKNOWN / NOTHING), _mean(each))
+        likeliest: dict[Use, Pattern] = {}
+        alone: dict[Use, float] = {}
+        for number, (use, own) in enumerate(item for item in self.patterns.items() if item[1]):
+            self.progress(f"lines of {use}", 0.7 * number / len(self.patterns))
+            gains = [self.lines.ln_evidence([one]) for one in own]
+            likeliest[use], alone[use] = own[int(np.argmax(gains))], _mean(gains)
+            self._keep_lines("effects", frozenset({use}), 0.0, alone[use])
+        order = sorted((use for use in alone if alone[use] > nothing), key=lambda use: -alone[use])
+        for k, use in enumerate(order[: PAIRED[0]]):
+            self.progress(f"lines of {use} with others", 0.7 + 0.05 * k)
+            for other in [*order[k + 1 : PAIRED[1]], None]:
+                second = anything[0] if other is None else likeliest[other]
+                gain = self.lines.ln_evidence([likeliest[use], second], near=[likeliest[use]])
+                gain -= sum(np.log(len(self.patterns[u])) for u in (use, other) if u)
+                most = max(alone[u] for u in (use, other) if u)
+                # An error of a share s in the form of the one leaves s^2 of the chi-square that it takes away.
+                if gain - most < self.lines.seen.known.near**2 * (most - nothing):
+                    continue
+                if other is None:
+                    self._keep_lines("unknown", frozenset({use}), np.log(UNKNOWN / NOTHING), gain)
+                else:
+                    self._keep_lines("effects", frozenset({use, other}), 0.0, gain)
+        self._fit_likeliest(likeliest)
+
+    def _keep_lines(self, kind: str, uses: EffectSet, ln_chance: float, ln_evidence: float) -> None:
+        form = self.forms[0]
+        ln_prior = float(self._ln_prior(form, uses) if uses else np.log(NOTHING)) + float(ln_chance)
+        self.found.append(OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=False))
+
+    def _fit_likeliest(self, likeliest: Mapping[Use, Pattern]) -> None:
+        """Fit the model with what may be named, from where the lines lead."""
+        least = self.best + np.log(OF_THE_BEST)
+        self.found = [self._fitted(e, likeliest) if e.uses and e.ln_joint > least else e for e in self.found]
+
+    def _fitted(self, one: Explanation, likeliest: Mapping[Use, Pattern]) -> Explanation:
+        problem = self.problem.with_uses(sorted(one.uses))
+        start = self.lines.start([likeliest[use] for use in sorted(one.uses)])
+        self.progress(f"fitting with {' and '.join(map(str, sorted(one.uses)))}", 0.85)
+        theta = problem.start({**self.base.values, **start})
+        try:
+            there = descend(problem, theta)
+            tangent = Tangent.at(problem, there.theta, there.residual, there.jacobian)
+        except ComputationError:  # what the lines say stays
+            tangent = Tangent.at(problem, theta, problem.residual(theta), problem.jacobian(theta))
+        return OfLines(one.kind, one.form, one.uses, tangent, one.ln_prior, one.ln_evidence)
+
+    def visible(self, one: Explanation) -> dict[str, dict[str, Any] | None]:
+        """Sizes at which the lines of each effect are seen; none of effects that make no lines of their own."""
+        needed, units = self.needed, {}
+        found: defaultdict[str, dict[str, float | None]] = defaultdict(dict)
+        for candidate in self.candidates(self.forms[0]):
+            name = candidate.amplitudes[0]
+            units[candidate.use.name] = candidate.parameter(name).unit
+            sizes = [self.lines.visible(pattern, needed) for pattern in self.patterns[candidate.use]]
+            size = min(sizes, default=np.inf)
+            inside = size <= max(np.abs(self.problem.with_uses([candidate.use]).domain(name.whole)))
+            value = float(candidate.parameter(name).from_si(size)) if inside else None
+            found[candidate.use.name][candidate.use.at] = value
+        return {name: together(places, units[name]) for name, places in sorted(found.items())}
+
+
+def _mean(ln: Sequence[float]) -> float:
+    return float(logsumexp(ln) - np.log(len(ln)))
