@@ -42,7 +42,6 @@ from specan.study.localisation.localise import MistakenSetUp, curve_errors, loca
 from specan.study.observation import DataFile, MeasuredFiles, brought, kind_named, together
 from specan.study.selection.candidates import grouped_by
 from specan.study.selection.refits import POOR_FIT
-from specan.study.selection.scattered_starts import scattered_starts
 from specan.study.selection.starting_values import kept_values, starting_values
 from specan.study.study_file import (
     NAME,
@@ -68,7 +67,6 @@ if TYPE_CHECKING:
     from specan.study.progress import Progress
 
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
-SCATTERED = 3  # further ones where chi-square has many minima
 PREDICTED = 0.01  # probability of chi-square from which data are predicted as well as they can be
 
 
@@ -265,16 +263,10 @@ class Study:
         """The fit of the model as it is."""
         found = self.kept.find("fit", Fit)
         if found is None:
-            found = fit(self.problem, starts=STARTS)
+            start = brought(self.problem.observations, "near_the_data")
+            found = fit(self.problem, start(self.problem) if start else None, starts=STARTS)
             if self.problem.strategy.continuation and found.p_value < PREDICTED:  # another minimum, perhaps
                 found = min(found, fit(self.problem, self._near), key=lambda one: one.chi2)
-            if self.problem.strategy.many_minima:
-                new = [use for use in self.problem.assembly.uses if use.name not in self.model.base_effects]
-                tried = [found]
-                for place in scattered_starts(self.problem, {}, new)[:SCATTERED]:
-                    with suppress(ComputationError):  # the other starts may do
-                        tried.append(fit(self.problem, place))
-                found = min(tried, key=lambda one: one.chi2 - 2 * self.problem.ln_volume(one.theta))
             known = self._starts[1:] if self.model.rates else ()  # integrated predictions have many minima
             for near in known:
                 with suppress(ComputationError):

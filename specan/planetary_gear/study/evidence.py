@@ -189,7 +189,7 @@ class LineEvidence:
             Those of them that are looked at about their likeliest sizes only.
         """
         sizes = [self._likely_sizes(p) if p in near else np.arange(SIZES.size) for p in patterns]
-        grid = SIZES[np.array(list(product(*sizes)), dtype=int)]
+        grid: Array = SIZES[np.array(list(product(*sizes)), dtype=int)]
         ln_count = len(patterns) * np.log(SIZES.size)
         shown = self._shown(*patterns)
         found = []

@@ -14,6 +14,7 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.planetary_gear.study.evidence import LineEvidence, Pattern
 from specan.study.estimation.levenberg_marquardt import descend
+from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import (
     NOTHING,
     OF_THE_BEST,
@@ -25,7 +26,7 @@ from specan.study.evidence.explanations import (
 )
 from specan.study.evidence.marginal import Tangent
 from specan.study.evidence.promises import together
-from specan.study.selection.candidates import Candidate, candidates
+from specan.study.selection.candidates import Candidate, candidates, without
 
 PAIRED = 3, 6  # likeliest effects that are looked at with others, and with how many of these
 
@@ -132,3 +133,21 @@ class OfOrderLines(Explanations):
 
 def _mean(ln: Sequence[float]) -> float:
     return float(logsumexp(ln) - np.log(len(ln)))
+
+
+def near_the_data(problem: Problem) -> dict[str, float]:
+    """Values that the lines tell of the effects that a model has beside those of its base, SI."""
+    model = problem.assembly.model
+    own = [
+        use
+        for use in problem.assembly.uses
+        if use.name not in model.base_effects and use not in problem.nuisances
+    ]
+    if not own:
+        return {}
+    base = problem
+    for use in own:
+        base = without(base, use)
+    lines = LineEvidence(base, base.values_at(base.start()))
+    each = (lines.patterns(c) for c in candidates(base)[0] if c.use in own)
+    return lines.start([max(found, key=lambda one: lines.ln_evidence([one])) for found in each if found])

@@ -22,7 +22,8 @@ from specan.io.open import open_recording
 from specan.models import Model
 from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study.by_order_family import localise  # noqa: F401  where a model of lines fails
-from specan.planetary_gear.study.explanations import OfOrderLines as explanations  # noqa: F401  how probable each is
+from specan.planetary_gear.study.explanations import OfOrderLines as explanations  # noqa: F401
+from specan.planetary_gear.study.explanations import near_the_data  # noqa: F401  where fits begin
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined
 from specan.study.data.recordings import parted, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable

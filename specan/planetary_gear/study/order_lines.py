@@ -92,8 +92,7 @@ class OrderLinesObservation(KeptLines):
     kind: ClassVar[str] = "orders"
     level_of: ClassVar[str] = "levels of lines"
     cells: ClassVar[tuple[str, ...]] = ("orders", "harmonic", "channel")
-    # The errors of log(measured / predicted) bend the valley to the minimum, so that it is followed to its end.
-    strategy: ClassVar[Strategy] = Strategy(frugal=True, many_minima=True)
+    strategy: ClassVar[Strategy] = Strategy(frugal=True, exact_minimum=False)
 
     @property
     def recordings(self) -> tuple[str, ...]:
@@ -299,19 +298,6 @@ class OrderLinesObservation(KeptLines):
         fitted = np.linalg.solve(normal, white[:, :-1].conj().T @ white[:, -1]) / np.sqrt(size)
         predicted = fitted[groups] * lines
         return predicted, self._whitening(predicted)
-
-    def ln_volume(self, assembly: Assembly, values: Mapping[str, Any]) -> float:
-        """-1/2 ln det V over that of the noise, with relative errors of what was measured.
-
-        The density of log(measured / predicted) over the measured lines does not go with the prediction: of a line
-        that is predicted smaller nothing more is known, until it is lost in the noise.
-        """
-        predicted, _ = self._with_gains(self.model_lines(assembly, values)[self.kept])
-        size = np.minimum(np.abs(self.amplitude[self.kept]), MOST * np.abs(predicted))
-        roots = self._roots(predicted, size)
-        return -2 * sum(
-            float(np.sum(np.log(np.diag(root) / self.noise[self.kept][own]))) for own, root in roots
-        )
 
     def _roots(self, predicted: Complex, size: Array) -> list[tuple[NDArray[np.intp], Array]]:
         """Lines that are predicted, and the lower Cholesky factor of their V where lines have these sizes.

@@ -329,7 +329,9 @@ def intervals_95(
         False: from the covariance, which is quick.
     """
     moved = NORMAL_95 * _moved_by_what_is_held(problem, best)
-    allowed = best.dispersion * quantile(1 - 0.95, 1, problem.noise_dof)
+    # The noise of a recording is told by its many samples.
+    known = np.inf if all(o.kind == "time" for o in problem.observations) else problem.noise_dof
+    allowed = best.dispersion * quantile(1 - 0.95, 1, known)
     found = {}
     for k, (name, low, high) in enumerate(zip(problem.names, *problem.bounds(), strict=True)):
         if names is not None and name not in names:

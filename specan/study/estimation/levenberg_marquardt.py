@@ -41,13 +41,12 @@ REACH = 0.1  # of a step, at which its acceleration is measured
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a descent ended; `once` where others from elsewhere ended higher up."""
+    """Where a descent ended."""
 
     theta: Array
     residual: Array
     jacobian: Array
     chi2: float
-    once: bool = False
 
 
 class NotSettledError(ComputationError):
@@ -64,7 +63,7 @@ class NotSettledError(ComputationError):
         self.reached = reached
 
 
-def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest: float = np.inf) -> Minimum:
+def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Minimum:
     """Minimise the sum of squares of a problem's residual from one start.
 
     Parameters
@@ -75,9 +74,6 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest:
     slopes : array, optional
         Jacobian near the start. It is kept current by secants, and a minimum is then accepted on it:
         for problems whose Jacobian costs more than the verdict needs.
-    lowest : float
-        Chi-square that another start has reached: a descent that lies above it by more than its last five Jacobians
-        have gained is given up where it is.
 
     Raises
     ------
@@ -92,8 +88,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest:
         guessed = slopes is not None and count == 0
         jacobian = slopes if slopes is not None and count == 0 else problem.jacobian(descent.theta)
         jacobian = finite(jacobian, "derivatives")
-        enough = max(descent.little, descent.chi2 - lowest)
-        slow = len(history) > 5 and history[-6] - history[-1] < enough
+        slow = len(history) > 5 and history[-6] - history[-1] < descent.little
         found = descent.minimum(jacobian) if slow else descent.follow(jacobian, guessed)
         if found is None:
             continue

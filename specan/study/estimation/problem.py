@@ -343,11 +343,6 @@ class Problem:
         *parts, _ = self.split(array)
         return np.concatenate([o.whiten(part) for o, part in zip(self.observations, parts, strict=True)])
 
-    def ln_volume(self, theta: Array) -> float:
-        """-1/2 ln det of the covariance where it goes with the prediction, up to a constant."""
-        values = self.values_at(theta)
-        return sum(o.ln_volume(self.assembly, self.seen_by(o, values)) for o in self.observations)
-
     def split(self, array: Array) -> list[Array]:
         """Rows of a residual or Jacobian: one part an observation, the priors' last."""
         return np.split(array, np.cumsum([o.n for o in self.observations]))

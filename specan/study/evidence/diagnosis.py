@@ -114,8 +114,7 @@ class _Telling:
             at=places_of(u for one in sets for u in one.uses),
             unknown_possible=kind in ("fits-only-if", "unknown-effect")
             or self.explanations.probability_of_something_else > DOUBT
-            or self._off_form
-            or self._reached_once,
+            or self._off_form,
             probabilities=tuple(self._probabilities()),
             ranking=rows,
             lack_of_fit=LackOfFit(
@@ -186,10 +185,6 @@ class _Telling:
                 f"the equation of {sets[0].text} would have to be off by about {100 * FORMS[-1]:.0f} %: it may be "
                 "another effect of a similar form"
             )
-        if kind in ("effect", "group") and self._reached_once:
-            parts.append(
-                f"only one of several starts led to the fit with {sets[0].text}: another may fit as well"
-            )
         if kind == "unknown-effect":
             parts.append("the model does not fit, and no effect of the catalogue explains it")
             parts.append(self._partly())
@@ -203,12 +198,6 @@ class _Telling:
         """Whether the named set fits only if its equations are off by as much as is thought possible."""
         sets = self.judged.sets
         return bool(sets) and self.explanations.largest_errors_of_form(sets[0].best) > OFF_FORM
-
-    @property
-    def _reached_once(self) -> bool:
-        """Whether the search cannot know that the minimum of what is named is the lowest."""
-        best = [one.best for one in self.judged.sets]
-        return any(e.uses in e.form.refits.done and e.form.refits.done[e.uses].once for e in best)
 
     def _others(self) -> str:
         """The likeliest explanation without what is named."""

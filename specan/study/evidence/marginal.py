@@ -42,7 +42,7 @@ class Tangent:
     noises : tuple of Noise
         Forms of the noise beside the declared one, each upon the rows that those before it leave.
     ln_volume : float
-        -1/2 ln det of the covariance, where explanations differ in it.
+        -1/2 ln det of the covariance that these forms change.
     """
 
     problem: Problem
@@ -56,7 +56,7 @@ class Tangent:
     def at(cls, problem: Problem, theta: Array, residual: Array, jacobian: Array) -> Tangent:
         """From the residual and its derivative with pseudo-measurements, as fits give them."""
         n = problem.n_data
-        return cls(problem, theta, residual[:n], jacobian[:n], ln_volume=problem.ln_volume(theta))
+        return cls(problem, theta, residual[:n], jacobian[:n])
 
     def with_pseudo_rows(self, problem: Problem) -> tuple[Array, Array]:
         """Residual and Jacobian with the pseudo-measurements of a problem, as fits have them."""

@@ -1,4 +1,4 @@
-"""Explanations of complex lines: transfer functions, order lines.
+"""Explanations of transfer functions.
 
 A fit is expensive there, resonances are narrow, and from a field that is far off a linear promise is worth little. So a
 first fit on few, uncertain lines says from where the sets are fitted; what may be added is looked at on part of the
@@ -32,7 +32,6 @@ from specan.study.observation import Array
 from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import confounded_with
 from specan.study.selection.initial_fit import InitialFit, with_covariances_about
-from specan.study.selection.refits import POOR_FIT
 from specan.study.selection.single_instruments import displaced
 
 SHORT = 2 / 3  # of what a promise leaves beyond the noise from afar, that a fit may take away in addition
@@ -41,7 +40,7 @@ COMPARED = 4  # likeliest single effects that are compared in the field of the b
 
 
 class OfResponses(Explanations):
-    """Explanations of complex lines.
+    """Explanations of transfer functions.
 
     Parameters
     ----------
@@ -106,11 +105,6 @@ class OfResponses(Explanations):
     def _forms_in_reach(self) -> list[Form]:
         return self.forms
 
-    @property
-    def _far(self) -> bool:
-        """Whether the base is so far off that a promise tells which effects make what it lacks, and no more."""
-        return self.problem.strategy.many_minima and self.near.base.fit.reduced_chi2 > POOR_FIT
-
     # --- what may be added -------------------------------------------------------------------------
 
     def looked_at(self, one: Explanation) -> Marginal:
@@ -164,11 +158,8 @@ class OfResponses(Explanations):
                 promise = replace(promise, starts=(values, *promise.starts))
                 price = len(own.values) * np.log(self.problem.n_data)
                 gain = max(gain, (own.gain - price) / 2)
-            far = self._far and not one.uses and gain > WITHIN
-            if refit.poor_fit or far:
-                # No effect explains the noise; of declared errors, which are wide, a fit may leave next to nothing.
-                noise = 0 if far else self.problem.n_data
-                rest = max((whole.chi2 - noise) / 2 - gain, 0.0)
+            if refit.poor_fit:
+                rest = max((whole.chi2 - self.problem.n_data) / 2 - gain, 0.0)  # no effect explains the noise
                 self._from_afar[one.uses | {promise.use}] = one.uses, gain, rest
                 gain += SHORT * rest
             if not one.uses and promise.use in self.near.likely:

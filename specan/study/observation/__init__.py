@@ -42,17 +42,12 @@ class Strategy:
     linearised_covariance : bool
         The covariance depends on where the model is, and is taken about a fit
         (`specan.study.estimation.continuation`).
-    many_minima : bool
-        Small errors of the prediction are in the covariance, so that chi-square levels off far from the data: a linear
-        promise has the wrong sign or size there, and refits also begin at places scattered over what is known
-        beforehand, until two lead to the same minimum.
     """
 
     frugal: bool = False
     exact_minimum: bool = True
     continuation: bool = False
     linearised_covariance: bool = False
-    many_minima: bool = False
 
     @property
     def tolerance(self) -> float:
@@ -88,7 +83,6 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
         exact_minimum=not many and all(p.exact_minimum for p in parts),
         continuation=any(p.continuation for p in parts),
         linearised_covariance=any(p.linearised_covariance for p in parts),
-        many_minima=any(p.many_minima for p in parts),
     )
 
 
@@ -248,10 +242,6 @@ class Observation:
         """Apply V^(-1/2) along axis 0 of a vector, or of the columns of a matrix."""
         raise NotImplementedError
 
-    def ln_volume(self, assembly: Assembly, values: Mapping[str, Any]) -> float:
-        """-1/2 ln det of the covariance, up to a constant; nothing where it does not go with the prediction."""
-        return 0.0
-
     # --- for errors of the form of equations: complex lines say more of themselves -------------------
 
     @property
@@ -406,7 +396,7 @@ def brought(observations: Sequence[Observation], name: str) -> Callable[..., Any
     ``mistaken_set_up(problem)``, ``while_recorded(problem, best)``, ``undeclared_shifts(problem, best, least)``,
     ``propose_places(rivals, weights, count)``, ``explore_places(problem, block)``, ``with_mode_shifts(problem,
     assembly, values)``, ``mode_shifts(assembly, values)``, ``likely_places(refit, candidates)``,
-    ``knowing_shifts(problem, unseen)``.
+    ``knowing_shifts(problem, unseen)``, ``near_the_data(problem)``.
     """
     kinds = {o.kind for o in observations}
     kind = kinds.pop() if len(kinds) == 1 else ""

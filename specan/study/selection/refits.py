@@ -26,7 +26,6 @@ from specan.study.estimation.levenberg_marquardt import (
 )
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
-from specan.study.selection.scattered_starts import scattered_starts
 from specan.study.selection.score_test import Scored
 from specan.study.selection.signatures import with_rows_of
 
@@ -40,8 +39,6 @@ PRUNING_FACTOR = 3.0  # times the best chi-square so far, beyond what an equatio
 # some tenths of one.
 HOPELESS = (0, 1000.0), (1, 100.0), (2, 0.0)
 SLOPE_STEP = 1e-3  # of a parameter's typical size
-# Of several starts, at least so many are led on, until the lowest chi-square is reached within so much once more.
-FEWEST, THE_SAME = 4, 0.5
 
 # Change of the whitened residual by a parameter's typical size below which it is on a plateau.
 MOVES = 1e-3
@@ -57,15 +54,12 @@ class Refit:
         What was added to the base.
     count : int
         Parameters that were added, those whose prior is removed included.
-    once : bool
-        Of several starts one led to its minimum: there may be a lower one.
     """
 
     uses: EffectSet
     problem: Problem
     fit: Fit
     count: int = 0
-    once: bool = False
 
     @cached_property
     def linear(self) -> Projection:
@@ -146,12 +140,6 @@ class Refits:
         known = [dict(self.known[uses])] if uses in self.known else []
         starts = known or self._continuation_start(start, problem, uses, starts) or starts
         near = self._nearer(problem, start, starts)
-        far = not start.uses or self._whole(start).fit.reduced_chi2 > POOR_FIT
-        if problem.strategy.many_minima and far:
-            # beside an effect the rest of the machine is known better than from afar
-            scattered = scattered_starts(problem, start.fit.values, uses - start.uses)
-            scattered = scattered[:FEWEST] if start.uses else scattered
-            near = [*near, *map(problem.values_at, scattered)]
         best = self._pruned_minimum(uses, problem, near)
         if best is None:
             best, nested = self._lowest(problem, near, self._whole(start)), self._best_within(uses)
@@ -163,7 +151,7 @@ class Refits:
         fitted = describe(problem, best.theta, best.residual, best.jacobian)
         names = {str(use) for use in uses}
         count = sum(name.owner in names for name in problem.names)
-        self.done[uses] = Refit(uses, problem, fitted, count, best.once)
+        self.done[uses] = Refit(uses, problem, fitted, count)
         return self.done[uses]
 
     def lowered(self, uses: EffectSet) -> list[EffectSet]:
@@ -263,34 +251,15 @@ class Refits:
 
         `fewer` is a fit with fewer effects, whose slopes serve where new ones are expensive.
         """
-        found: list[tuple[float, Minimum]] = []
-        thetas, many = [problem.start(values) for values in starts], problem.strategy.many_minima
-        hopeless = PRUNING_FACTOR * min(r.fit.chi2 for r in self.done.values()) if many else np.inf
-        if not many:  # most of several starts lead astray slowly
-            try:
-                thetas = [best_screened(problem, thetas)]
-            except ComputationError:
-                return None
-        for theta in thetas:
-            # Where there are many minima, starts that stay above another, or far above other sets, are not followed.
-            least = min((hopeless, *(m.chi2 for _, m in found))) if many else np.inf
-            try:
-                one = (
-                    _some_steps(problem, theta)
-                    if self.rough
-                    else descend(problem, theta, _slopes(fewer, problem, theta), least)
-                )
-            except NotSettledError as fault:
-                one = fault.reached
-            except ComputationError:
-                continue
-            found.append((_level(problem, one), one))
-            found.sort(key=lambda item: item[0])
-            far = found[0][1].chi2 > hopeless
-            if len(found) >= FEWEST and (far or found[1][0] - found[0][0] < THE_SAME):
-                break
-        once = many and len(found) > 1 and found[1][0] - found[0][0] >= THE_SAME
-        return replace(found[0][1], once=once) if found else None
+        try:  # most of several starts lead astray slowly
+            theta = best_screened(problem, [problem.start(values) for values in starts])
+            if self.rough:
+                return _some_steps(problem, theta)
+            return descend(problem, theta, _slopes(fewer, problem, theta))
+        except NotSettledError as fault:
+            return fault.reached
+        except ComputationError:
+            return None
 
     def _best_within(self, uses: EffectSet) -> Refit:
         """The best fit so far that a set contains: with the other effects at nothing the set is as good."""
@@ -301,7 +270,7 @@ def _level(problem: Problem, one: Minimum | Fit) -> float:
     """-2 ln of the probability of the data about a minimum, its parameters known to their typical sizes."""
     slope = one.jacobian * problem.scale
     volume = np.linalg.slogdet(np.eye(problem.scale.size) + slope.T @ slope)[1]
-    return float(one.chi2 + volume) - 2 * problem.ln_volume(one.theta)
+    return float(one.chi2 + volume)
 
 
 def _some_steps(problem: Problem, theta: Real) -> Minimum:
@@ -311,12 +280,9 @@ def _some_steps(problem: Problem, theta: Real) -> Minimum:
 
 
 def _slopes(fewer: Refit | None, problem: Problem, theta: Real) -> Real | None:
-    """First Jacobian where an exact one is expensive: of a fit with fewer effects, and slopes of new parameters.
-
-    Where starts are scattered, those of the fit are of another place.
-    """
+    """First Jacobian where an exact one is expensive: of a fit with fewer effects, and slopes of new parameters."""
     strategy = problem.strategy
-    if fewer is None or strategy.exact_minimum or strategy.many_minima or fewer.poor_fit:
+    if fewer is None or strategy.exact_minimum or fewer.poor_fit:
         return None
     known = {name: fewer.fit.jacobian[:, k] for k, name in enumerate(fewer.fit.names)}
     here = problem.residual(theta)
