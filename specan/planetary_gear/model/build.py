@@ -11,7 +11,7 @@ from scipy.fft import next_fast_len
 
 from specan.errors import RequestError
 from specan.models.catalogue import effects_in
-from specan.models.model import Model, Nuisance
+from specan.models.model import Model
 from specan.models.quantity import Condition, Observable, Quantity, constant, quantities_in
 from specan.planetary_gear.model import excitation, load, response
 from specan.planetary_gear.model.geometry import (
@@ -29,16 +29,11 @@ from specan.planetary_gear.model.kinematics import (
     repeat_turns,
     sun_order,
 )
-from specan.planetary_gear.model.lines import UNLIKE
 from specan.planetary_gear.model.rig import Gear, Rig, read_rig
 from specan.planetary_gear.model.simulated_recording import path_window
 
 HARMONICS = 3  # of the mesh: what a study compares
 MOST_SAMPLES = 400_000
-# Power of the window by which lines beside the mesh grow by the factor e: those at 66h +- 3 go from 1/20 to 4/35 of the
-# window's mean between the powers 3 and 4.
-SHARPER = 1.2
-TACHO_DEG = 2.0  # standard uncertainty of the angle between the tacho's mark and planet 1
 
 
 def build(rig: Mapping[str, Any]) -> Model:
@@ -72,7 +67,6 @@ def build(rig: Mapping[str, Any]) -> Model:
             "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.",
                                 kind="orders")
         },
-        nuisances=_nuisances(settings, known_rotors=rig.get("rotors") is not None),
         for_kinds={"orders": line_statement(settings, HARMONICS)},
         axes={
             "planet": tuple(f"P{i}" for i in range(1, gear.planets + 1)),
@@ -84,26 +78,6 @@ def build(rig: Mapping[str, Any]) -> Model:
         },
         notes=(f"all teeth meet again after {repeat_turns(gear)} turns of the carrier",),
     )  # fmt: skip
-
-
-def _nuisances(rig: Rig, *, known_rotors: bool) -> tuple[Nuisance, ...]:
-    """What is uncertain of the machine and the tacho, held by what the rig file says of it."""
-    known = rig.uncertainty
-    inertia = known.carrier_inertia_percent or (10.0 if rig.rotors.carrier_kg_m2 else 100.0)
-    listed = [
-        ("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),
-        ("contact-exponent", "change", known.contact_exponent, "bending 1, contact along a line 10/9, at a point 3/2"),
-        ("contact-stiffness", "change", known.contact_stiffness_percent / 100,
-         "bodies deflect too, loads vary along the flank"),
-        ("carrier-inertia", "change", inertia / 100,
-         "the rig file" if known_rotors else "carrier, shaft and load are taken as one disc"),
-        ("contact-damping", "change", known.contact_damping_percent / 100, "damping ratios of meshes from 0.01 to 0.1"),
-        ("transmission-path", "sharpness", SHARPER * known.path_percent / 100,
-         "over how much of the turn a planet is heard"),
-        *((f"unlike-response@H{h}", "change", times * known.response_percent / 100,
-           "form of the stiffness over the pitch") for h, times in enumerate(UNLIKE, 1)),
-    ]  # fmt: skip
-    return tuple(Nuisance(*one) for one in listed)
 
 
 def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
@@ -146,9 +120,7 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("planet_angle", places, "rad", "Places of the planets on the carrier.", ("planet",)),
         ("nominal_phase", phases, "1", "Phases of sun and ring meshes as drawn, in pitches.", ("planet",)),
         ("sensor_angle", np.radians(rig.sensors.acc_angle_deg), "rad", "Places of the sensors.", ("sensor",)),
-        ("drawn_contact", si, "1", "K (N/m^e), e, C (N s/m), depth (m) of the rig file.", ()),
-        ("contact_exponent", law.exponent, "1", "Exponent of the contact law.", ()),
-        ("contact_stiffness", 1.0, "1", "Stiffness of the teeth over that of the rig file's contact law.", ()),
+        ("contact_law", si, "1", "K (N/m^e), e, C (N s/m), depth (m) of the contact law.", ()),
         ("mesh_geometry", np.array([[m.base_pitch, m.contact_ratio, m.gap_before, m.gap_after] for m in (sun, ring)]),
          "1", "Base pitch, contact ratio, gaps of the sun and the ring mesh.", ()),
     ]  # fmt: skip
@@ -168,8 +140,6 @@ def _faultless(gear: Gear, samples: int) -> list[Quantity]:
         ("tacho_angle", 0.0, "rad", "Angle of planet 1 at a pulse of the carrier's tacho.", ()),
         ("housing_response", 1.0, "1", "Gain between rim and sensor, of each line.", ()),
         ("line_coherence", 1.0, "1", "What remains of a line that the order analysis smears.", ()),
-        ("unlike_response", np.ones(HARMONICS), "1",
-         "How much more than computed the set answers to what its planets do not do alike.", ("harmonic",)),
         ("tip_relief", 0.0, "m", "Relief of the tips.", ()),
         ("stiffness_change", np.zeros(2), "1", "Relative change of the stiffness of sun and ring meshes.", ()),
         ("damping_scale", 1.0, "1", "Damping of the meshes over that of the contact law.", ()),

@@ -29,18 +29,6 @@ def mean_load(operating_points, planet_angle, base_radii):
     return operating_points[:, 1] / (planet_angle.size * (base_radii[0] + base_radii[2]))
 
 
-@quantity(unit="1", reference="K x^e with the same stiffness at the mean of the loads")
-def contact_law(drawn_contact, contact_exponent, contact_stiffness, mean_load):
-    """K (N/m^e), e, C (N s/m), depth (m) of the contact law."""
-    stiffness, exponent, damping, depth = drawn_contact
-    if contact_exponent == exponent and contact_stiffness == 1.0:
-        return drawn_contact
-    force = np.mean(mean_load)
-    slope = contact_stiffness * exponent * stiffness ** (1 / exponent) * force ** (1 - 1 / exponent)
-    changed = (slope / contact_exponent * force ** (1 / contact_exponent - 1)) ** contact_exponent
-    return np.array([changed, contact_exponent, damping, depth])
-
-
 @quantity(unit="N/m")
 def load_stiffness(mean_load, contact_law, mesh_geometry):
     """Stiffness of a planet's two meshes against its pin at the mean load, one an operating point.

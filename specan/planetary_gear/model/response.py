@@ -3,7 +3,6 @@
 import numpy as np
 
 from specan.models.quantity import quantity
-from specan.planetary_gear.model.kinematics import harmonics_of
 from specan.planetary_gear.model.parting import parting, with_dampers, without_pull
 from specan.planetary_gear.model.simulated_recording import RIM_STIFFNESS
 
@@ -165,7 +164,7 @@ def rim_displacement(mesh_force, transfer_path, friction_share):
 
 @quantity(unit="m/s^2", axes=("sensor",))
 def order_lines(rim_displacement, order, sun_speed, point_of_line, carrier_turn, carrier_ratio, housing_response,
-                ring_teeth, line_coherence, tacho_angle, unlike_response, ideal_line):  # fmt: skip
+                line_coherence, tacho_angle):  # fmt: skip
     """Complex peak amplitude of the acceleration at each line, (sensors, lines)."""
     samples = rim_displacement.shape[-1]
     spectra = np.fft.rfft(rim_displacement, axis=-1) * (2.0 / samples)
@@ -175,14 +174,4 @@ def order_lines(rim_displacement, order, sun_speed, point_of_line, carrier_turn,
     lines = spectra[point_of_line, :, np.where(inside, nearest, 0)].T * inside
     omega = 2 * np.pi * np.asarray(order) * sun_speed * carrier_ratio
     turned = np.exp(1j * np.asarray(order) * tacho_angle)
-    gain = housing_response * line_coherence * turned
-    harmonic = harmonics_of(order, ring_teeth, len(unlike_response))
-    return -(omega**2) * lines * gain * np.where(ideal_line, 1.0, unlike_response[harmonic - 1])
-
-
-@quantity(unit="1", reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677")
-def ideal_line(order, planet_angle):
-    """Whether planets that are alike add up to a line at an order: it is whole, and exp(j n psi) does not cancel."""
-    order = np.asarray(order)
-    together = np.abs(np.exp(1j * np.outer(np.rint(order), planet_angle)).mean(axis=1))
-    return (np.abs(order - np.rint(order)) < 1e-6) & (together.reshape(order.shape) > 1e-9)
+    return -(omega**2) * lines * housing_response * line_coherence * turned

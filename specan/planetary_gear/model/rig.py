@@ -98,20 +98,16 @@ class Rotors(Settings):
 
 
 class Uncertainty(Settings):
-    """Standard uncertainties of what a rig file says; percentages of factors are of their natural logarithms.
+    """Standard uncertainties of what a model predicts of lines, relative; see `specan.planetary_gear.model.lines`.
 
-    ISO 6336-1:2019, clause 9, gives 14 to 20 N/(mm um) for the stiffness of a mesh; at low load and with bodies it is
-    half of that. Brakes and couplings weigh from nothing to several times the carrier. Damping ratios of meshes are
-    0.01 to 0.1 (Kahraman and Singh, J. Sound Vib. 142 (1990) 49). An exponent of 1.3 lies between three published ones.
+    The response holds what is known of stiffness, inertia and damping: ISO 6336-1:2019, clause 9, gives 14 to
+    20 N/(mm um) for the stiffness of a mesh; at low load and with bodies it is half of that. Damping ratios of meshes
+    are 0.01 to 0.1 (Kahraman and Singh, J. Sound Vib. 142 (1990) 49).
     """
 
     model_discrepancy_percent: NotNegative = 10.0
     path_percent: NotNegative = 100.0
     response_percent: NotNegative = 50.0
-    contact_stiffness_percent: Positive = 40.0
-    contact_exponent: Positive = 0.15
-    contact_damping_percent: Positive = 100.0
-    carrier_inertia_percent: Positive | None = None  # 10 where [rotors] says the carrier's, else 100
 
 
 class Rig(Settings):

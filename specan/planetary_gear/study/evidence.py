@@ -31,7 +31,7 @@ from specan.arrays import Complex
 from specan.models import Use
 from specan.planetary_gear.model.kinematics import FAR
 from specan.planetary_gear.model.lines import UNLIKE
-from specan.planetary_gear.study.order_lines import BANDWIDTH, OrderLinesObservation
+from specan.planetary_gear.study.order_lines import BANDWIDTH, OrderLinesObservation, same
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.promises import ONE_SIDED_80
 from specan.study.observation import Array
@@ -189,7 +189,7 @@ class LineEvidence:
             Those of them that are looked at about their likeliest sizes only.
         """
         sizes = [self._likely_sizes(p) if p in near else np.arange(SIZES.size) for p in patterns]
-        grid: Array = SIZES[np.array(list(product(*sizes)), dtype=int)]
+        grid = np.asarray(SIZES[np.array(list(product(*sizes)), dtype=int)], dtype=float)
         ln_count = len(patterns) * np.log(SIZES.size)
         shown = self._shown(*patterns)
         found = []
@@ -303,17 +303,17 @@ class LineEvidence:
         known, (row, line) = self.seen.known, (group.row, group.line)
         harmonic, passages = known.harmonic[line], known.passages[line]
         apart = np.subtract.outer(*2 * [np.log(self.frame[line])])
-        one_answer = _same(self.speed[row], harmonic, known.mode[line]) * np.exp(
+        one_answer = same(self.speed[row], harmonic, known.mode[line]) * np.exp(
             -0.5 * (apart / BANDWIDTH) ** 2
         )
-        one_answer = one_answer * (1 - own + own * _same(self.recording[row]))
+        one_answer = one_answer * (1 - own + own * same(self.recording[row]))
         away = np.minimum(np.abs(passages), FAR) / FAR
-        side = _same(self.seen.path[row], harmonic, np.sign(passages))
+        side = same(self.seen.path[row], harmonic, np.sign(passages))
         unsure = self._gain[1][row, line]
         return (
             np.outer(response, response) * one_answer
             + known.path**2 * side * np.minimum(away[:, None], away)
-            + np.outer(unsure, unsure) * _same(self.seen.path[row], harmonic)
+            + np.outer(unsure, unsure) * same(self.seen.path[row], harmonic)
             + np.diag(np.full(row.size, (form * known.near) ** 2))
         )
 
@@ -337,11 +337,6 @@ class LineEvidence:
                 found[name] = float(size * amplitudes[best, k] * largest)
                 k += 1
         return found
-
-
-def _same(*labels: NDArray[Any]) -> NDArray[np.bool_]:
-    """Of each two lines whether all labels are equal."""
-    return np.all([label[:, None] == label for label in labels], axis=0)
 
 
 def _places(parameter: Any) -> Array:

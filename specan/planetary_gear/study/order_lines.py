@@ -187,21 +187,54 @@ class OrderLinesObservation(KeptLines):
     def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """The model's lines in place of `measured`, with gains that lines of the ideal machine tell.
 
-        Nothing else is learned from the lines: what the model is declared not to know stays in the error, and lines
-        that are evidence of an effect tell no gain. Lines that are held out have the gains of those that were fitted
-        and heard through the same path.
+        What the model is declared not to know stays in the error. Lines that are held out have the gains of those that
+        were fitted and heard through the same path. Lines that the ideal machine does not have are as strong as those
+        of other recordings say: nothing is learned from the lines that are shown.
         """
+        others = self.learned or self
+        predicted, told = self._heard(assembly, values, self.learned), others._heard(assembly, values)
+        for name in self.recordings:
+            mine = np.array(self.of_row) == name
+            rest = others.kept & others.beyond & (np.array(others.of_row) != name)[:, None]
+            answer = others._answers(told, rest, self.path[mine][0])
+            predicted[mine] *= np.where(self.beyond[mine], answer, 1.0)
+        return self.stack(predicted)
+
+    def _heard(
+        self, assembly: Assembly, values: Mapping[str, Any], seen: OrderLinesObservation | None = None
+    ) -> Complex:
+        """The model's lines (rows, lines) with gains that they tell themselves, or those that were fitted do."""
         lines = self.model_lines(assembly, values)
         gains = self._shown_gains(lines, range(len(self.of_one_gain)))
-        if self.learned is not None:
-            seen = self.learned
+        if seen is not None:
             gains = seen._shown_gains(seen.model_lines(assembly, values), seen._paths) | {
                 k: gain for k, gain in gains.items() if self._paths[k] not in seen._paths
             }
-        predicted = np.zeros(self.kept.shape, dtype=complex)
+        heard = np.zeros(self.kept.shape, dtype=complex)
         for k, (path, group) in enumerate(zip(self._paths, self.of_one_gain, strict=True)):
-            predicted[group] = gains.get(path, gains.get(k, 0.0)) * lines[group]
-        return self.stack(predicted)
+            heard[group] = gains.get(path, gains.get(k, 0.0)) * lines[group]
+        return heard
+
+    def _answers(self, heard: Complex, told: NDArray[np.bool_], path: int) -> Complex:
+        """Factor by which each line is stronger, from lines that tell it: by least squares, a complex number each line.
+
+        A machine has one answer for each harmonic, kind of motion and order in the carrier's frame at one speed. It is
+        known as well as the lines that tell it, and otherwise as those of all speeds are on average.
+        """
+        known, size = self.known, np.where(told, np.abs(heard) ** 2, 0.0)
+        cross = np.where(told, heard.conj() * self.amplitude, 0.0)
+        if not size.sum() > 0:
+            return np.ones(known.order.size, complex)
+        average = max(float(cross.sum().real / size.sum()), 0.0)
+        away = known.path * np.minimum(np.abs(known.passages), FAR) / FAR
+        unsure = np.where(told, 2 * self.noise**2 + (known.near**2 + away**2) * np.abs(heard) ** 2, 0.0)
+        speed = self.path // len(set(self.channels)) == path // len(set(self.channels))
+        frame = np.round(known.order - known.passages, 6)
+        alike = same(known.harmonic, known.mode, frame).astype(float)
+        at_speed = [np.sum(part[speed], axis=0) @ alike for part in (size, cross, unsure)]
+        return (average * at_speed[2] + at_speed[1]) / np.maximum(
+            at_speed[2] + at_speed[0], 1e-300
+        ) + average * (at_speed[0] == 0)
 
     @cached_property
     def _paths(self) -> list[tuple[int, int]]:
@@ -367,6 +400,11 @@ class OrderLinesObservation(KeptLines):
         for k, group in enumerate(self.of_one_gain):
             number[group] = k
         return number[self.kept]
+
+
+def same(*labels: NDArray[Any]) -> NDArray[np.bool_]:
+    """Of each two lines whether all labels are equal."""
+    return np.asarray(np.all([label[:, None] == label for label in labels], axis=0))
 
 
 def _between(predicted: Complex, measured: Complex) -> Array:

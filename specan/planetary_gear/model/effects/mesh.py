@@ -1,66 +1,10 @@
 """Effects of the contact of teeth, alike in all meshes."""
 
-import math
-
 import numpy as np
 
 from specan.models import Parameter, effect
-from specan.planetary_gear.model.effects import log_of_factor
 
 HARMONICS = 3
-
-
-@effect(
-    "contact-stiffness",
-    scales="contact_stiffness",
-    neutral={"change": 0.0},
-    separate_by="a static test: twist of the locked gear over torque",
-    reference="ISO 6336-1:2019, clause 9: 14 to 20 N/(mm um) a mesh of steel gears, less at low load "
-    "and with thin rims",
-    instrument=True,
-)
-def contact_stiffness(*, change=log_of_factor(-0.2, min=-1.0, max=0.7, lower=-3.0, upper=3.0)):
-    """Teeth are stiffer or softer than the rig file's contact law says, by one factor for all meshes.
-
-    It decides by how much a pin out of place changes the loads, and where the set resonates.
-    """
-    return math.exp(change)
-
-
-@effect(
-    "contact-exponent",
-    adds_to="contact_exponent",
-    neutral={"change": 0.0},
-    separate_by="a static test: twist of the locked gear over torque",
-    reference="1 for teeth that bend (ISO 6336-1:2019, clause 9), 10/9 for contact along a line, 3/2 for Hertz's "
-    "point contact",
-    instrument=True,
-)
-def contact_exponent(
-    *,
-    change=Parameter(
-        -0.1, "1", min=-0.3, max=0.2, lower=-0.3, upper=1.0, doc="added to that of the contact law"
-    ),
-):
-    """Teeth that bend are as stiff at every load; points of contact become stiffer with it.
-
-    The stiffness at the middle of the loads stays as it is. It decides how lines beside the mesh go with the torque.
-    """
-    return change
-
-
-@effect(
-    "contact-damping",
-    scales="damping_scale",
-    neutral={"change": 0.0},
-    aliases=("mesh-damping",),
-    separate_by="a run over speed through a resonance",
-    reference="damping ratios of gear meshes from 0.01 to 0.1: Kahraman and Singh, J. Sound Vib. 142 (1990) 49",
-    instrument=True,
-)
-def contact_damping(*, change=log_of_factor(-1.0, min=-3.0, max=1.0, lower=-6.0, upper=4.0)):
-    """Meshes lose more or less energy than the rig file's contact law says, by one factor for all."""
-    return math.exp(change)
 
 
 @effect(

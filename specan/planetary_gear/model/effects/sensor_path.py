@@ -1,11 +1,8 @@
 """Effects between mesh and reading: path, housing, sensor, tacho."""
 
-import math
-
 import numpy as np
 
 from specan.models import Parameter, effect
-from specan.planetary_gear.model.effects import log_of_factor
 
 
 @effect(
@@ -95,22 +92,3 @@ def speed_fluctuation(
 ):
     """The speed varies faster than the tacho resolves, or the tacho is inaccurate: high orders lose amplitude."""
     return np.exp(-0.5 * (np.asarray(order) * jitter) ** 2)
-
-
-@effect(
-    "unlike-response",
-    scales="unlike_response",
-    at="harmonic",
-    neutral={"change": 0.0},
-    separate_by="a planet whose pin is moved on purpose",
-    reference="against a simulator with springs of another form over the pitch: a tenth about the first harmonic, up "
-    "to a factor 3 about the third",
-    instrument=True,
-)
-def unlike_response(*, change=log_of_factor(0.3, min=-1.0, max=1.0, lower=-4.0, upper=4.0)):
-    """The set answers more or less than computed to what its planets do not do alike.
-
-    Lines that the ideal set does not have are stronger or weaker by one factor for each harmonic, in all recordings.
-    How large an error is cannot be known better than that.
-    """
-    return math.exp(change)

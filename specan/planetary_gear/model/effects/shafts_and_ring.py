@@ -1,11 +1,8 @@
 """Effects of the drive, the shafts, the carrier and the ring."""
 
-import math
-
 import numpy as np
 
 from specan.models import Parameter, effect
-from specan.planetary_gear.model.effects import log_of_factor
 
 
 @effect(
@@ -52,23 +49,6 @@ def shaft_flexibility(
     """The sun follows the forces of its meshes on a shaft that twists: sidebands near a fixed frequency change."""
     # nothing of a shaft that does not twist
     return np.array([compliance, resonance, damping]) * (compliance > 0)
-
-
-@effect(
-    "carrier-inertia",
-    scales="carrier_inertia",
-    neutral={"change": 0.0},
-    separate_by="the drawings of carrier, shaft and brake",
-    reference="a disc of the carrier's size; shaft and load that are fixed to it come on top",
-    instrument=True,
-)
-def carrier_inertia(*, change=log_of_factor(1.0, min=-0.7, max=3.0, lower=-3.0, upper=7.0)):
-    """The inertia of carrier, shaft and load differs from that of a disc.
-
-    At the mesh the torque holds still, and the carrier moves as little as it is heavy: lines of the ideal set, to which
-    all planets contribute alike, grow with it, and lines of planets that are not alike do not.
-    """
-    return math.exp(change)
 
 
 @effect(
