@@ -11,20 +11,17 @@ from matplotlib.collections import LineCollection
 
 import specan
 from specan.errors import RequestError
-from specan.models import Condition, Model, Observable, Parameter, Use, effect
-from specan.models.quantity import constant, quantity
+from specan.models import Condition, Model, Observable
+from specan.models.quantity import constant
 from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study import figures as figures_study_orders
 from specan.planetary_gear.study.open_orders import _marks, _uneven, like
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined
 from specan.study.estimation.fit import fit
-from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.prediction_error import held_out_error, observable_errors
 from specan.study.localisation.localise import localise
 from specan.study.observation import Observation
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.refits import Refit, Refits
-from specan.study.selection.scattered_starts import scattered_starts
 
 ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
 HARMONIC = np.array([1, 1, 1, 1, 2, 2, 2, 2])
@@ -367,63 +364,6 @@ def test_the_figure_shows_the_lines_and_what_is_between_their_levels(sidebands_l
         figures_study_orders.figure_compare_orders(study, "C")
 
 
-@effect("pin", adds_to="place", neutral={"error": 0.0})
-def pin(*, error=Parameter(2.0, "1", min=-50.0, max=50.0, lower=-500.0, upper=500.0, doc="place")) -> float:
-    """A pin out of place."""
-    return error
-
-
-@quantity(unit="m/s^2")
-def bent_lines(place):
-    """Lines that the ideal machine does not have are as strong for a place on either side, in another phase."""
-    return np.where(BEYOND, place**2 * np.exp(0.15j * place), 1.0)
-
-
-def without_its_pin():
-    """A problem with lines of a pin that is off by -1, and the effect that it lacks."""
-    model = Model(
-        name="comb",
-        title="A comb",
-        conditions={
-            "order": Condition("order", "1", "Order.", "order", "1"),
-            "load": Condition("load", "1", "Load.", "load", "1"),
-        },
-        quantities={
-            "place": constant("place", 0.0, "1", "Place."),
-            "lines": replace(bent_lines, name="lines"),
-        },
-        effects={"pin": pin},
-        observables={"lines": Observable("lines", "lines", "m/s^2", "Lines.", kind="orders")},
-    )
-    amplitude = np.where(BEYOND, np.exp(-0.15j), 1.0)
-    base = base_problem(model, [observed(amplitude, 0.003, near=0.01, path=0.01, response=0.01)])
-    return base, Use("pin")
-
-
-def test_a_size_of_the_other_sign_is_found() -> None:
-    """The minimum that a descent from the usual size reaches is far above that of the true size, -1."""
-    base, use = without_its_pin()
-    problem = base.with_uses([use])
-    found = descend(problem, scattered_starts(problem, {}, [use])[0])
-    from_usual = descend(problem, problem.start({"pin.error": 2.0}))
-    assert problem.values_at(found.theta)["pin.error"] == pytest.approx(-1.0, abs=0.05)
-    assert found.chi2 < 1e-3 < 100 < from_usual.chi2
-
-
-@pytest.mark.parametrize(("near", "once"), [([-1.2, -0.8], False), ([-1.2, 2.0], True)])
-def test_a_minimum_that_one_start_alone_reaches_is_told(near, once, monkeypatch) -> None:
-    """From 2.0 a descent ends elsewhere, so that nothing says that there is no third minimum."""
-    base, use = without_its_pin()
-    refits = Refits(Refit(frozenset(), base, fit(base)))
-    monkeypatch.setattr(
-        "specan.study.selection.refits.scattered_starts",
-        lambda problem, values, new: [problem.start({"pin.error": size}) for size in near],
-    )
-    found = refits.fit(refits.base, frozenset({use}), [{"pin.error": 2.0}])
-    assert found.fit.values["pin.error"] == pytest.approx(-1.0, abs=0.05)
-    assert found.once == once
-
-
 def test_a_contact_that_stiffens_mixes_the_lines_of_a_fault():
     """F = K x^1.3 at a swing of three tenths: the line at twice the frequency over that of the swing."""
     from specan.planetary_gear.study.open_orders import PRODUCTS, _products
@@ -463,18 +403,6 @@ def test_marks_of_the_tacho_that_are_uneven_are_found_and_what_they_make_of_line
     allowed = _marks(found.lines.amplitude, wanted, ratio, uneven)[0]
     assert np.abs(found.lines.amplitude[0, [0, 3]]) == pytest.approx(allowed[[0, 3]], rel=0.05)
     assert allowed[2] == 0.0
-
-
-def test_a_line_that_is_predicted_smaller_is_not_known_better() -> None:
-    """The density over a line y of log(y / p) with a deviation s is 1 / (s y) exp(...), whatever p."""
-    found = observed(TRUTH, 1e-4)
-    volumes = [
-        found.ln_volume(comb(np.where(BEYOND, part, 1.0) * TRUTH).assemble(), {}) for part in (1.0, 0.6, 1.7)
-    ]
-    assert volumes[1:] == pytest.approx(volumes[:1] * 2, abs=1e-6)
-    # lines that are not predicted have their noise
-    without = found.ln_volume(comb(np.where(BEYOND, 0.0, TRUTH)).assemble(), {})
-    assert without > volumes[0] + 2 * BEYOND.sum()
 
 
 def test_lines_below_their_noise_have_an_error_and_no_level() -> None:

@@ -1,0 +1,147 @@
+"""Effects by the patterns of their order lines: evidence in closed form, and drawn machines that answer as they like."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from specan.models.catalogue import example_model
+from specan.planetary_gear.study.evidence import LineEvidence, Pattern
+from specan.planetary_gear.study.explanations import OfOrderLines, near_the_data
+from specan.planetary_gear.study.order_lines import OrderLinesObservation
+from specan.study.diagnose import diagnose
+from specan.study.estimation.fit import fit
+from specan.study.selection.candidates import base_problem
+
+MODEL = example_model("planetary-gear")
+KNOWN = MODEL.for_kinds["orders"]
+TORQUES = (60.0, 180.0)  # at which no teeth part
+
+
+def recorded(lines, noise, rng) -> OrderLinesObservation:
+    """Two recordings by two sensors at one speed; each sensor and harmonic has a gain, and there is white noise."""
+    amplitude = np.concatenate(lines)
+    gain = np.exp(rng.normal(0, 0.7, (2, 3)) + 2j * np.pi * rng.random((2, 3)))
+    amplitude = amplitude * np.tile(gain[:, KNOWN.harmonic - 1], (2, 1))
+    floor = noise * np.array(
+        [[np.abs(a[h == KNOWN.harmonic]).max() for h in KNOWN.harmonic] for a in amplitude]
+    )
+    amplitude = amplitude + floor * (rng.standard_normal((*floor.shape, 2)) @ np.array([1, 1j]))
+    return OrderLinesObservation(
+        name="a, b", of_row=("a", "a", "b", "b"), quantity="order_lines", channels=("Acc 1", "Acc 2") * 2, known=KNOWN,
+        amplitude=amplitude, noise=floor, beyond=np.tile(plain_lines(60.0) == 0, (2, 1)), path=np.array([0, 1, 0, 1]),
+        kept=np.ones(amplitude.shape, bool),
+        point={"sun_speed": np.full(4, 30.0), "carrier_torque": np.repeat(TORQUES, 2)}, noise_dof=100.0,
+    )  # fmt: skip
+
+
+def lines_of(torque, uses=(), values=None):
+    at = {"order": KNOWN.order, "sun_speed": np.full(KNOWN.order.size, 30.0)}
+    at["carrier_torque"] = np.full(KNOWN.order.size, torque)
+    found = MODEL.assemble([*MODEL.base_effects, *uses]).evaluate(at, values, ["order_lines"])["order_lines"]
+    return np.where(np.abs(found) > 1e-9 * np.abs(found).max(), found, 0)
+
+
+def plain_lines(torque):
+    return lines_of(torque)
+
+
+def drawn(use, values, seed):
+    """Lines of an effect, each kind of motion about each harmonic answering by a factor that may be anything."""
+    rng = np.random.default_rng(seed)
+    answer = np.exp(rng.normal(0, 1.0, (3, 4)) + 2j * np.pi * rng.random((3, 4)))
+    parts = []
+    for torque in TORQUES:
+        plain = plain_lines(torque)
+        change = np.where(plain == 0, lines_of(torque, [use], values) if use else 0, 0)
+        parts.append(plain + change * answer[KNOWN.harmonic - 1, KNOWN.mode])
+    return recorded(parts, 1e-3, rng)
+
+
+def test_the_evidence_is_that_of_a_normal_law():
+    """Real and imaginary parts of the lines about one harmonic, their covariance entry by entry as it is declared."""
+    seen = drawn("sun-runout", None, 3)
+    evidence = LineEvidence(base_problem(MODEL, [seen]), {})
+    rng = np.random.default_rng(5)
+    chosen = evidence.used & (KNOWN.family == "66h+-3.75 (sun)") & (KNOWN.harmonic == 2)
+    lines = np.where(chosen, rng.standard_normal((*chosen.shape, 2)) @ np.array([1, 1j]), 0)[None]
+    pattern = Pattern(lines, use="any")
+    size, answer, own = 0.7, 2.0, 0.5
+    found, _ = evidence._coherent([pattern], np.array([[size]]), chosen, 1.0, answer, own)
+    row, line = np.nonzero(chosen)
+    y, p, noise = seen.amplitude[chosen], lines[0][chosen], seen.noise[chosen]
+    unsure = evidence._gain[1]
+    v = np.zeros((y.size, y.size), complex)
+    for i, k in np.ndindex(v.shape):
+        frame = [KNOWN.order[n] - KNOWN.passages[n] for n in (line[i], line[k])]
+        apart = np.log(frame[0] / frame[1]) / 0.06
+        answers = (answer * 0.5 * 2.0) ** 2 * np.exp(-(apart**2) / 2)
+        error = answers if row[i] // 2 == row[k] // 2 else (1 - own) * answers
+        if row[i] % 2 == row[k] % 2:  # heard through one path
+            error += unsure[row[i], line[i]] * unsure[row[k], line[k]]
+            error += 1.0 / 3.0 if line[i] == line[k] else 0.0  # one passage to either side
+        error += 0.1**2 if i == k else 0.0
+        v[i, k] = size**2 * p[i] * np.conj(p[k]) * error + 2 * noise[i] ** 2 * (i == k)
+    real = 0.5 * np.block([[v.real, -v.imag], [v.imag, v.real]])
+    column = size * np.concatenate([p.real, p.imag])
+    both = np.concatenate([y.real, y.imag])
+    expected = multivariate_normal.logpdf(both, cov=real + np.outer(column, column))
+    expected -= multivariate_normal.logpdf(both, cov=np.diag(np.tile(noise**2, 2)))
+    assert found[0] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("use", "values", "named"),
+    [
+        ("", None, set()),
+        ("sun-runout", {"sun-runout.cosine": 1e-6, "sun-runout.sine": 2e-6}, {"sun-runout"}),
+        ("planet-runout@P3", {"planet-runout@P3.cosine": 2e-6, "planet-runout@P3.sine": 1e-6}, {"planet-runout@P3"}),
+        ("planet-position-error@P2", {"planet-position-error@P2.error": 1e-6}, {"planet-position-error@P2"}),
+        ("tooth-crack", {"tooth-crack.softer": 0.1, "tooth-crack.place": 0.3}, {"tooth-crack"}),
+    ],
+)  # fmt: skip
+def test_what_makes_the_lines_is_named_however_the_machine_answers(use, values, named):
+    """The place too; a misplaced pin and an unequal share of one planet have the same lines then."""
+    problem = base_problem(MODEL, [drawn(use, values, 7)])
+    found = diagnose(problem)
+    if not named:
+        assert found.verdict == "nothing-missing"
+        return
+    assert found.verdict in ("effect", "group")
+    sets = [
+        {str(u) for u in one.uses}
+        for one in OfOrderLines(problem, fit(problem)).found
+        if one.fitted and one.uses
+    ]
+    assert named in sets
+    assert {next(iter(s)).partition("@")[2] for s in sets} == {next(iter(named)).partition("@")[2]}
+
+
+def test_an_effect_that_the_model_has_is_not_found_again():
+    values = {"sun-runout.cosine": 1e-6, "sun-runout.sine": 2e-6}
+    problem = base_problem(MODEL, [drawn("sun-runout", values, 7)]).with_uses(["sun-runout"])
+    found = fit(problem, near_the_data(problem))
+    assert found.chi2 < 0.5 * np.sum(problem.residual(problem.start(dict.fromkeys(values, 0.0))) ** 2)
+    assert diagnose(replace(problem, values={**problem.values, **found.values})).verdict == "nothing-missing"
+
+
+def test_a_recording_is_shown_as_strong_as_others_answer():
+    """An answer of -2 to the model's lines is learned from the other recording, and not from the one that is shown."""
+    change = [lines_of(t, ["sun-runout"], {"sun-runout.cosine": 2e-6}) - plain_lines(t) for t in TORQUES]
+    seen = recorded(
+        [plain_lines(TORQUES[0]) - 2 * change[0], plain_lines(TORQUES[1])], 1e-4, np.random.default_rng(1)
+    )
+    problem = base_problem(MODEL, [seen]).with_uses(["sun-runout"])
+    shown = seen.lines_of(seen.plain(problem.assembly, {"sun-runout.cosine": 2e-6, "sun-runout.sine": 0.0}))
+    strong = (np.abs(np.concatenate(change)) > 1e-3 * np.abs(change[0]).max()) & seen.beyond
+    gain = (
+        seen._heard(MODEL.assemble(MODEL.base_effects), {})[~seen.beyond]
+        / np.concatenate([plain_lines(t) for t in TORQUES])[~seen.beyond]
+    )
+    assert np.isfinite(gain).all()
+    size = np.abs(shown)
+    assert size[:2][strong[:2]].max() < 0.05 * np.abs(seen.amplitude[:2][strong[:2]]).max()
+    assert (
+        np.sum(size[2:][strong[2:]] ** 2) > 0.5 * np.sum(np.abs(seen.amplitude[:2][strong[:2]]) ** 2) * 0.01
+    )
