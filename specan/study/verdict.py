@@ -384,10 +384,12 @@ def headline_of(content: Mapping[str, Any]) -> str:
     if kind == "nothing-missing" and content.get("other_form"):
         return f"Nothing is missing with {content['other_form']}{sure.of('nothing')}."
     # The simplest first; the table below has them by likelihood.
+    alternatives = sorted(content["alternatives"], key=len)
     sets = [
-        " with ".join(members) + sure.of_effects(members, len(content["alternatives"]) > 1)
-        for members in sorted(content["alternatives"], key=len)
+        " with ".join(members) + sure.of_effects(members, len(alternatives) > 1) for members in alternatives
     ]
+    if len(set(sets)) < len(sets):  # the same effects at several places
+        sets = sure.with_places(len(sets))
     more = len(sets) - MOST_IN_HEADLINE
     names = " or ".join(
         [*sets[:MOST_IN_HEADLINE], *([f"one of {more} others"] if more > 1 else sets[MOST_IN_HEADLINE:])]
@@ -426,6 +428,11 @@ class _Sure:
             and (set(one["effects"]) == set(names) if alone else set(one["effects"]) >= set(names))
         ]
         return self._text(sum(told))
+
+    def with_places(self, most: int) -> list[str]:
+        """The likeliest sets of effects, each with its places and probability."""
+        sets = [one for one in self.stated if one["kind"] == "effects"][:most]
+        return [f"{one['explanation']}{self._text(one['probability'])}" for one in sets]
 
     def _text(self, probability: float) -> str:
         return f" ({percent(probability)})" if self.stated else ""

@@ -257,10 +257,14 @@ class LineEvidence:
         apart: NDArray[np.intp],
     ) -> Array:
         """ln evidence of what answers for itself, by harmonic and what sets lines apart, (groups, sizes)."""
-        found = [
-            self._whitened(patterns, grid, group, self._errors(group, form, np.ones(group.row.size), 1.0))[0]
-            for group in self._groups(shown, apart)
-        ]
+        found = []
+        for group in self._groups(shown, apart):
+            # Whatever a pattern's own size, its lines are as strong as any there may be.
+            strongest = self.strongest[group.row, group.line].max()
+            own = [np.abs(p.lines[:, group.row, group.line]).max() for p in patterns]
+            scaled = grid * [strongest / size if size else 1.0 for size in own]
+            errors = self._errors(group, form, np.ones(group.row.size), 1.0)
+            found.append(self._whitened(patterns, scaled, group, errors)[0])
         return np.reshape(found, (-1, len(grid)))
 
     def _whitened(
