@@ -1,4 +1,4 @@
-"""Effects by the patterns of their order lines: evidence in closed form, and drawn machines that answer as they like."""
+"""Effects by the patterns of their order lines: evidence in closed form, machines that answer as they like."""
 
 from dataclasses import replace
 

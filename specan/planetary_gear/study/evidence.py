@@ -39,7 +39,7 @@ from specan.study.selection.candidates import Candidate
 
 # Sizes of an effect over the largest that is known, with the amplification of resonances whose damping ratio is 0.01 to
 # 0.1 (see `Uncertainty`).
-SIZES: Array = 2.0 ** np.arange(-15, 6)
+SIZES = np.exp2(np.arange(-15.0, 6.0))
 # How well answers are known: errors over those of the rig file, and what part of them each recording has of its own.
 ANSWERS = (1.0, 0.1), (2.0, 0.5)
 FORMS = 1.0, 3.0  # errors of single lines over those of the rig file
