@@ -43,6 +43,8 @@ SIZES = np.exp2(np.arange(-15.0, 6.0))
 # How well answers are known: errors over those of the rig file, and what part of them each recording has of its own.
 ANSWERS = (1.0, 0.1), (2.0, 0.5)
 FORMS = 1.0, 3.0  # errors of single lines over those of the rig file
+# Probability that a tone of the background falls on a line, of all lines together, and how many may.
+TONE, TONES = 0.05, 3
 STEP = 1e-3  # of the largest size that is known, for the model's lines
 PLACES = 24, 3  # of a shape parameter that is an angle, and of another
 SEEN = 1e-2  # chi-square that the largest size must make in a line
@@ -320,6 +322,30 @@ class LineEvidence:
             + np.outer(unsure, unsure) * same(self.seen.path[row], harmonic)
             + np.diag(np.full(row.size, (form * known.near) ** 2))
         )
+
+    @cached_property
+    def _alone(self) -> Array:
+        """ln of the evidence that a line is anything in one recording and as expected in others, (recordings, lines)."""
+        measured, strongest = np.abs(self.seen.amplitude) ** 2, self.strongest**2
+        with_tone = self.variance + SIZES[:, None, None] ** 2 * strongest
+        gain = measured / self.variance - measured / with_tone - np.log(with_tone / self.variance)
+        both = np.stack(
+            [gain[:, self.recording == k].sum(axis=1) for k in range(self.recording.max() + 1)], axis=1
+        )
+        return np.asarray(logsumexp(both, axis=0) - np.log(SIZES.size))
+
+    def tones(self, patterns: Sequence[Pattern]) -> tuple[float, list[str]]:
+        """Tones of the background beside some patterns: ln of their prior times evidence, and where they are."""
+        free = self.used & ~self._shown(*patterns)
+        of_recording = np.stack(
+            [free[self.recording == k].all(axis=0) for k in range(self.recording.max() + 1)]
+        )
+        gain = np.where(of_recording, self._alone + np.log(TONE / self.used.sum()), 0.0)
+        likely = [divmod(int(k), gain.shape[1]) for k in np.argsort(-gain, axis=None)[:TONES]]
+        likely = [at for at in likely if gain[at] > 0]
+        order = self.seen.known.order
+        where = [f"order {order[line]:.5g} in {self.seen.recordings[k]}" for k, line in likely]
+        return float(sum(gain[at] for at in likely)), where
 
     def visible(self, pattern: Pattern, needed: float) -> float:
         """Size of the first amplitude, SI, whose lines gain `needed` in four cases of five."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,14 @@ PAIRED = 3, 6  # likeliest effects that are looked at with others, and with how 
 
 @dataclass(frozen=True, eq=False)
 class OfLines(Explanation):
-    """One way in which order lines may have come about."""
+    """One way in which order lines may have come about, with tones of the background or without."""
+
+    tones: str = ""
+
+    @property
+    def of_noise(self) -> str:
+        """What it says of the noise."""
+        return self.tones
 
     @property
     def names_its_effects(self) -> bool:
@@ -65,18 +72,19 @@ class OfOrderLines(Explanations):
 
     def look(self) -> None:
         """Nothing, anything, every effect, and the likeliest with a second one or with anything."""
-        form, nothing = self.forms[0], self.lines.ln_evidence([])
-        self.found = [OfLines("nothing", form, frozenset(), form.tangent, float(np.log(NOTHING)), nothing)]
+        nothing = self.lines.ln_evidence([])
+        self.found = []
+        self._keep_lines("nothing", [], 0.0, nothing)
         anything = self.lines.anything()
         each = [self.lines.ln_evidence([one]) for one in anything]
-        self._keep_lines("unknown", frozenset(), np.log(UNKNOWN / NOTHING), _mean(each))
+        self._keep_lines("unknown", [anything[int(np.argmax(each))]], np.log(UNKNOWN / NOTHING), _mean(each))
         likeliest: dict[Use, Pattern] = {}
         alone: dict[Use, float] = {}
         for number, (use, own) in enumerate(item for item in self.patterns.items() if item[1]):
             self.progress(f"lines of {use}", 0.7 * number / len(self.patterns))
             gains = [self.lines.ln_evidence([one]) for one in own]
             likeliest[use], alone[use] = own[int(np.argmax(gains))], _mean(gains)
-            self._keep_lines("effects", frozenset({use}), 0.0, alone[use])
+            self._keep_lines("effects", [likeliest[use]], 0.0, alone[use])
         order = sorted((use for use in alone if alone[use] > nothing), key=lambda use: -alone[use])
         for k, use in enumerate(order[: PAIRED[0]]):
             self.progress(f"lines of {use} with others", 0.7 + 0.05 * k)
@@ -88,16 +96,22 @@ class OfOrderLines(Explanations):
                 # An error of a share s in the form of the one leaves s^2 of the chi-square that it takes away.
                 if gain - most < self.lines.seen.known.near**2 * (most - nothing):
                     continue
-                if other is None:
-                    self._keep_lines("unknown", frozenset({use}), np.log(UNKNOWN / NOTHING), gain)
-                else:
-                    self._keep_lines("effects", frozenset({use, other}), 0.0, gain)
+                kind, chance = ("effects", 0.0) if other else ("unknown", float(np.log(UNKNOWN / NOTHING)))
+                self._keep_lines(kind, [likeliest[use], second], chance, gain)
         self._fit_likeliest(likeliest)
 
-    def _keep_lines(self, kind: str, uses: EffectSet, ln_chance: float, ln_evidence: float) -> None:
-        form = self.forms[0]
+    def _keep_lines(
+        self, kind: str, patterns: Sequence[Pattern], ln_chance: float, ln_evidence: float
+    ) -> None:
+        """Keep an explanation by patterns, and the same with lines that tones of the background make."""
+        form, uses = self.forms[0], frozenset(p.use for p in patterns if p.use)
         ln_prior = float(self._ln_prior(form, uses) if uses else np.log(NOTHING)) + float(ln_chance)
-        self.found.append(OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=False))
+        one = OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing")
+        self.found.append(one)
+        more, where = self.lines.tones(patterns)
+        if where:
+            text = f"{' and '.join(where)} stands alone: a tone of the background, perhaps"
+            self.found.append(replace(one, ln_evidence=ln_evidence + more, tones=text))
 
     def _fit_likeliest(self, likeliest: Mapping[Use, Pattern]) -> None:
         """Fit the model with what may be named, from where the lines lead."""
@@ -114,7 +128,7 @@ class OfOrderLines(Explanations):
             tangent = Tangent.at(problem, there.theta, there.residual, there.jacobian)
         except ComputationError:  # what the lines say stays
             tangent = Tangent.at(problem, theta, problem.residual(theta), problem.jacobian(theta))
-        return OfLines(one.kind, one.form, one.uses, tangent, one.ln_prior, one.ln_evidence)
+        return replace(one, tangent=tangent, fitted=True)
 
     def visible(self, one: Explanation) -> dict[str, dict[str, Any] | None]:
         """Sizes at which the lines of each effect are seen; none of effects that make no lines of their own."""

@@ -268,8 +268,7 @@ class _Telling:
             ("shifts of modes", self._undeclared_shifts),
             ("the noise of recordings", lambda: larger_noise(self.problem)),
         ]
-        if (noise := best.noise) is not None:
-            remarks.append(("noise", lambda: noise.text))
+        remarks.append(("noise", lambda: best.of_noise))
         return [text for what, find in remarks if (text := self.try_to(what, find, ""))]
 
     def _undeclared_shifts(self) -> str:

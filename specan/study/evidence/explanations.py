@@ -100,6 +100,11 @@ class Explanation:
         return "" if self.fault is None else self.fault.text
 
     @property
+    def of_noise(self) -> str:
+        """What it says of the noise."""
+        return self.noise.text if self.noise else ""
+
+    @property
     def names_its_effects(self) -> bool:
         """Whether what its effects leave, if anything, may be due to the form of their equations, or chance.
 
