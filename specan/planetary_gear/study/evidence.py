@@ -325,7 +325,7 @@ class LineEvidence:
 
     @cached_property
     def _alone(self) -> Array:
-        """ln of the evidence that a line is anything in one recording and as expected in others, (recordings, lines)."""
+        """ln of the evidence that a line is anything in one recording only, (recordings, lines)."""
         measured, strongest = np.abs(self.seen.amplitude) ** 2, self.strongest**2
         with_tone = self.variance + SIZES[:, None, None] ** 2 * strongest
         gain = measured / self.variance - measured / with_tone - np.log(with_tone / self.variance)

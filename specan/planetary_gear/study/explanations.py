@@ -19,7 +19,6 @@ from specan.study.evidence.explanations import (
     NOTHING,
     OF_THE_BEST,
     UNKNOWN,
-    EffectSet,
     Explanation,
     Explanations,
     Form,
