@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from specan.csv_rows import csv_rows
 from specan.data.channel import SMALLEST_GAIN, Channel, Role, gain_of, is_known, si_unit
 from specan.errors import InputError, RequestError
-from specan.io.csv_rows import csv_rows
 from specan.io.roles import derivatives_of
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ
 from specan.schema import Settings, parse, read_toml

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from specan.csv_rows import csv_rows
 from specan.data.limits import LimitCurve
 from specan.errors import InputError, nearest
-from specan.io.csv_rows import csv_rows
 
 FREQUENCY, LOWER, UPPER = ("band_hz", "frequency_hz"), "lower_dB", "upper_dB"
 _TOTAL = "total-"

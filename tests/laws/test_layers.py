@@ -8,13 +8,14 @@ import pytest
 import specan
 
 ROOT = Path(specan.__file__).parent
-BASE = {"arrays", "errors", "units", "schema", "result", "divisions", "user_folder", "__init__"}
+BASE = {"arrays", "errors", "units", "schema", "csv_rows", "result", "divisions", "user_folder", "__init__"}
 ALLOWED = {
     "arrays": set(),
     "errors": set(),
     "units": {"errors"},
     "divisions": set(),
     "schema": {"errors", "divisions"},
+    "csv_rows": {"errors", "schema", "units"},
     "user_folder": set(),
     "result": {"errors"},
     "data": BASE | {"data"},

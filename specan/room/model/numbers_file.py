@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.csv_rows import csv_rows
 from specan.errors import InputError
-from specan.io.csv_rows import csv_rows
 
 
 def read_rows(path: Path, needed: str, expected: str) -> tuple[list[str], list[dict[str, str]]]:
