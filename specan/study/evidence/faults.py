@@ -39,7 +39,7 @@ MOST_LINES = 6  # that a sentence names
 LEAST_ROWS = 3  # on either side of such a row
 STEPS = 6  # that are taken to where a condition would be
 IN_REACH = 0.5  # of ln of the likeliest fault, from which steps are taken: a straight line may tell of half
-# Of the whole measurement, after which a temperature has followed losses.
+# Of the whole measurement, after which a sensor elsewhere has followed.
 LAGS = (0.003, 0.01, 0.03, 0.1, 0.3)
 WARM_UP = (0.02, 0.05, 0.15)  # of the whole measurement, over which first rows settle
 
@@ -345,7 +345,7 @@ def _of_condition(tangent: Tangent, o: TableObservation, name: str, slope: Array
 
 
 def _rises(tangent: Tangent, o: TableObservation) -> Iterator[Array]:
-    """Courses of what warms by the losses of a machine and cools by itself, from some start on."""
+    """Courses of what warms with a machine that works and cools by itself, from some start on."""
     assembly, values, u = tangent.problem.assembly, tangent.problem.values_at(tangent.theta), _elapsed(o)
     found = assembly.evaluate(o.conditions, values)
     measured = [assembly.model.observables[name].quantity for name in dict.fromkeys(o.observable.tolist())]
