@@ -127,7 +127,7 @@ class Faults:
         for k, white in self._several.items():
             gains, each = marginal.beside(white, np.array(self.all[k].sizes))
             found[k] = self.all[k].ln_known + float(_mean(gains)), each[int(np.argmax(gains))]
-        most = max(gain for gain, _ in found.values())
+        most = max((gain for gain, _ in found.values()), default=0.0)
         told = []
         for own in gathered((one.name, k) for k, one in enumerate(self.all)).values():
             best = max(own, key=lambda k: found[k][0])
