@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from specan.models.model import Model
 from specan.planetary_gear.model.geometry import mesh_phases, planet_angles
-from specan.planetary_gear.model.lines import OrderLines
+from specan.planetary_gear.model.lines import FAR, OrderLines
 from specan.planetary_gear.model.rig import Gear, Rig
 
 
@@ -89,8 +89,6 @@ def kind_of_phasing(gear: Gear) -> str:
 
 # Of the sun's turns that are looked at: a runout's, and two that tell it from pitch errors.
 MULTIPLES = (1, 2, 3)
-# Passages of the planets from which on a path is as little known as it gets.
-FAR = 3
 # Passages beside an order: third powers of a Hann window leave a twentieth at three.
 HEARD = (-2, -1, 0, 1, 2)
 

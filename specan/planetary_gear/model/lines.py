@@ -12,6 +12,8 @@ from specan.arrays import Real
 # Uncertainty of the answer to unlike planets about each harmonic, over that of the rig file: against springs of another
 # form over the pitch lines were right within a tenth about the first, within a factor 3 about the others.
 UNLIKE = (1.0, 2.0, 2.0)
+# Passages of the planets from which on a path is as little known as it gets.
+FAR = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,3 +62,18 @@ class OrderLines:
     near: float
     path: float
     response: float
+
+    @property
+    def far(self) -> Real:
+        """How far each line lies beside what one planet has, from 0 to 1: how little is known of its path."""
+        return np.minimum(np.abs(self.passages), FAR) / FAR
+
+    @property
+    def frame(self) -> Real:
+        """Order of the motion that is heard, in the frame of the carrier."""
+        return np.round(self.order - self.passages, 6)
+
+    @property
+    def unlike(self) -> Real:
+        """Uncertainty of the answer to unlike planets, of each line."""
+        return self.response * np.array(UNLIKE)[self.harmonic - 1]

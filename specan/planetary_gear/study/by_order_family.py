@@ -29,7 +29,7 @@ MOST_Z = 40.0  # beyond which a normal law gives no number
 def localise(problem: Problem, best: Fit) -> Localisation:
     """Find the families of order lines, and their harmonics, sensors and operating points, at which a model fails."""
     algebra = LeftOut(problem, best)
-    lines = _Lines(problem, np.concatenate(problem.plain(best.theta)))
+    lines = _Lines(problem, problem.plain(best.theta)[0])
     apart = [(where, rows) for where, rows in _places(lines.labels) if lines.apart(rows)]
     blocks = [_block(algebra, lines, where, rows) for where, rows in apart]
     marked = sorted(tested(blocks), key=lambda b: b.p_value)
@@ -40,25 +40,20 @@ def localise(problem: Problem, best: Fit) -> Localisation:
 
 
 class _Lines:
-    """Measured, predicted and noise of every row of all recordings, with labels."""
+    """Measured, predicted and noise of every row, with labels."""
 
     def __init__(self, problem: Problem, predicted: Array) -> None:
-        seen = [o for o in problem.observations if isinstance(o, OrderLinesObservation)]
-        parts = np.split(predicted, np.cumsum([o.n for o in seen])[:-1])
-        self.predicted = predicted
-        self.measured = np.concatenate([o.measured for o in seen])
-        self.noise = np.concatenate([o.sigma for o in seen])
-        self.labels = {name: np.concatenate([o.labels[name] for o in seen]) for name in seen[0].labels}
-        self.variables = seen[0].variables
-        self.order = np.concatenate([o.rows(o.known.order) for o in seen])
+        (seen,) = problem.observations
+        assert isinstance(seen, OrderLinesObservation)
+        self.predicted, self.measured, self.noise = predicted, seen.measured, seen.sigma
+        self.labels, self.variables = seen.labels, seen.variables
+        self.order = seen.rows(seen.known.order)
         # of the line that a row is a part of: its error and its size
-        both = list(zip(seen, parts, strict=True))
-        self.gap = np.concatenate([o.rows(np.abs(o.lines_of(part) - o.amplitude)) for o, part in both])
-        self.size = np.concatenate([o.rows(np.abs(o.amplitude)) for o in seen])
-        near = np.concatenate([np.full(o.n, o.known.near) for o in seen])
-        self.allowed = np.hypot(near * self.size, np.sqrt(2) * self.noise)
-        self.middle = np.concatenate([_middle(o, part) for o, part in both])
-        self.observable = seen[0].observable
+        self.gap = seen.rows(np.abs(seen.lines_of(predicted) - seen.amplitude))
+        self.size = seen.rows(np.abs(seen.amplitude))
+        self.allowed = np.hypot(seen.known.near * self.size, np.sqrt(2) * self.noise)
+        self.middle = _middle(seen, predicted)
+        self.observable = seen.observable
         self.unit = problem.assembly.model.observables[self.observable].unit
 
     def apart(self, rows: NDArray[np.bool_]) -> bool:
@@ -80,17 +75,18 @@ class _Lines:
     def missing(self, rows: NDArray[np.bool_]) -> float:
         """What the model lacks, over the harmonic that each line lies about, dB."""
         gap = (self.measured[rows] - self.predicted[rows]) ** 2 - self.noise[rows] ** 2
-        return float(10 * np.log10(max(np.mean(gap / np.maximum(self.middle[rows] ** 2, 1e-300)), 1e-300)))
+        share = float(np.mean(gap / np.maximum(self.middle[rows] ** 2, 1e-300)))
+        return float(10 * np.log10(max(share, 1e-300)))
 
 
 def _middle(o: OrderLinesObservation, predicted: Array) -> Array:
     """Root mean square, over its two parts, of the line that the model has strongest about each row's harmonic."""
-    own = np.abs(o.lines_of(predicted))
-    strongest = np.zeros(o.kept.shape)
-    for group in o.of_one_gain:
-        line = np.argmax(np.where(group, own, -1.0))
-        strongest[group] = np.abs(o.amplitude.flat[line]) / np.sqrt(2)
-    return o.rows(strongest)
+    own, middle = np.abs(o.lines_of(predicted)), np.zeros(o.kept.shape)
+    for h in np.unique(o.known.harmonic):
+        about = o.known.harmonic == h
+        line = np.argmax(np.where(o.kept & about, own, -1.0), axis=1)[:, None]
+        middle[:, about] = np.abs(np.take_along_axis(o.amplitude, line, axis=1)) / np.sqrt(2)
+    return o.rows(middle)
 
 
 def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], NDArray[np.bool_]]]:

@@ -29,9 +29,7 @@ from scipy.special import logsumexp
 
 from specan.arrays import Complex
 from specan.models import Use
-from specan.planetary_gear.model.kinematics import FAR
-from specan.planetary_gear.model.lines import UNLIKE
-from specan.planetary_gear.study.order_lines import BANDWIDTH, OrderLinesObservation, same
+from specan.planetary_gear.study.order_lines import OrderLinesObservation, resonance, same, strongest
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.promises import ONE_SIDED_80
 from specan.study.observation import Array
@@ -100,19 +98,11 @@ class LineEvidence:
         self.used = self.seen.beyond & self.seen.kept
         recordings = {name: k for k, name in enumerate(self.seen.recordings)}
         self.recording = np.array([recordings[name] for name in self.seen.of_row])
-        self.speed = np.unique(self.seen.path, return_inverse=True)[1] // len(set(self.seen.channels))
         known = self.seen.known
         # What may answer for itself about each harmonic: every recording, or every kind of motion in it.
         recording = self.recording[:, None]
         self.alone = recording, recording * (known.mode.max() + 1) + known.mode
-        self.frame = np.round(known.order - known.passages, 6)
-        self.strongest = np.stack(
-            [
-                np.abs(np.where(known.harmonic == h, self.seen.amplitude, 0)).max(axis=1)
-                for h in known.harmonic
-            ],
-            axis=1,
-        )
+        self.strongest = strongest(self.seen.amplitude, known.harmonic)
 
     # --- what lines are to be expected ------------------------------------------------------------
 
@@ -124,7 +114,7 @@ class LineEvidence:
         """
         o, known = self.seen, self.seen.known
         gain, unsure = np.zeros(o.amplitude.shape, complex), np.ones(o.amplitude.shape)
-        away = known.path * np.minimum(np.abs(known.passages), FAR) / FAR
+        away = known.path * known.far
         for row, h in product(range(len(o.channels)), np.unique(known.harmonic)):
             about = known.harmonic == h
             told = np.flatnonzero(about & o.kept[row] & ~o.beyond[row] & (self.plain[row] != 0))
@@ -239,9 +229,8 @@ class LineEvidence:
         columns = sum(p.lines.shape[0] for p in patterns if p.use)
         ln, inner = np.zeros(len(grid)), np.zeros((len(grid), columns, columns)) + np.eye(columns)
         cross = np.zeros((len(grid), columns))
-        for group in self._groups(shown, self.speed[:, None]):
-            unlike = np.array(UNLIKE)[self.seen.known.harmonic[group.line] - 1]
-            errors = self._errors(group, form, answer * self.seen.known.response * unlike, own)
+        for group in self._groups(shown, self.seen.speed[:, None]):
+            errors = self._errors(group, form, answer * self.seen.known.unlike[group.line], own)
             part, white, left = self._whitened(patterns, grid, group, errors)
             ln += part
             inner += 2 * np.einsum("tnq,tnr->tqr", white.conj(), white).real
@@ -308,12 +297,9 @@ class LineEvidence:
         """Covariance of the relative errors of an effect's lines."""
         known, (row, line) = self.seen.known, (group.row, group.line)
         harmonic, passages = known.harmonic[line], known.passages[line]
-        apart = np.subtract.outer(*2 * [np.log(self.frame[line])])
-        one_answer = same(self.speed[row], harmonic, known.mode[line]) * np.exp(
-            -0.5 * (apart / BANDWIDTH) ** 2
-        )
+        one_answer = same(self.seen.speed[row], harmonic, known.mode[line]) * resonance(known.frame[line])
         one_answer = one_answer * (1 - own + own * same(self.recording[row]))
-        away = np.minimum(np.abs(passages), FAR) / FAR
+        away = known.far[line]
         side = same(self.seen.path[row], harmonic, np.sign(passages))
         unsure = self._gain[1][row, line]
         return (

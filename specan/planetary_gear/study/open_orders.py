@@ -24,7 +24,7 @@ from specan.planetary_gear.model.lines import OrderLines
 from specan.planetary_gear.study.by_order_family import localise  # noqa: F401  where a model of lines fails
 from specan.planetary_gear.study.explanations import OfOrderLines as explanations  # noqa: F401
 from specan.planetary_gear.study.explanations import near_the_data  # noqa: F401  where fits begin
-from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined
+from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined, strongest
 from specan.study.data.recordings import parted, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
 from specan.units import convert
@@ -168,13 +168,7 @@ def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, f
     """Lines that the model shows without effects, (sensors, lines); all others are evidence of an effect."""
     conditions = {"order": known.order, **{c: np.full(known.order.size, v) for c, v in point.items()}}
     found = model.assemble(model.base_effects).evaluate(conditions, None, [quantity])[quantity]
-    return np.abs(found) > SHOWN * _strongest(found, known.harmonic)
-
-
-def _strongest(amplitude: NDArray[np.complex128], harmonic: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Largest line about each line's harmonic, (sensors, lines)."""
-    size = np.abs(amplitude)
-    return np.stack([size[:, harmonic == h].max(axis=1) for h in harmonic], axis=1)
+    return np.abs(found) > SHOWN * strongest(found, known.harmonic)
 
 
 def _leakage(
@@ -186,7 +180,7 @@ def _leakage(
     modulates order o by o b, half of which lies at either side.
     """
     jitter = 2 * np.pi * known.order * tacho.mean_hz * tacho.jitter_s / np.sqrt(2 * max(tacho.pulses, 1))
-    beside = np.hypot(LEAKAGE, jitter) * _strongest(amplitude, known.harmonic)
+    beside = np.hypot(LEAKAGE, jitter) * strongest(amplitude, known.harmonic)
     return beside, RANGE * np.abs(amplitude).max(axis=1, keepdims=True)
 
 
@@ -233,8 +227,8 @@ def _products(
 
     The lines that the ideal machine does not have, over those that it has, tell by which part forces swing.
     """
-    swing = _strongest(np.where(beyond, amplitude, 0.0), harmonic)
-    mean = _strongest(np.where(beyond, 0.0, amplitude), harmonic)
+    swing = strongest(np.where(beyond, amplitude, 0.0), harmonic)
+    mean = strongest(np.where(beyond, 0.0, amplitude), harmonic)
     return PRODUCTS * swing * np.minimum(swing / np.where(mean > 0, mean, np.inf), 1.0)
 
 

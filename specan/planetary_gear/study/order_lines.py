@@ -16,11 +16,9 @@ N^(1/2) V^(-1/2) (measured - predicted). `plain` is the prediction itself.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
@@ -28,8 +26,7 @@ from numpy.typing import NDArray
 
 from specan.arrays import Complex
 from specan.models import Assembly
-from specan.planetary_gear.model.kinematics import FAR
-from specan.planetary_gear.model.lines import UNLIKE, OrderLines
+from specan.planetary_gear.model.lines import OrderLines
 from specan.study.observation import Array, Strategy, Variable
 from specan.study.observation.frf import KeptLines
 
@@ -107,23 +104,26 @@ class OrderLinesObservation(KeptLines):
     @property
     def n_effective(self) -> float:
         """Number of real values less two for every gain that is eliminated."""
-        return float(self.n - 2 * len(self.of_one_gain))
+        return float(self.n - 2 * np.unique(self.of_row_and_harmonic[self.kept]).size)
 
     @property
     def available(self) -> frozenset[str]:
         """Conditions that the data hold."""
         return frozenset({"order", *self.point})
 
-    @cached_property
-    def of_one_gain(self) -> list[NDArray[np.bool_]]:
-        """Lines in use, (rows, lines), of each row and harmonic: those that share a gain."""
-        found = []
-        for row, harmonic in product(range(len(self.channels)), np.unique(self.known.harmonic)):
-            mine = np.zeros(self.kept.shape, dtype=bool)
-            mine[row] = self.kept[row] & (self.known.harmonic == harmonic)
-            if mine.any():
-                found.append(mine)
-        return found
+    @property
+    def of_row_and_harmonic(self) -> NDArray[np.intp]:
+        """Number of the gain of each line, (rows, lines)."""
+        return self._numbered(np.arange(len(self.channels)))
+
+    def _numbered(self, of_row: NDArray[np.intp]) -> NDArray[np.intp]:
+        """A number for each harmonic of what rows belong to, (rows, lines)."""
+        return of_row[:, None] * self.known.harmonic.max() + self.known.harmonic - 1
+
+    @property
+    def speed(self) -> NDArray[np.intp]:
+        """Of each row a number of its speed: sensors that hear through one path do so at one."""
+        return self.path // len(set(self.channels))
 
     @cached_property
     def measured(self) -> Array:
@@ -160,11 +160,6 @@ class OrderLinesObservation(KeptLines):
     # --- covariance ---------------------------------------------------------------------------
 
     @cached_property
-    def covariance(self) -> Array:
-        """N: noise of each line."""
-        return np.diag(self.sigma**2)
-
-    @cached_property
     def sigma(self) -> Array:
         """Standard uncertainty of every row."""
         return self.stack(self.noise + 1j * self.noise)
@@ -172,11 +167,6 @@ class OrderLinesObservation(KeptLines):
     def whiten(self, array: Array) -> Array:
         """Apply N^(-1/2) along axis 0."""
         return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
-
-    @property
-    def along(self) -> Array:
-        """In units of twice the orders within which a model's error is common to lines."""
-        return self.rows(self.known.order / (2 * REACH))
 
     def powers(self) -> tuple[Array, Array]:
         """All rows; the power of their noise is taken with them."""
@@ -196,7 +186,7 @@ class OrderLinesObservation(KeptLines):
         for name in self.recordings:
             mine = np.array(self.of_row) == name
             rest = others.kept & others.beyond & (np.array(others.of_row) != name)[:, None]
-            answer = others._answers(told, rest, self.path[mine][0])
+            answer = others._answers(told, rest, self.speed[mine][0])
             predicted[mine] *= np.where(self.beyond[mine], answer, 1.0)
         return self.stack(predicted)
 
@@ -205,17 +195,15 @@ class OrderLinesObservation(KeptLines):
     ) -> Complex:
         """The model's lines (rows, lines) with gains that they tell themselves, or those that were fitted do."""
         lines = self.model_lines(assembly, values)
-        gains = self._shown_gains(lines, range(len(self.of_one_gain)))
+        mine = self.of_row_and_harmonic
+        gains = self._shown_gains(lines, mine)[mine]
         if seen is not None:
-            gains = seen._shown_gains(seen.model_lines(assembly, values), seen._paths) | {
-                k: gain for k, gain in gains.items() if self._paths[k] not in seen._paths
-            }
-        heard = np.zeros(self.kept.shape, dtype=complex)
-        for k, (path, group) in enumerate(zip(self._paths, self.of_one_gain, strict=True)):
-            heard[group] = gains.get(path, gains.get(k, 0.0)) * lines[group]
-        return heard
+            mine, theirs = self._numbered(self.path), seen._numbered(seen.path)
+            told = seen._shown_gains(seen.model_lines(assembly, values), theirs, mine.max() + 1)
+            gains = np.where(np.isin(mine, theirs), told[mine], gains)
+        return gains * lines
 
-    def _answers(self, heard: Complex, told: NDArray[np.bool_], path: int) -> Complex:
+    def _answers(self, heard: Complex, told: NDArray[np.bool_], speed: int) -> Complex:
         """Factor by which each line is stronger, from lines that tell it: by least squares, a complex number each line.
 
         A machine has one answer for each harmonic, kind of motion and order in the carrier's frame at one speed. It is
@@ -226,39 +214,31 @@ class OrderLinesObservation(KeptLines):
         if not size.sum() > 0:
             return np.ones(known.order.size, complex)
         average = max(float(cross.sum().real / size.sum()), 0.0)
-        away = known.path * np.minimum(np.abs(known.passages), FAR) / FAR
+        away = known.path * known.far
         unsure = np.where(told, 2 * self.noise**2 + (known.near**2 + away**2) * np.abs(heard) ** 2, 0.0)
-        speed = self.path // len(set(self.channels)) == path // len(set(self.channels))
-        frame = np.round(known.order - known.passages, 6)
-        alike = same(known.harmonic, known.mode, frame).astype(float)
-        at_speed = [np.sum(part[speed], axis=0) @ alike for part in (size, cross, unsure)]
+        alike = same(known.harmonic, known.mode, known.frame).astype(float)
+        at_speed = [np.sum(part[self.speed == speed], axis=0) @ alike for part in (size, cross, unsure)]
         return (average * at_speed[2] + at_speed[1]) / np.maximum(
             at_speed[2] + at_speed[0], 1e-300
         ) + average * (at_speed[0] == 0)
 
-    @cached_property
-    def _paths(self) -> list[tuple[int, int]]:
-        """Path and harmonic of each group of `of_one_gain`."""
-        first = (np.argwhere(group)[0] for group in self.of_one_gain)
-        return [(int(self.path[row]), int(self.known.harmonic[line])) for row, line in first]
-
     def path_gains(self, assembly: Assembly, values: Mapping[str, Any]) -> list[dict[str, Any]]:
         """Of each recording: the gains that `plain` learns from its lines, and the RMS error without them."""
         lines = self.model_lines(assembly, values)
-        gains = np.array(list(self._shown_gains(lines, range(len(self.of_one_gain))).values()))
-        where = np.array([np.argwhere(group)[0] for group in self.of_one_gain])
+        numbers = np.unique(self.of_row_and_harmonic[self.kept])
+        gains = self._shown_gains(lines, self.of_row_and_harmonic)[numbers]
+        row, harmonic = np.divmod(numbers, self.known.harmonic.max())
         with np.errstate(divide="ignore"):
             level = 20 * np.log10(np.abs(gains))
         found = []
         for name in self.recordings:
-            mine = np.array(self.of_row)[where[:, 0]] == name
-            rows = (self.kept.T & (np.array(self.of_row) == name)).T
-            gap = np.abs((lines - self.amplitude)[rows])
+            own = np.array(self.of_row) == name
+            mine, gap = own[row], np.abs((lines - self.amplitude)[self.kept & own[:, None]])
             found.append({
                 "recording": name,
                 "rms_without": float(np.sqrt(np.mean(gap**2) / 2)),
-                "channel": [self.channels[row] for row in where[mine, 0]],
-                "harmonic": self.known.harmonic[where[mine, 1]].tolist(),
+                "channel": [self.channels[k] for k in row[mine]],
+                "harmonic": (harmonic[mine] + 1).tolist(),
                 "gain_dB": level[mine].tolist(),
                 "phase_deg": np.degrees(np.angle(gains[mine])).tolist(),
             })  # fmt: skip
@@ -274,15 +254,13 @@ class OrderLinesObservation(KeptLines):
         parts = np.split(lines, len(self.recordings), axis=1)
         return np.concatenate(parts)
 
-    def _shown_gains(self, lines: Complex, keys: Iterable[Any]) -> dict[Any, complex]:
-        """Of all groups of `of_one_gain` that have one key, by least squares over lines of the ideal machine."""
-        size: defaultdict[Any, float] = defaultdict(float)
-        cross: defaultdict[Any, complex] = defaultdict(complex)
-        for key, group in zip(keys, self.of_one_gain, strict=True):
-            told = group & ~self.beyond
-            size[key] += float(np.vdot(lines[told], lines[told]).real)
-            cross[key] += complex(np.vdot(lines[told], self.amplitude[told]))
-        return {key: cross[key] / size[key] if size[key] > 0 else 0j for key in size}
+    def _shown_gains(self, lines: Complex, number: NDArray[np.intp], least: int = 0) -> Complex:
+        """Gain of each number, by least squares over lines of the ideal machine; 0 where there are none."""
+        told = self.kept & ~self.beyond
+        count = max(int(number.max()) + 1, least)
+        size = np.bincount(number[told], np.abs(lines[told]) ** 2, count)
+        cross = _summed(number[told], lines[told].conj() * self.amplitude[told], count)
+        return cross / np.where(size > 0, size, 1.0)
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values."""
@@ -311,8 +289,8 @@ class OrderLinesObservation(KeptLines):
     def _with_gains(self, lines: Complex) -> tuple[Complex, Callable[[Complex], Complex]]:
         """Lines in use with the gain that fits best for each sensor and harmonic; and V^(-1/2) there."""
         measured = self.amplitude[self.kept]
-        groups = self._gain_of_line
-        strongest = np.zeros(len(self.of_one_gain))
+        numbers, groups = np.unique(self.of_row_and_harmonic[self.kept], return_inverse=True)
+        strongest = np.zeros(numbers.size)
         np.maximum.at(strongest, groups, np.abs(lines))
         there = strongest > 0
         lines = lines / np.where(there, strongest, 1.0)[groups]
@@ -321,7 +299,7 @@ class OrderLinesObservation(KeptLines):
         weight = 1.0 / (self.noise[self.kept] ** 2 + (START * np.abs(measured)) ** 2)
         size = np.where(there, np.bincount(groups, weight * np.abs(lines) ** 2), 1.0)
         cross = np.conj(lines) * measured * weight
-        gain = (np.bincount(groups, cross.real) + 1j * np.bincount(groups, cross.imag)) / size
+        gain = _summed(groups, cross, numbers.size) / size
         columns = np.zeros((lines.size, size.size + 1), dtype=complex)
         columns[np.arange(lines.size), groups] = lines / np.sqrt(size)[groups]
         columns[:, -1] = measured
@@ -332,37 +310,30 @@ class OrderLinesObservation(KeptLines):
         predicted = fitted[groups] * lines
         return predicted, self._whitening(predicted)
 
-    def _roots(self, predicted: Complex, size: Array) -> list[tuple[NDArray[np.intp], Array]]:
-        """Lines that are predicted, and the lower Cholesky factor of their V where lines have these sizes.
+    def _whitening(self, predicted: Complex) -> Callable[[Complex], Complex]:
+        """V^(-1/2) of the lines in use: noise, and relative errors about these predictions.
 
-        One part after the other of those that share errors. In the phases of the prediction V is real. Other lines have
-        their noise alone.
+        One part after the other of those that share errors. In the phases of the prediction V is real. Lines that are
+        not predicted have their noise alone.
         """
-        from scipy.linalg.lapack import dpotrf
+        from scipy.linalg.lapack import dpotrf, dtrtrs
 
-        roots = []
+        size, roots = _between(predicted, self.amplitude[self.kept]), []
+        noise = self.noise[self.kept]
         for lines, relative in self._relative_covariance:
             there = predicted[lines] != 0
             own, covariance = lines[there], relative[np.ix_(there, there)]
             covariance *= size[own, None] * size[own]
-            covariance.flat[:: own.size + 1] += self.noise[self.kept][own] ** 2
+            covariance.flat[:: own.size + 1] += noise[own] ** 2
             root, failed = dpotrf(covariance, lower=1)
             if failed:
                 raise FloatingPointError("the covariance of order lines is not positive definite")
-            roots.append((own, np.asarray(root)))
-        return roots
-
-    def _whitening(self, predicted: Complex) -> Callable[[Complex], Complex]:
-        """V^(-1/2) of the lines in use: noise, and relative errors about these predictions."""
-        from scipy.linalg.lapack import dtrtrs
-
-        roots = self._roots(predicted, _between(predicted, self.amplitude[self.kept]))
-        noise = self.noise[self.kept][:, None]
+            phase = (predicted[own] / np.abs(predicted[own]))[:, None]
+            roots.append((own, root, phase))
 
         def white(lines: Complex) -> Complex:
-            found = lines.reshape(predicted.size, -1) / noise
-            for own, root in roots:
-                phase = (predicted[own] / np.abs(predicted[own]))[:, None]
+            found = lines.reshape(predicted.size, -1) / noise[:, None]
+            for own, root, phase in roots:
                 turned = lines.reshape(predicted.size, -1)[own] * phase.conj()
                 both = np.concatenate([turned.real, turned.imag], axis=1)
                 real, imaginary = np.split(dtrtrs(root, both, lower=1)[0], 2, axis=1)
@@ -377,34 +348,38 @@ class OrderLinesObservation(KeptLines):
         from scipy.sparse.csgraph import connected_components
 
         row, line = np.nonzero(self.kept)
-        known, path = self.known, self.path[row]
-        passes, harmonic = known.passages[line], known.harmonic[line]
-        own = known.near**2 * _smooth(known.order)[np.ix_(line, line)] * (row[:, None] == row)
-        away = known.path * np.minimum(np.abs(passes), FAR) / FAR
-        alike = (passes[:, None] == passes) & (path[:, None] == path)
-        own += away[:, None] * away * alike * (harmonic[:, None] == harmonic)
-        # Sensors that hear through one path do so at one speed, where the machine answers alike.
-        at_speed = np.unique(self.path, return_inverse=True)[1] // len(set(self.channels))
-        answers = np.stack([at_speed[row], harmonic, known.mode[line]])
-        alike = np.all(answers[:, :, None] == answers[:, None], axis=0)
-        beyond, apart = self.beyond[self.kept], np.subtract.outer(*2 * [np.log(known.order[line])])
-        alike = alike & beyond & beyond[:, None]
-        response = known.response * np.array(UNLIKE)[harmonic - 1]
-        own += response**2 * alike * np.exp(-0.5 * (apart / BANDWIDTH) ** 2)
+        known, harmonic = self.known, self.known.harmonic[line]
+        own = known.near**2 * _smooth(known.order)[np.ix_(line, line)] * same(row)
+        away = known.path * known.far[line]
+        own += np.outer(away, away) * same(known.passages[line], self.path[row], harmonic)
+        response = np.where(self.beyond[self.kept], known.unlike[line], 0.0)
+        answers = same(self.speed[row], harmonic, known.mode[line]) * resonance(known.order[line])
+        own += np.outer(response, response) * answers
         count, part = connected_components(own > 0)
         return [(lines, own[np.ix_(lines, lines)]) for k in range(count) for lines in np.nonzero(part == k)]
-
-    @cached_property
-    def _gain_of_line(self) -> NDArray[np.intp]:
-        number = np.zeros(self.kept.shape, dtype=np.intp)
-        for k, group in enumerate(self.of_one_gain):
-            number[group] = k
-        return number[self.kept]
 
 
 def same(*labels: NDArray[Any]) -> NDArray[np.bool_]:
     """Of each two lines whether all labels are equal."""
     return np.asarray(np.all([label[:, None] == label for label in labels], axis=0))
+
+
+def resonance(order: Array) -> Array:
+    """Correlation of a machine's answers at these orders: those within a resonance are alike."""
+    return np.exp(-0.5 * (np.subtract.outer(*2 * [np.log(order)]) / BANDWIDTH) ** 2)
+
+
+def strongest(amplitude: Complex, harmonic: NDArray[np.intp]) -> Array:
+    """Largest line about each line's harmonic, (rows, lines)."""
+    size = np.abs(amplitude)
+    return np.stack([size[:, harmonic == h].max(axis=1) for h in harmonic], axis=1)
+
+
+def _summed(number: NDArray[np.intp], values: Complex, count: int) -> Complex:
+    """Sums of the values of each number."""
+    found = np.zeros(count, dtype=complex)
+    np.add.at(found, number, values)
+    return found
 
 
 def _between(predicted: Complex, measured: Complex) -> Array:
