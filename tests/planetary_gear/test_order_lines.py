@@ -208,28 +208,13 @@ def test_a_model_is_asked_for_complex_lines() -> None:
     assert found.plain(model.assemble(), {}) == pytest.approx(found.measured)
 
 
-STATEMENT = OrderLines(
-    ORDER,
-    HARMONIC,
-    PASSAGES,
-    MODE,
-    np.full(8, ""),
-    sun_turns=1.0,
-    torque=1.0,
-    period=4,
-    near=0.1,
-    path=0.3,
-    response=0.5,
-)
-
-
 @pytest.mark.parametrize("begun", [0, 1, 3])
 def test_whole_turns_that_nobody_counted(begun: int) -> None:
     """A recording that begins some turns later comes back, its gain and a weak noise notwithstanding."""
     rng = np.random.default_rng(begun)
     later = TRUTH * np.exp(-2j * np.pi * ORDER * begun) * np.where(HARMONIC == 1, 2j, -0.3)
     noisy = later + 0.01 * rng.normal(size=(2, 8))
-    turned, said = like(observed(TRUTH, 0.01), observed(noisy, 0.01), STATEMENT)
+    turned, said = like(observed(TRUTH, 0.01), observed(noisy, 0.01))
     back = turned.amplitude * np.exp(-2j * np.pi * ORDER * begun)
     assert back == pytest.approx(noisy)
     assert bool(said) == bool(begun)
@@ -242,7 +227,7 @@ def test_noise_is_not_turned() -> None:
         one, two = (
             np.where(whole, TRUTH, 0) + rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]) for _ in range(2)
         )
-        turned, _ = like(observed(one, 1.0), observed(two, 1.0), STATEMENT)
+        turned, _ = like(observed(one, 1.0), observed(two, 1.0))
         assert np.array_equal(turned.amplitude, two)
 
 

@@ -79,14 +79,14 @@ def test_mesh_efficiency_is_that_of_a_screw(mu):
     expected = math.tan(lead) / math.tan(lead + math.atan(mu / math.cos(pressure)))
     found = at(uses=["tooth-friction"], values={"tooth-friction.mu": mu})
     # the rounded lead angle of the rig closes the geometry to 3 parts in 10 000
-    assert float(found["efficiency"]) == pytest.approx(expected, abs=3e-4)
+    assert float(found["indicated_efficiency"]) == pytest.approx(expected, abs=3e-4)
 
 
 def test_start_up_efficiency_of_the_data_sheet_is_friction_of_0_13():
     """67 %: flanks at rest, where nothing churns."""
-    assert at(uses=["tooth-friction"], values={"tooth-friction.mu": 0.135})["efficiency"] == pytest.approx(
-        0.67, abs=1e-3
-    )
+    assert at(uses=["tooth-friction"], values={"tooth-friction.mu": 0.135})[
+        "indicated_efficiency"
+    ] == pytest.approx(0.67, abs=1e-3)
 
 
 def test_a_wheel_driven_backwards_still_loses_power():

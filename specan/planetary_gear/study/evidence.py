@@ -70,12 +70,8 @@ class Pattern:
     amplitudes: tuple[tuple[str, float], ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Lines about one harmonic in recordings at one speed, or in one recording."""
-
-    row: NDArray[np.intp]
-    line: NDArray[np.intp]
+# Rows and numbers of lines about one harmonic, in recordings at one speed or in one recording.
+Group = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 class LineEvidence:
@@ -103,6 +99,7 @@ class LineEvidence:
         recording = self.recording[:, None]
         self.alone = recording, recording * (known.mode.max() + 1) + known.mode
         self.strongest = strongest(self.seen.amplitude, known.harmonic)
+        self._sizes: dict[int, NDArray[np.intp]] = {}
 
     # --- what lines are to be expected ------------------------------------------------------------
 
@@ -205,16 +202,12 @@ class LineEvidence:
             self._sizes[id(pattern)] = np.flatnonzero(likely)
         return self._sizes[id(pattern)]
 
-    @cached_property
-    def _sizes(self) -> dict[int, NDArray[np.intp]]:
-        return {}
-
     def _groups(self, shown: NDArray[np.bool_], apart: NDArray[np.intp]) -> Iterable[Group]:
         """Lines that patterns have, by harmonic and what sets them apart, (rows, lines)."""
         for h, k in product(np.unique(self.seen.known.harmonic), np.unique(apart)):
             row, line = np.nonzero(shown & (self.seen.known.harmonic == h) & (apart == k))
             if row.size:
-                yield Group(row, line)
+                yield row, line
 
     def _coherent(
         self,
@@ -230,7 +223,7 @@ class LineEvidence:
         ln, inner = np.zeros(len(grid)), np.zeros((len(grid), columns, columns)) + np.eye(columns)
         cross = np.zeros((len(grid), columns))
         for group in self._groups(shown, self.seen.speed[:, None]):
-            errors = self._errors(group, form, answer * self.seen.known.unlike[group.line], own)
+            errors = self._errors(group, form, answer * self.seen.known.unlike[group[1]], own)
             part, white, left = self._whitened(patterns, grid, group, errors)
             ln += part
             inner += 2 * np.einsum("tnq,tnr->tqr", white.conj(), white).real
@@ -251,10 +244,10 @@ class LineEvidence:
         found = []
         for group in self._groups(shown, apart):
             # Whatever a pattern's own size, its lines are as strong as any there may be.
-            strongest = self.strongest[group.row, group.line].max()
-            own = [np.abs(p.lines[:, group.row, group.line]).max() for p in patterns]
-            scaled = grid * [strongest / size if size else 1.0 for size in own]
-            errors = self._errors(group, form, np.ones(group.row.size), 1.0)
+            most = self.strongest[group].max()
+            own = [np.abs(p.lines[:, *group]).max() for p in patterns]
+            scaled = grid * [most / size if size else 1.0 for size in own]
+            errors = self._errors(group, form, np.ones(group[0].size), 1.0)
             found.append(self._whitened(patterns, scaled, group, errors)[0])
         return np.reshape(found, (-1, len(grid)))
 
@@ -262,9 +255,8 @@ class LineEvidence:
         self, patterns: Sequence[Pattern], grid: Array, group: Group, errors: Array
     ) -> tuple[Array, Complex, Complex]:
         """ln evidence without common amplitudes at each size, lines of each amplitude and what is left, whitened."""
-        had, variance = self._had[group.row, group.line], self.variance[group.row, group.line]
-        measured = self.seen.amplitude[group.row, group.line]
-        lines = [p.lines[:, group.row, group.line] for p in patterns]
+        had, variance, measured = self._had[group], self.variance[group], self.seen.amplitude[group]
+        lines = [p.lines[:, *group] for p in patterns]
         alone = sum(
             (
                 t[:, None] ** 2 * np.abs(own[0]) ** 2
@@ -295,13 +287,13 @@ class LineEvidence:
 
     def _errors(self, group: Group, form: float, response: Array, own: float) -> Array:
         """Covariance of the relative errors of an effect's lines."""
-        known, (row, line) = self.seen.known, (group.row, group.line)
+        known, (row, line) = self.seen.known, group
         harmonic, passages = known.harmonic[line], known.passages[line]
         one_answer = same(self.seen.speed[row], harmonic, known.mode[line]) * resonance(known.frame[line])
         one_answer = one_answer * (1 - own + own * same(self.recording[row]))
         away = known.far[line]
         side = same(self.seen.path[row], harmonic, np.sign(passages))
-        unsure = self._gain[1][row, line]
+        unsure = self._gain[1][group]
         return (
             np.outer(response, response) * one_answer
             + known.path**2 * side * np.minimum(away[:, None], away)

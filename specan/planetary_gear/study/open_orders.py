@@ -16,7 +16,7 @@ from specan.analysis.shaft import Shaft, tracked_shaft
 from specan.data.orders import OrderLines as FoundLines
 from specan.data.orders import TachoReport
 from specan.data.recording import Recording
-from specan.dsp.tacho import pulse_times, repair
+from specan.dsp.tacho import Pulses, pulse_times, repair
 from specan.errors import InputError, RequestError
 from specan.io.open import open_recording
 from specan.models import Model
@@ -64,7 +64,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     for file in (*wanted.measurements, *wanted.validations):
         whole, said = observe(model, known, wanted, file)
         if wholes:
-            whole, turned = like(wholes[0], whole, known)
+            whole, turned = like(wholes[0], whole)
             said += turned
         wholes.append(_on_its_path(whole, wholes))
         statements += said
@@ -190,9 +190,8 @@ def _uneven(recording: Recording, tacho: str) -> NDArray[np.float64]:
     A mark's place is compared with the mean over the turn about it. What the shaft itself does with each turn looks
     the same and is in it.
     """
-    channel = recording.channel(tacho)
-    count = round(float(channel.properties.get("PulsesPerRevolution", 1)))
-    pulses = repair(pulse_times(recording.read([channel])[0], channel.sampling_rate))
+    count = round(float(recording.channel(tacho).properties.get("PulsesPerRevolution", 1)))
+    pulses = _pulses(recording, tacho)
     multiple = np.arange(1, min(MARKS, (count - 1) // 2) + 1)
     turns = pulses.number[-1] // max(count, 1)
     if not multiple.size or turns < 3:
@@ -204,6 +203,11 @@ def _uneven(recording: Recording, tacho: str) -> NDArray[np.float64]:
     off = (place - place[:, :1]) / turn - np.arange(count) / count
     mean = 2 * np.pi * (off - off.mean(axis=1, keepdims=True)).mean(axis=0)
     return np.abs(np.fft.rfft(mean))[multiple] * 2 / count
+
+
+def _pulses(recording: Recording, tacho: str) -> Pulses:
+    channel = recording.channel(tacho)
+    return repair(pulse_times(recording.read([channel])[0], channel.sampling_rate))
 
 
 def _marks(
@@ -234,9 +238,7 @@ def _products(
 
 def _turn_zero(recording: Recording, shaft: Shaft) -> float:
     """Place in its turn, by the finer tacho, at which the index gives its pulses (circular mean)."""
-    channel = recording.channel(INDEX)
-    times = repair(pulse_times(recording.read([channel])[0], channel.sampling_rate)).time
-    times = times - channel.delay_s
+    times = _pulses(recording, INDEX).time - recording.channel(INDEX).delay_s
     times = times[(times >= shaft.start_s) & (times <= shaft.stop_s)]
     return float(np.angle(np.mean(np.exp(2j * np.pi * shaft.turns(times)))) / (2 * np.pi))
 
@@ -262,7 +264,7 @@ def _smooth(noise: NDArray[np.float64], harmonic: NDArray[np.intp]) -> NDArray[n
 
 
 def like(
-    first: OrderLinesObservation, other: OrderLinesObservation, known: OrderLines
+    first: OrderLinesObservation, other: OrderLinesObservation
 ) -> tuple[OrderLinesObservation, list[str]]:
     """A recording turned by whole turns until lines of slower families stand as in another one.
 
@@ -271,12 +273,13 @@ def like(
     lines at broken orders, by denominators, then are best alike at one n. Where no n is clearly better, nothing is
     turned.
     """
+    known = first.known
     if known.period == 1:
         return other, []
     parts = np.array([Fraction(float(o)).limit_denominator(known.period).denominator for o in known.order])
     clear = np.zeros(known.period)
     for d in np.unique(parts[(parts > 1) & (known.period % parts == 0)]):
-        gain = _alike(first, other, parts == d, known.period)
+        gain = _alike(first, other, parts == d)
         if gain.max() - np.median(gain) > LIKE_ENOUGH:
             clear += gain
     n = int(np.argmax(clear))
@@ -287,14 +290,14 @@ def like(
 
 
 def _alike(
-    first: OrderLinesObservation, other: OrderLinesObservation, mine: NDArray[np.bool_], period: int
+    first: OrderLinesObservation, other: OrderLinesObservation, mine: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
     """Gain in chi-square, at each number of turns, if lines of another recording are a real multiple of these.
 
     Of every sensor and harmonic; the phase of its gain is that between its strongest whole lines.
     """
+    order, harmonic, period = first.known.order, first.known.harmonic, first.known.period
     total = np.zeros(period)
-    order, harmonic = first.known.order, first.known.harmonic
     whole = np.abs(order - np.rint(order)) < 1e-6
     for a, b, noise in zip(first.amplitude, other.amplitude, np.hypot(first.noise, other.noise), strict=True):
         for h in np.unique(harmonic):

@@ -186,12 +186,6 @@ def power_step(ratio: ArrayLike, exponent: ArrayLike) -> NDArray[np.float64]:
     return step
 
 
-def _ratio(part, whole):
-    """Not a number where nothing goes in: an ideal gear without load has no efficiency."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.true_divide(part, whole)
-
-
 @quantity(unit="W")
 def no_load_loss(viscous_loss):
     """Power lost whether the gear carries load or not: to the oil, to seals, to the air."""
@@ -216,12 +210,6 @@ def input_torque(output_power, power_loss, worm_speed):
     return (output_power + power_loss) / worm_speed
 
 
-@quantity(unit="1")
-def efficiency(output_power, power_loss):
-    """True power out over power in."""
-    return _ratio(output_power, output_power + power_loss)
-
-
 @quantity(unit="N*m")
 def indicated_input_torque(input_torque):
     """Input torque as its sensor indicates it."""
@@ -230,8 +218,9 @@ def indicated_input_torque(input_torque):
 
 @quantity(unit="1")
 def indicated_efficiency(indicated_output_torque, indicated_input_torque, gear_ratio):
-    """Efficiency as it is worked out from what the two torque sensors indicate."""
-    return _ratio(indicated_output_torque, gear_ratio * indicated_input_torque)
+    """Efficiency as it is worked out from what the two torque sensors indicate; none where nothing goes in."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.true_divide(indicated_output_torque, gear_ratio * indicated_input_torque)
 
 
 @quantity(unit="W")
@@ -243,7 +232,7 @@ def indicated_power_loss(indicated_output_torque, indicated_input_torque, gear_r
 QUANTITIES = [
     oil_temperature, contact_temperature, wheel_speed, sliding_speed, brake_coupled, output_torque, wheel_torque,
     tooth_load, normal_force_per_torque, mesh_loss, no_load_loss, power_loss,
-    output_power, input_torque, efficiency, indicated_input_torque, indicated_efficiency, indicated_power_loss,
+    output_power, input_torque, indicated_input_torque, indicated_efficiency, indicated_power_loss,
 ]  # fmt: skip
 
 
