@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -13,8 +13,6 @@ from specan.room.model.mode_shifts import COLUMNS_READ, columns
 from specan.room.model.receivers import FieldReceivers
 from specan.study.observation import Array, Strategy
 from specan.study.observation.frf import Complex, FrfObservation, piecewise_linear_basis
-
-Responses = Callable[[Assembly, Sequence[Mapping[str, Any]]], list[Complex]]
 
 FARTHEST = 3.5  # standard uncertainties that a receiver may be found away
 STEP_M, STEP_K = 1e-3, 0.02  # of the differences that give slopes of the field
@@ -50,10 +48,6 @@ class Drift:
         sd = float(course.std())
         return cls(condition, sd, middle @ power / power.sum(axis=0) / sd)
 
-    def at(self, lines: Any) -> Drift:
-        """Of some of the lines."""
-        return replace(self, by_line=self.by_line[lines])
-
 
 @dataclass(frozen=True, eq=False)
 class FieldObservation(FrfObservation):
@@ -87,8 +81,7 @@ class FieldObservation(FrfObservation):
 
     def responses(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> list[Complex]:
         """Transfer functions (receivers, lines) as the analysis would see them, for several sets of values."""
-        if self.moved is not None:
-            assembly, many = moved_to(assembly, many, self.moved)
+        assembly, many = self._where_moved(assembly, many)
         here, drift = self.conditions_at_nodes, self.drift
         if drift is None:
             return [response + self.offset for response in self.at_each(assembly, many, here)]
@@ -97,6 +90,19 @@ class FieldObservation(FrfObservation):
         # two places with the mean and the spread of the condition; and the slope between them
         means = [(a + b) / 2 + (b - a) / 2 * drift.by_line for a, b in zip(low, high, strict=True)]
         return [mean + self.offset for mean in means]
+
+    def _where_moved(
+        self, assembly: Assembly, many: Sequence[Mapping[str, Any]]
+    ) -> tuple[Assembly, Sequence[Mapping[str, Any]]]:
+        """The model with its receivers where they were found, on top of what an effect moves them."""
+        if self.moved is None:
+            return assembly, many
+        places = movers(assembly)
+        by = {
+            f"{use}.{axis}": self.moved[m, a] for m, use in enumerate(places) for a, axis in enumerate(ALONG)
+        }
+        whole = assembly.model.assemble({*map(str, assembly.uses), *places})
+        return whole, [{**values, **{n: values.get(n, 0.0) + d for n, d in by.items()}} for values in many]
 
     @property
     def strategy(self) -> Strategy:
@@ -113,7 +119,7 @@ class FieldObservation(FrfObservation):
         return replace(
             super().of_lines(lines),
             offset=self.offset[:, lines] if isinstance(self.offset, np.ndarray) else self.offset,
-            drift=self.drift and self.drift.at(lines),
+            drift=self.drift and replace(self.drift, by_line=self.drift.by_line[lines]),
         )
 
     def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> FieldObservation:
@@ -131,7 +137,13 @@ class FieldObservation(FrfObservation):
         """
         if self.declared is None:
             return self
-        return self.about_unshifted(assembly, values, seen, placed)._with_shifts(assembly, values)
+        found = self.about_unshifted(assembly, values, seen, placed)
+        if self.declared.shifts is None or found.modal is None:
+            return found
+        own = found.shift_columns(assembly, values)
+        modal = np.concatenate([found.modal, own], axis=-1)
+        back = own @ self.declared.shifts.of(values)
+        return replace(found, modal=modal, offset=found.offset - back, shifts=own.shape[-1])
 
     def about_unshifted(
         self, assembly: Assembly, values: Mapping[str, Any], seen: bool, placed: Collection[str] = ()
@@ -140,40 +152,27 @@ class FieldObservation(FrfObservation):
         assert self.declared is not None
         drawn = replace(self, noise=self.random, moved=None, offset=0.0, shifts=0)
         stand = np.isin(movers(assembly), [str(use) for use in placed])
-        shared, modal, _ = error_columns(self.declared, drawn.responses, assembly, values, self.frequency_hz)
-        shared[stand, :, PLACE] = 0
-        found = replace(drawn, shared=shared, modal=modal)
-        if not seen:
-            return found
-        # 2: times that the places of receivers are improved
-        for _ in range(2):
-            moved = self.declared.errors.position_m * found._places(assembly, values)
-            there = replace(drawn, moved=moved)
-            del found, shared, modal  # by far the largest arrays
-            shared, modal, slopes = error_columns(
-                self.declared, there.responses, assembly, values, self.frequency_hz
-            )
-            shared[stand, :, PLACE] = 0
-            found = replace(there, shared=shared, modal=modal, offset=-np.einsum("ma,aml->ml", moved, slopes))
-        return found
 
-    def _with_shifts(self, assembly: Assembly, values: Mapping[str, Any]) -> FieldObservation:
-        assert self.declared is not None
-        shifts = self.declared.shifts
-        if shifts is None:
-            return self
-        own = self.shift_columns(assembly, values)
-        modal = own if self.modal is None else np.concatenate([self.modal, own], axis=-1)
-        back = own @ shifts.of(values)
-        return replace(self, modal=modal, offset=self.offset - back, shifts=own.shape[-1])
+        def standing(moved: Array | None) -> FieldObservation:
+            there = replace(drawn, moved=moved)
+            shared, modal, slopes = error_columns(there, assembly, values)
+            shared[stand, :, PLACE] = 0
+            back = 0.0 if moved is None else -np.einsum("ma,aml->ml", moved, slopes)
+            return replace(there, shared=shared, modal=modal, offset=back)
+
+        found = standing(None)
+        # 2: times that the places of receivers are improved
+        for _ in range(2 if seen else 0):
+            moved = self.declared.errors.position_m * found._places(assembly, values)
+            del found  # it holds by far the largest arrays
+            found = standing(moved)
+        return found
 
     def shift_columns(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
         """One standard uncertainty of each mode's natural frequency, then of each mode's damping, where they are."""
         size = len(assembly.model.axes["mode"])
-        many: Sequence[Mapping[str, Any]] = [values]
-        if self.moved is not None:
-            assembly, many = moved_to(assembly, many, self.moved)
-        known = assembly.evaluate(self.conditions_at_nodes, many[0], wanted=COLUMNS_READ)
+        assembly, (there,) = self._where_moved(assembly, [values])
+        known = assembly.evaluate(self.conditions_at_nodes, there, wanted=COLUMNS_READ)
         out = np.empty((*self.response.shape, 2 * size), dtype=complex)
         for k, (column, units) in enumerate(columns(known.values)):
             folded = self.folding(column)
@@ -223,11 +222,7 @@ def field_observations(observations: Iterable[Any]) -> list[FieldObservation]:
 
 
 def error_columns(
-    receivers: FieldReceivers,
-    responses: Responses,
-    assembly: Assembly,
-    values: Mapping[str, Any],
-    frequency_hz: Array,
+    observation: FieldObservation, assembly: Assembly, values: Mapping[str, Any]
 ) -> tuple[Complex, Complex, Complex]:
     """One standard deviation of each error, array (receivers, lines, errors), and slopes a metre.
 
@@ -244,7 +239,9 @@ def error_columns(
     small would seem to be known better, and by the drawn geometry a receiver near a nodal plane that has moved
     would seem to stand still.
     """
-    response, moved, detuned = _with_slopes(receivers, responses, assembly, values)
+    receivers = observation.declared
+    assert receivers is not None
+    response, moved, detuned = _with_slopes(observation, assembly, values)
     errors = receivers.errors
     found = [
         *(_of_all(errors.position_m, response) * slope for slope in moved),
@@ -254,7 +251,7 @@ def error_columns(
     of_all = _of_frame(receivers, np.stack(moved))
     if errors.common_dB:
         of_all.append(response * (np.log(10) / 20 * errors.common_dB))
-    basis = piecewise_linear_basis(frequency_hz)
+    basis = piecewise_linear_basis(observation.frequency_hz)
     # Many columns of long records take much memory: they are written where they stay.
     of_each = np.empty((*response.shape, len(found) + 4 * len(basis)), dtype=complex)
     common = np.empty((*response.shape, len(of_all) + 2 * len(basis)), dtype=complex)
@@ -295,37 +292,23 @@ def _of_frame(receivers: FieldReceivers, slopes: Complex) -> list[Complex]:
 
 
 def _with_slopes(
-    receivers: FieldReceivers, responses: Responses, assembly: Assembly, values: Mapping[str, Any]
+    observation: FieldObservation, assembly: Assembly, values: Mapping[str, Any]
 ) -> tuple[Complex, list[Complex], Complex]:
     """Response; its change a metre along x, y and z (all receivers move at once); its change with ln k."""
     places = movers(assembly)
     whole = assembly.model.assemble({*map(str, assembly.uses), *places, "temperature"})
     here = {**whole.neutral, **values}
-    many = [here]
-    for axis in ALONG:
-        for sign in (1, -1):
-            names = [f"{use}.{axis}" for use in places]
-            many.append({**here, **{n: here[n] + sign * STEP_M for n in names}})
-    by = "temperature.offset"
-    many += [{**here, by: here[by] + sign * STEP_K} for sign in (1, -1)]
-    found = responses(whole, many)
-    steps = ((1, STEP_M), (3, STEP_M), (5, STEP_M), (7, STEP_K))
-    slopes = [(found[k] - found[k + 1]) / (2 * step) for k, step in steps]
+    steps = [([f"{use}.{axis}" for use in places], STEP_M) for axis in ALONG]
+    steps.append((["temperature.offset"], STEP_K))
+    sides = [{n: here[n] + s * step for n in names} for names, step in steps for s in (1, -1)]
+    response, *found = observation.responses(whole, [here, *({**here, **side} for side in sides)])
+    pairs = zip(found[::2], found[1::2], steps, strict=True)
+    *slopes, warmer = ((up - down) / (2 * step) for up, down, (_, step) in pairs)
     # k goes as T^(-1/2), and the response as the density besides: dH/d ln k = -2 (T dH/dT + H)
-    nominal_K = receivers.rig.air.nominal_temperature_C + 273.15
-    return found[0], slopes[:3], -2 * nominal_K * slopes[3] - 2.0 * found[0]
+    nominal_K = assembly.model.settings["rig"]["air"]["nominal_temperature_C"] + 273.15
+    return response, slopes, -2 * nominal_K * warmer - 2.0 * response
 
 
 def movers(assembly: Assembly) -> list[str]:
     """Uses that move each of the model's receivers."""
     return [f"microphone-position@{name}" for name in assembly.model.axes["place"]]
-
-
-def moved_to(
-    assembly: Assembly, many: Sequence[Mapping[str, Any]], moved: Array
-) -> tuple[Assembly, list[dict[str, Any]]]:
-    """The model with its receivers somewhere else than drawn, on top of what an effect moves them."""
-    places = movers(assembly)
-    by = {f"{use}.{axis}": moved[m, a] for m, use in enumerate(places) for a, axis in enumerate(ALONG)}
-    whole = assembly.model.assemble({*map(str, assembly.uses), *places})
-    return whole, [{**values, **{n: values.get(n, 0.0) + d for n, d in by.items()}} for values in many]

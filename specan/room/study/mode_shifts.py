@@ -45,31 +45,33 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
     theta, z = whole.start(values), shifts.of(values)
     low, high = whole.bounds()
 
-    def at(theta: Array, z: Array) -> Problem:
-        return replace(here, values={**whole.values, **shifts.named(z)})
+    def at(over: Problem, z: Array) -> Problem:
+        return replace(over, values={**whole.values, **shifts.named(z)})
 
     here, held = whole, None
     # 10: of Gauss-Newton steps; from shifts that are known two
     for number in range(10):
         # 3: rounds after which errors of places are taken about the field as it is then
         if number % 3 == 0:
-            now = replace(whole, values={**whole.values, **shifts.named(z)})
+            now = at(whole, z)
             seen = [
                 o.about_unshifted(assembly, now.seen_by(o, now.values_at(theta)), seen=False)
                 for o in field_observations(whole.observations)
             ]
             here = whole.over(seen)
-        now = at(theta, z)
+        now = at(here, z)
         residual, n = now.residual(theta), now.n_data
         # 4.0: standard uncertainties that an instrument is off which is no longer held: an effect names it
         held = np.abs(residual[n:]) < 4.0 if held is None else held
         excess = max(float(residual[:n] @ residual[:n]) / n, 1.0)
         weights = np.concatenate([np.full(n, excess**-0.5), held])
         jacobian = now.jacobian(theta) * whole.scale
-        columns = _white(now, assembly, theta)
-        slopes = weights[:, None] * np.hstack(
-            [jacobian, np.vstack([columns, np.zeros((len(residual) - n, columns.shape[1]))])]
-        )
+        columns = [
+            o.whiten(o.stack(o.shift_columns(assembly, now.seen_by(o, now.values_at(theta)))))
+            for o in field_observations(now.observations)
+        ]
+        of_shifts = np.vstack([*columns, np.zeros((len(residual) - n, z.size))])
+        slopes = weights[:, None] * np.hstack([jacobian, of_shifts])
         known = np.concatenate([np.zeros(theta.size), np.ones(z.size)])
         inner = slopes.T @ slopes + np.diag(known)
         right = slopes.T @ (weights * residual) + known * np.concatenate([np.zeros(theta.size), z])
@@ -78,7 +80,7 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
         for part in PARTS:
             there = np.clip(theta + part * step[: theta.size] * whole.scale, low, high)
             moved = np.clip(z + part * step[theta.size :], -FARTHEST, FARTHEST)
-            cost = float(np.sum((weights * at(there, moved).residual(there)) ** 2) + moved @ moved)
+            cost = float(np.sum((weights * at(here, moved).residual(there)) ** 2) + moved @ moved)
             if cost < before:
                 theta, z = there, moved
                 break
@@ -86,15 +88,6 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
         if not cost < (1 - 0.003) * before:
             break
     return {**values, **whole.values_at(theta), **shifts.named(z)}
-
-
-def _white(problem: Problem, assembly: Assembly, theta: Array) -> Array:
-    """One standard uncertainty of every shift, whitened, array (n, 2 modes)."""
-    found = []
-    for o in field_observations(problem.observations):
-        columns = o.shift_columns(assembly, problem.seen_by(o, problem.values_at(theta)))
-        found.append(o.whiten(o.stack(columns)))
-    return np.concatenate(found)
 
 
 def knowing_shifts(problem: Problem, unseen: Sequence[Observation]) -> list[Observation]:
