@@ -51,10 +51,7 @@ def likely_places(refit: Refit, found: Sequence[Candidate]) -> dict[Use, list[Fo
         share = shares[str(candidate.use.at)]
         peaks = [p for k, p in enumerate(_peaks(share)) if k == 0 or share[p] >= LEAST_SHARE * best]
         out[candidate.use] = [
-            Found(
-                dict(zip(names, (float(GRID[i]), float(GRID[j])), strict=True)),
-                float(share[i, j]),
-            )
+            Found(dict(zip(names, GRID[[i, j]].tolist(), strict=True)), float(share[i, j]))
             for i, j in peaks[:BEST]
         ]
     return out
@@ -81,15 +78,14 @@ def _shares(refit: Refit, elements: Sequence[str]) -> dict[str, Array]:
         own = problem.seen_by(observation, problem.values_at(refit.fit.theta))
         quantities = problem.assembly.evaluate(observation.conditions_at_nodes, own, wanted=PATTERNS_READ)
         gap = observation.response - observation.responses(problem.assembly, [own])[0]
-        weight = observation.kept / observation.noise
-        total += float(np.sum(np.abs(gap * weight) ** 2))
+        total += float(np.sum(np.abs(gap * observation.kept / observation.noise) ** 2))
         for element in elements:
-            by_element[element] += explained(gap * weight, quantities, element, places, observation)
+            by_element[element] += explained(gap, quantities, element, places, observation)
     return {e: x.reshape(EACH_WAY, EACH_WAY) / total for e, x in by_element.items()} if total else {}
 
 
 def explained(
-    white: NDArray[np.complex128],
+    gap: NDArray[np.complex128],
     quantities: Any,
     element: str,
     places: Array,
@@ -99,6 +95,6 @@ def explained(
     weight = observation.kept / observation.noise
     pattern = np.stack([observation.folding(p) for p in patterns(quantities, element, places)])
     pattern = pattern * weight
-    along = np.abs(np.sum(pattern.conj() * white, axis=1)) ** 2
+    along = np.abs(np.sum(pattern.conj() * (gap * weight), axis=1)) ** 2
     size = np.sum(np.abs(pattern) ** 2, axis=1)
     return np.asarray(np.sum(along / np.maximum(size, 1e-300), axis=1))

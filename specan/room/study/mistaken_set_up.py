@@ -190,9 +190,29 @@ def _source_elsewhere(problem: Problem, rig: Rig) -> tuple[_Fitted, str]:
     """The source where it suits the data best, over all faces."""
     from scipy.optimize import minimize
 
+    values = _declared_values(problem)
+    seen = field_observations(down_weighted(problem, STAGES[0]).observations)
+
+    def misfit(face: str, across: float, along: float) -> float:
+        there = _with_source(problem, rig, face, across, along)
+        total = 0.0
+        for o in seen:
+            predicted = o.responses(there.assembly, [there.seen_by(o, values)])[0]
+            total += float(np.sum(np.abs((o.response - predicted) * o.kept / o.noise) ** 2))
+        return total
+
     grid = np.linspace(0.04, 0.96, 7)  # along each edge
-    misfit = _Misfit(problem, rig)
-    _, face, a, b = min((misfit(face, a, b), face, a, b) for face, a, b in misfit.likely(grid))
+    places = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
+    everywhere = [(face, float(a), float(b)) for face in WALLS for a, b in places]
+    share = np.zeros(
+        len(everywhere)
+    )  # that a source there explains with a strength that is free at every line
+    for o in seen:
+        own = problem.seen_by(o, values)
+        found = problem.assembly.evaluate(o.conditions_at_nodes, own, wanted=PATTERNS_READ)
+        share += np.concatenate([explained(o.response, found, face, places, o) for face in WALLS])
+    # at the likeliest 40 the source is tried itself: with its near field, and as strong as it is
+    _, face, a, b = min((misfit(*everywhere[k]), *everywhere[k]) for k in np.argsort(-share)[:40])
     step = float(grid[1] - grid[0]) / 2
     corners = [(a, b), (a + step if a < 0.5 else a - step, b), (a, b + step if b < 0.5 else b - step)]
     met = minimize(
@@ -206,37 +226,6 @@ def _source_elsewhere(problem: Problem, rig: Rig) -> tuple[_Fitted, str]:
 def _with_source(problem: Problem, rig: Rig, face: str, across: float, along: float) -> Problem:
     model = with_source(rig, problem.assembly.model, face, across, along)
     return replace(problem, assembly=model.assemble(problem.assembly.uses))
-
-
-class _Misfit:
-    """How far recordings are from the model with its source at a place of a face, as declared otherwise."""
-
-    def __init__(self, problem: Problem, rig: Rig) -> None:
-        self._problem, self._rig = problem, rig
-        self._values = _declared_values(problem)
-        self._seen = field_observations(down_weighted(problem, STAGES[0]).observations)
-
-    def likely(self, grid: Real) -> list[tuple[str, float, float]]:
-        """Of all places on the walls those that explain most with a strength that is free at every line."""
-        places = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
-        everywhere = [(face, float(a), float(b)) for face in WALLS for a, b in places]
-        share = np.zeros(len(everywhere))
-        for o in self._seen:
-            own = self._problem.seen_by(o, self._values)
-            found = self._problem.assembly.evaluate(o.conditions_at_nodes, own, wanted=PATTERNS_READ)
-            share += np.concatenate(
-                [explained(o.response * o.kept / o.noise, found, face, places, o) for face in WALLS]
-            )
-        # at the likeliest 40 the source is tried itself: with its near field, and as strong as it is
-        return [everywhere[k] for k in np.argsort(-share)[:40]]
-
-    def __call__(self, face: str, across: float, along: float) -> float:
-        there = _with_source(self._problem, self._rig, face, across, along)
-        total = 0.0
-        for o in self._seen:
-            predicted = o.responses(there.assembly, [there.seen_by(o, self._values)])[0]
-            total += float(np.sum(np.abs((o.response - predicted) * o.kept / o.noise) ** 2))
-        return total
 
 
 def undeclared_shifts(problem: Problem, best: Fit, least: float) -> str:
