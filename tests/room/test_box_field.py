@@ -74,9 +74,9 @@ def test_axis_modes_are_orthogonal_and_complete(beta):
 
 def test_slope_is_the_derivative():
     modes = axis_modes(0.9, np.array([0.3j]), np.array([0.2 + 1j]), 6)
-    x, h = np.array([0.31]), 1e-6
-    numeric = (modes.at(x + h) - modes.at(x - h)) / (2 * h)
-    np.testing.assert_allclose(modes.slope_at(x), numeric, rtol=1e-6)
+    x, h = 0.31, 1e-6
+    numeric = (modes.along(x + h) - modes.along(x - h)) / (2 * h)
+    np.testing.assert_allclose(modes.along(x, slope=True), numeric, rtol=1e-6)
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.01])

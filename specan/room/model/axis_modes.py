@@ -50,10 +50,9 @@ class AxisModes:
         value, slope = characteristic(w, a0[LOOKED_AT, None], a1[LOOKED_AT, None])
         return bool(np.max(np.abs(value / slope) / (1 + np.abs(w))) < HELD)
 
-    def slope_at(self, x: Real) -> Complex:
-        """Derivatives of the eigenfunctions at positions `x`: array (lines, modes, positions), 1/m."""
-        part = np.asarray(x, dtype=float) / self.length
-        return slopes(self.w[..., None], self.a0[..., None], part) / self.length
+    def along(self, x: float, slope: bool = False) -> Complex:
+        """Eigenfunctions at a position (m), or their derivatives there, 1/m: array (lines, modes)."""
+        return waves_or_slopes(self.w, self.a0, x / self.length, self.length, slope)
 
     def at(self, x: Real) -> Complex:
         """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
@@ -80,6 +79,11 @@ def slopes(w: Complex, a0: Complex, part: Real | float) -> Complex:
     cosine, sine = _cos_sinc(w * np.square(part))
     found: Complex = a0 * cosine - w * part * sine
     return found
+
+
+def waves_or_slopes(w: Complex, a0: Complex, part: float, length: float, slope: bool) -> Complex:
+    """Waves at a part of an axis of some length, or their derivatives by the place, 1/m."""
+    return slopes(w, a0, part) / length if slope else waves(w, a0, part)
 
 
 # A fit changes one wall or one edge at a time; the other axes stay. Zeros are always looked for from the same start:

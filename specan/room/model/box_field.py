@@ -80,10 +80,7 @@ class BoxField:
     def place(self, wall: str, across: float, along: float, radius: float) -> Port:
         """A round patch in parts of a wall's edges."""
         axis = "xyz".index(wall[0])
-        parts = [0.0, 0.0, 0.0]
-        parts[axis] = float(wall[1])
-        for other, part in zip((i for i in range(3) if i != axis), (across, along), strict=True):
-            parts[other] = part
+        parts = np.insert([float(across), float(along)], axis, float(wall[1]))
         here, drawn = (point(np.multiply(parts, edges)) for edges in (self.lengths, self.drawn))
         return Port(here, axis, radius, drawn=drawn)
 

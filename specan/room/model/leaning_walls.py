@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Complex, Real
-from specan.room.model.axis_modes import characteristic, norms, slopes, waves
+from specan.room.model.axis_modes import characteristic, norms, waves, waves_or_slopes
 from specan.room.model.port import Port
 
 AXES = "xyz"
@@ -100,10 +100,7 @@ class LeaningWall:
                 part, (wall, other), sign = port.position[i] / length, self._walls[i], 1
                 if i == self.normal and not self.far:  # the function that obeys the opposite wall
                     part, wall, sign = 1 - part, other, -1
-                if port.slope == i:
-                    found = found * slopes(self._squares[i], wall, part) * (sign / length)
-                else:
-                    found = found * waves(self._squares[i], wall, part)
+                found = found * waves_or_slopes(self._squares[i], wall, part, sign * length, port.slope == i)
             if port.radius > 0:
                 squares = [w / length**2 for w, length in zip(self._squares, self.lengths, strict=True)]
                 found = found * port.mean(squares)

@@ -42,7 +42,7 @@ class Modes:
         step = max(1, _TERMS_AT_ONCE // modes)
         for first in range(0, len(self.k2), step):
             part = slice(first, first + step)
-            here = self._lines.get(first) or _Lines.of(self.axes, self.k2, part, self.moved)
+            here = self._lines.get(first) or _Lines.of(self, part)
             if modes * len(self.k2) < _TERMS_KEPT:
                 self._lines[first] = here
             yield part, here
@@ -85,37 +85,26 @@ _ALONG = (
 
 def _along(axes: Sequence[AxisModes], port: Port) -> list[Complex]:
     """Axis functions, or the derivative along one axis, at a port; ready to be multiplied."""
-    return [
-        (axis.slope_at if port.slope == i else axis.at)(np.array([port.position[i]]))[..., 0]
-        for i, axis in enumerate(axes)
-    ]
+    return [axis.along(port.position[i], port.slope == i) for i, axis in enumerate(axes)]
 
 
 @dataclass
 class _Lines:
     """The modes at some lines."""
 
-    q2: tuple[Complex, Complex, Complex]  # squared wave numbers of the axes, ready to be added
-    norm: tuple[Complex, Complex, Complex]
+    q2: Sequence[Complex]  # squared wave numbers of the axes, ready to be added
+    norm: Sequence[Complex]
     distance: Complex  # K_N^2 - k^2, array (lines, nx, ny, nz)
-    k2: Complex
     _means: dict[tuple[int, float, bool, tuple[float, float, float]], NDArray] = field(default_factory=dict)
 
     @classmethod
-    def of(
-        cls,
-        axes: Sequence[AxisModes],
-        k2: Complex,
-        part: slice,
-        moved: tuple[NDArray[np.intp], Complex] | None = None,
-    ) -> _Lines:
-        q = [(axis.w[part] / axis.length**2)[where] for axis, where in zip(axes, _ALONG, strict=True)]
-        norm = [axis.norm[part][where] for axis, where in zip(axes, _ALONG, strict=True)]
-        own = k2[part][:, None, None, None]
-        distance = (q[0] - own) + q[1] + q[2]
-        if moved is not None:
-            distance[:, *moved[0]] += moved[1]
-        return cls((q[0], q[1], q[2]), (norm[0], norm[1], norm[2]), distance, own)
+    def of(cls, modes: Modes, part: slice) -> _Lines:
+        each = list(zip(modes.axes, _ALONG, strict=True))
+        q = [axis.q2[part][where] for axis, where in each]
+        distance = (q[0] - modes.k2[part][:, None, None, None]) + q[1] + q[2]
+        if modes.moved is not None:
+            distance[:, *modes.moved[0]] += modes.moved[1]
+        return cls(q, [axis.norm[part][where] for axis, where in each], distance)
 
     def amplitudes(self, along: Sequence[Complex], source: Port) -> Complex:
         """Psi_N(source) / (Lambda_N (K_N^2 - k^2)), array (lines, nx, ny, nz)."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Complex, Flags, Real
-from specan.room.model.axis_modes import AxisModes, norms, slopes, waves
+from specan.room.model.axis_modes import AxisModes, norms, waves, waves_or_slopes
 from specan.room.model.frequency_interpolation import LOOKED_AT, FrequencyInterpolation, mixed
 from specan.room.model.port import Port
 
@@ -65,11 +65,7 @@ class Shapes:
         found = np.ones_like(self.w[0])
         for i, length in enumerate(self.lengths):
             part = port.position[i] / length
-            found *= (
-                slopes(self.w[i], self.a0[i], part) / length
-                if port.slope == i
-                else waves(self.w[i], self.a0[i], part)
-            )
+            found *= waves_or_slopes(self.w[i], self.a0[i], part, length, port.slope == i)
         if port.radius == 0:
             return found
         return found * port.mean([w / length**2 for w, length in zip(self.w, self.lengths, strict=True)])

@@ -134,17 +134,13 @@ class _Plane:
         """What is left of each mode before the top wave number."""
         return _fade(np.sqrt(self.kt2), self.top)
 
-    @cached_property
-    def square(self) -> Real:
-        """One over the mean square of each mode, and over the area of the plane."""
-        i, j = self.edges
-        double = np.where(self.m == 0, 1.0, 2.0) * np.where(self.n == 0, 1.0, 2.0)
-        return double / (self.lengths[i] * self.lengths[j])
-
     @lru_cache(maxsize=24)  # noqa: B019 - planes are few, and kept anyway
     def mean(self, radius: float, other: float) -> Real:
         """Product of the means of each mode over two patches, relative to their centres, over its norm."""
-        return self.square * _bessel_mean(self.kt2, radius) * _bessel_mean(self.kt2, other)
+        i, j = self.edges
+        double = np.where(self.m == 0, 1.0, 2.0) * np.where(self.n == 0, 1.0, 2.0)
+        square = double / (self.lengths[i] * self.lengths[j])
+        return square * _bessel_mean(self.kt2, radius) * _bessel_mean(self.kt2, other)
 
 
 @lru_cache(maxsize=100)
