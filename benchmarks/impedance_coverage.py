@@ -89,7 +89,8 @@ def compare(found: Impedance, truth: Truth, areas: Any) -> Iterator[dict[str, An
     for row in found.rows:
         beta = true_admittance(truth, np.array([row.mid_hz]))
         walls = dict(zip(WALLS, beta, strict=True)) | {"all": share @ beta / share.sum()}
-        held = {n: getattr(row, n).holds(float(f(walls[row.wall])[0])) for n, f in FUNCTIONS.items()}
+        true = {n: float(f(walls[row.wall])[0]) for n, f in FUNCTIONS.items()}
+        held = {n: getattr(row, n).low <= value <= getattr(row, n).high for n, value in true.items()}
         yield {
             "wall": row.wall, "third_octave_hz": row.third_octave_hz, "determined": row.determined, "held": held,
             "z": float((row.admittance - walls[row.wall][0]).real / row.standard_error),

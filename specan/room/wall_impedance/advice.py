@@ -131,7 +131,10 @@ class _Goal:
 def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal: _Goal) -> Advice:
     """One place after the other, each the best beside those that are taken."""
     places = free_places(receivers_of(problem.assembly.model).rig)
-    each = information_at(problem, theta, places)
+    model, names = with_microphones(problem.assembly.model, places)
+    wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
+    further = planned(field_observations(problem.observations)[0], names)
+    each = [part.T @ part for part in by_receiver(*_seen(wider, further, theta))]
     chosen: list[int] = []
     for _ in range(min(MICROPHONES, len(places))):
         left = [k for k in range(len(places)) if k not in chosen]
@@ -140,15 +143,6 @@ def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal:
         known = known + each[best]
     taken = tuple(tuple(float(x) for x in places[k]) for k in chosen)
     return Advice("positions", taken, "", goal.reached(known), len(goal.names))
-
-
-def information_at(problem: WallProblem, theta: Array, places: Array) -> list[Array]:
-    """Information matrix that a microphone at each place would bring."""
-    model, names = with_microphones(problem.assembly.model, places)
-    wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
-    first = field_observations(problem.observations)[0]
-    parts = by_receiver(*_seen(wider, planned(first, names), theta))
-    return [part.T @ part for part in parts]
 
 
 def _seen(problem: WallProblem, observation: Any, theta: Array) -> tuple[Any, Array]:

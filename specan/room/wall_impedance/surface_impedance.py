@@ -47,10 +47,6 @@ class Interval:
     low: float
     high: float
 
-    def holds(self, truth: float) -> bool:
-        """Whether the interval covers a value."""
-        return self.low <= truth <= self.high
-
 
 # what is reported of an admittance
 FUNCTIONS: dict[str, Callable[[Complex], Array]] = {
@@ -233,22 +229,12 @@ def impedance(
     if not 0 < accuracy <= 1:
         raise RequestError(f"an accuracy of {accuracy:g} is requested", expected="more than 0, at most 1")
     inside = [k for k, f in enumerate(fit.mid_hz) if band[0] <= f <= band[1]]
+    area = np.array([areas[wall] for wall in fit.walls])
+    shares = [*zip(fit.walls, np.eye(len(area)), strict=True), (ALL, area / area.sum())]
     rows = [
-        _row(wall, fit.mid_hz[k], *fit.of(w, k), accuracy) for w, wall in enumerate(fit.walls) for k in inside
+        _row(wall, fit.mid_hz[k], *fit.mean(share, k), accuracy) for wall, share in shares for k in inside
     ]
-    share = np.array([areas[wall] for wall in fit.walls])
-    share = share / share.sum()
-    rows += [_row(ALL, fit.mid_hz[k], *_mean(fit, share, k), accuracy) for k in inside]
     return Impedance(tuple(rows), accuracy, fit)
-
-
-def _mean(fit: WallFit, share: Array, band: int) -> tuple[complex, Array]:
-    """Weighted mean of the walls' admittances in one band, and its covariance."""
-    places = np.arange(len(fit.walls)) * len(fit.mid_hz) + band
-    weights = np.zeros((2, fit.covariance.shape[0]))
-    weights[0, places] = share
-    weights[1, places + fit.beta.size] = share
-    return complex(share @ fit.beta[:, band]), weights @ fit.covariance @ weights.T
 
 
 def _row(wall: str, mid_hz: float, beta: complex, covariance: Array, accuracy: float) -> WallBand:

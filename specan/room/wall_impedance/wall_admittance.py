@@ -86,11 +86,12 @@ class WallFit:
     reduced_chi2: float
     problem: WallProblem
 
-    def of(self, wall: int, band: int) -> tuple[complex, Array]:
-        """Admittance of one wall in one band, and the covariance (2, 2) of its real and imaginary part."""
-        place = wall * len(self.mid_hz) + band
-        both = [place, place + self.beta.size]
-        return complex(self.beta[wall, band]), self.covariance[np.ix_(both, both)]
+    def mean(self, share: Array, band: int) -> tuple[complex, Array]:
+        """Weighted mean of the walls' admittances in one band, and the covariance (2, 2) of its parts."""
+        places = np.arange(len(self.walls)) * len(self.mid_hz) + band
+        weights = np.zeros((2, len(self.covariance)))
+        weights[0, places] = weights[1, places + self.beta.size] = share
+        return complex(share @ self.beta[:, band]), weights @ self.covariance @ weights.T
 
     def at(self, beta: Complex) -> Array:
         """Theta of `problem` with these admittances."""
