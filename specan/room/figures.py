@@ -105,8 +105,15 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
                                    width_ratios=[1.6, 1, 1], height_ratios=[2, 1.2, 1])  # fmt: skip
     clear = np.abs(errors.level_dB) > 2 * errors.u_level_dB
     reach = max(_LEAST_SCALE_DB, float(np.nanquantile(np.abs(errors.level_dB), 0.98)))
-    image = _error_map(panels["map"], errors, clear, reach)
-    figure.colorbar(image, ax=panels["map"], label="Model - measured / dB")
+    axes = panels["map"]
+    image = axes.imshow(errors.level_dB, cmap="PuOr_r", vmin=-reach, vmax=reach, aspect="auto")
+    mic, third = np.nonzero(clear)
+    axes.plot(third, mic, ".", color="k", ms=3)
+    axes.grid(False)
+    axes.set_yticks(range(len(errors.channels)), errors.channels)
+    axes.set_xticks(range(len(errors.bands)), errors.band_texts, rotation=60)
+    axes.set(xlabel=axis_text("third", {"third": errors.third}))
+    figure.colorbar(image, ax=axes, label="Model - measured / dB")
     band = errors.worst_band
     receivers = receivers_of(study.model)
     places = receivers.positions_m
@@ -127,17 +134,6 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
         f"largest error; square: {errors.channels[shown]}, whose curves are below.",
     )  # fmt: skip
     return figure
-
-
-def _error_map(axes: Axes, errors: FrfErrors, clear: np.ndarray, reach: float) -> Any:
-    image = axes.imshow(errors.level_dB, cmap="PuOr_r", vmin=-reach, vmax=reach, aspect="auto")
-    mic, band = np.nonzero(clear)
-    axes.plot(band, mic, ".", color="k", ms=3)
-    axes.grid(False)
-    axes.set_yticks(range(len(errors.channels)), errors.channels)
-    axes.set_xticks(range(len(errors.bands)), errors.band_texts, rotation=60)
-    axes.set(xlabel=axis_text("third", {"third": errors.third}))
-    return image
 
 
 def _curves(level: Axes, phase: Axes, study: Study, errors: FrfErrors, shown: int) -> None:

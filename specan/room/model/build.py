@@ -61,13 +61,11 @@ def build(rig: Mapping[str, Any]) -> Model:
     cards = settings.mics.cards or ((1, len(microphones)),)
     walls = known_walls.tied(shape.walls, settings.room.tied_walls)
     tables = known_walls.known_tables(settings.walls, walls, (settings.band.f_min_hz, settings.band.f_max_hz))
-    octaves = _bands(settings, per_octave=1)
     modes = mode_shifts.modes_of(settings)
     quantities = [
         *quantities_in(air, known_walls, field, instruments),
         *shape.quantities,  # a mesh has modes of its own
-        *_constants(settings, cards, shape.walls),
-        *_of_walls(shape.walls, walls, tables, octaves),
+        *_constants(settings, cards, shape.walls, walls, tables),
         *mode_shifts.quantities(settings, modes),
     ]
     effects = effects_in("specan.room.model.effects")
@@ -89,7 +87,7 @@ def build(rig: Mapping[str, Any]) -> Model:
             "wall": tuple(walls),
             "face": shape.walls,
             "known_wall": tuple(tables),
-            "octave": tuple(f"{f:.4g} Hz" for f in octaves),
+            "octave": tuple(f"{f:.4g} Hz" for f in _bands(settings, per_octave=1)),
             "microphone": microphones,
             "place": places,
             "loudspeaker": loudspeakers,
@@ -136,29 +134,10 @@ def _at_logged_temperature(rig: Rig) -> tuple[Rig, TemperatureLog | None, tuple[
 
 
 def _box(rig: Rig) -> RoomShape:
-    assert rig.room.dims_m is not None
-    _check_size(rig, rig.room.dims_m)
-    dims = np.array(rig.room.dims_m)
-    reach = "Reach of the truncated modal sum over the band's wave number."
-    return RoomShape(
-        title="Sound field of a rectangular room with a piston in one wall",
-        walls=WALLS,
-        areas_m2=tuple(wall_areas(rig.room.dims_m).values()),
-        quantities=(
-            constant("room_origin", np.zeros(3), "m", "Corner from which the room's edges start."),
-            constant("room_dimensions", dims, "m", "Edges of the room.", ("dimension",)),
-            constant("drawn_dimensions", dims, "m", "Edges of the room as drawn."),
-            constant("mode_margin", MODE_MARGIN, "1", reach),
-            constant("wall_lean", np.zeros(len(LEANS)), "1", "Slopes of walls along their edges.", ("lean",)),
-            field.room_modes,
-        ),
-    )
-
-
-def _check_size(rig: Rig, dims: tuple[float, ...]) -> None:
+    dims = rig.room.dims_m
+    assert dims is not None
     k_max = 2 * np.pi * rig.band.f_max_hz / field.COLD
-    counts = field.mode_counts(dims, k_max, MODE_MARGIN)
-    modes = int(np.prod(counts))
+    modes = int(np.prod(field.mode_counts(dims, k_max, MODE_MARGIN)))
     if modes > MOST_MODES and min(dims) > LARGEST_M:
         raise RequestError(
             f"[room] dims_m says {list(dims)}",
@@ -173,14 +152,37 @@ def _check_size(rig: Rig, dims: tuple[float, ...]) -> None:
             expected=f"at most {MOST_MODES} modes",
             remedy="lower [band] f_max_hz",
         )
+    reach = "Reach of the truncated modal sum over the band's wave number."
+    return RoomShape(
+        title="Sound field of a rectangular room with a piston in one wall",
+        walls=WALLS,
+        areas_m2=tuple(wall_areas(dims).values()),
+        quantities=(
+            constant("room_origin", np.zeros(3), "m", "Corner from which the room's edges start."),
+            constant("room_dimensions", np.array(dims), "m", "Edges of the room.", ("dimension",)),
+            constant("drawn_dimensions", np.array(dims), "m", "Edges of the room as drawn."),
+            constant("mode_margin", MODE_MARGIN, "1", reach),
+            constant("wall_lean", np.zeros(len(LEANS)), "1", "Slopes of walls along their edges.", ("lean",)),
+            field.room_modes,
+        ),
+    )
 
 
-def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, ...]) -> list[Quantity]:
+def _constants(
+    rig: Rig,
+    cards: tuple[tuple[int, int], ...],
+    faces: tuple[str, ...],
+    walls: Mapping[str, tuple[str, ...]],
+    tables: Mapping[str, known_walls.WallTable],
+) -> list[Quantity]:
     count, everywhere = len(rig.mics.position_m), np.concatenate(rig.places)
     card_of = np.zeros(count, dtype=int)
     for number, (low, high) in enumerate(cards):
         card_of[low - 1 : high] = number
     ratios = [(one.level_dB, one.delay_s, -1.0 if one.inverted else 1.0) for one in rig.loudspeakers]
+    names = list(walls)
+    wall_of = np.array([next(i for i, n in enumerate(names) if face in walls[n]) for face in faces])
+    known = np.array([names.index(name) for name in tables], dtype=int)
     celsius, humidity = rig.air.nominal_temperature_C, rig.air.relative_humidity_percent
     listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
         ("nominal_air_temperature", celsius + air.ZERO_CELSIUS, "K", "As the rig file states it.", ()),
@@ -193,7 +195,7 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
         ("card_delay", np.zeros(len(cards)), "s", "Delay of each converter card.", ("card",)),
         ("card_of_microphone", card_of, "1", "Number of the card of each microphone.", ("microphone",)),
         ("source_position", np.array(rig.piston.centre_m), "m", "Centre of the piston.", ()),
-        ("piston_wall", walls.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
+        ("piston_wall", faces.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
         ("piston_radius", rig.piston.radius_m, "m", "Radius of the piston.", ()),
         ("piston_velocity_profile", 1.0, "1", "Mean velocity of the diaphragm over that where it is measured.", ()),
         ("vibrometer_gain", 1.0, "1",
@@ -202,34 +204,19 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
         ("loudspeaker_nominal", np.array(ratios).reshape(-1, 3).T, "1",
          "Level (dB), delay (s) and sign against the piston.", ()),
         ("third_octave_hz", _bands(rig), "Hz", "Third octaves of the band.", ("third_octave",)),
+        ("octave_hz", _bands(rig, per_octave=1), "Hz", "Octaves of the band.", ("octave",)),
+        ("wall_of_face", wall_of, "1", "Number of the wall that each face belongs to.", ("face",)),
+        ("known_walls", known, "1", "Numbers of the walls of which something is stated.", ()),
     ]  # fmt: skip
-    further = tuple((walls.index(s.wall), np.array(s.centre_m), s.radius_m) for s in rig.loudspeakers)
+    further = tuple((faces.index(s.wall), np.array(s.centre_m), s.radius_m) for s in rig.loudspeakers)
     opaque = [
-        ("wall_names", walls, "Names of the walls."),
+        ("wall_names", faces, "Names of the walls."),
+        ("wall_tables", tuple(tables.values()), "What the rig file states of walls."),
         ("further_loudspeakers", further, "Wall, centre and radius of loudspeakers beside the piston."),
         ("driven_sets", rig.driven_sets, "Loudspeakers that move, that of the vibrometer first."),
     ]
     solver = [constant(name, value, "1", doc, opaque=True) for name, value, doc in opaque]
     return [*solver, *(constant(*one) for one in listed)]
-
-
-def _of_walls(
-    faces: tuple[str, ...],
-    walls: Mapping[str, tuple[str, ...]],
-    tables: Mapping[str, known_walls.WallTable],
-    octaves: np.ndarray,
-) -> list[Quantity]:
-    names = list(walls)
-    wall_of = np.array([next(i for i, n in enumerate(names) if face in walls[n]) for face in faces])
-    known = np.array([names.index(name) for name in tables], dtype=int)
-    return [
-        constant("wall_of_face", wall_of, "1", "Number of the wall that each face belongs to.", ("face",)),
-        constant("known_walls", known, "1", "Numbers of the walls of which something is stated."),
-        constant("octave_hz", octaves, "Hz", "Octaves of the band.", ("octave",)),
-        constant(
-            "wall_tables", tuple(tables.values()), "1", "What the rig file states of walls.", opaque=True
-        ),
-    ]
 
 
 def _bands(rig: Rig, per_octave: int = 3) -> np.ndarray:
@@ -242,31 +229,25 @@ def _bands(rig: Rig, per_octave: int = 3) -> np.ndarray:
 def _nuisances(rig: Rig, known: Iterable[str]) -> tuple[Nuisance, ...]:
     """Instrument errors and the state of the air, held by what the rig file says of them."""
     given = rig.uncertainty
+    in_table = "[uncertainty] "
     listed = [
-        ("temperature", "offset", given.temperature_K, "temperature_K"),
-        ("vibrometer-delay", "delay", given.vibrometer_delay_s, "vibrometer_delay_s"),
-        ("vibrometer-gain", "gain", given.vibrometer_gain_percent / 100, "vibrometer_gain_percent"),
-        *(
-            (f"dimension-error@{axis}", "error", given.dimension_percent / 100, "dimension_percent")
-            for axis in "xyz"
-        ),
-        *(
-            (f"microphone-delay@card {i}", "delay", given.card_delay_s, "card_delay_s")
-            for i in range(1, len(rig.mics.cards) + 1)
+        ("temperature", "offset", given.temperature_K, in_table + "temperature_K"),
+        ("vibrometer-delay", "delay", given.vibrometer_delay_s, in_table + "vibrometer_delay_s"),
+        (
+            "vibrometer-gain",
+            "gain",
+            given.vibrometer_gain_percent / 100,
+            in_table + "vibrometer_gain_percent",
         ),
     ]
-    stated = [
-        Nuisance(f"loudspeaker-ratio@loudspeaker {number}", part, sd, "[[loudspeakers]]")
-        for number, one in enumerate(rig.loudspeakers, 2)
-        for part, sd in (("level", one.u_level_dB), ("delay", one.u_delay_s))
-        if sd
-    ]
-    stated += [
-        Nuisance(f"wall-data@{wall}", part, 1.0, "[walls]")
-        for wall in known
-        for part in ("conductance", "susceptance")
-    ]
-    return (
-        *(Nuisance(e, p, sd, f"[uncertainty] {key}", e == "temperature") for e, p, sd, key in listed if sd),
-        *stated,
-    )
+    for axis in "xyz":
+        sd = given.dimension_percent / 100
+        listed.append((f"dimension-error@{axis}", "error", sd, in_table + "dimension_percent"))
+    for i in range(1, len(rig.mics.cards) + 1):
+        listed.append((f"microphone-delay@card {i}", "delay", given.card_delay_s, in_table + "card_delay_s"))
+    for number, one in enumerate(rig.loudspeakers, 2):
+        for part, sd in (("level", one.u_level_dB), ("delay", one.u_delay_s)):
+            listed.append((f"loudspeaker-ratio@loudspeaker {number}", part, sd, "[[loudspeakers]]"))
+    for wall in known:
+        listed += [(f"wall-data@{wall}", part, 1.0, "[walls]") for part in ("conductance", "susceptance")]
+    return tuple(Nuisance(e, p, sd, said, e == "temperature") for e, p, sd, said in listed if sd)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -119,34 +117,27 @@ def field_map(chosen: ChosenModel, plane: tuple[str, float], frequency_hz: float
     model = chosen.assembly.model
     rig = model.settings["rig"]
     axis, at = plane
-    dims = _edges(rig, axis, at)
+    dims, normal = rig["room"]["dims_m"], "xyz".index(axis)
+    if dims is None:
+        raise RequestError(
+            "the room is a mesh, and its field is drawn in rectangular rooms only", expected="[room] dims_m"
+        )
+    if not 0.0 <= at <= dims[normal]:
+        raise RequestError(
+            f"the plane {axis} = {at:g} m lies outside the room",
+            expected=f"{axis} between 0 and {dims[normal]:g} m",
+        )
     check_frequency(frequency_hz, rig["band"]["f_max_hz"])
-    across = [i for i in range(3) if "xyz"[i] != axis]
+    across = [i for i in range(3) if i != normal]
     grids = [np.linspace(0.0, dims[i], int(np.clip(dims[i] / STEP_M, 10, MOST_POINTS)) + 1) for i in across]
     points = np.empty((len(grids[0]), len(grids[1]), 3))
-    points[..., "xyz".index(axis)] = at
+    points[..., normal] = at
     points[..., across[0]], points[..., across[1]] = np.meshgrid(*grids, indexing="ij")
     found = _field(chosen, points.reshape(-1, 3), frequency_hz).reshape(points.shape[:2])
     places = np.array(rig["mics"]["position_m"])
     return FieldMap(
         axis, at, frequency_hz, grids[0], grids[1], found, places, tuple(model.axes["microphone"])
     )
-
-
-def _edges(rig: Mapping[str, Any], axis: str, at: float) -> tuple[float, float, float]:
-    given = rig["room"]["dims_m"]
-    if given is None:
-        raise RequestError(
-            "the room is a mesh, and its field is drawn in rectangular rooms only", expected="[room] dims_m"
-        )
-    dims = (float(given[0]), float(given[1]), float(given[2]))
-    length = dims["xyz".index(axis)]
-    if not 0.0 <= at <= length:
-        raise RequestError(
-            f"the plane {axis} = {at:g} m lies outside the room",
-            expected=f"{axis} between 0 and {length:g} m",
-        )
-    return dims
 
 
 def _field(chosen: ChosenModel, points: Real, frequency_hz: float) -> Complex:

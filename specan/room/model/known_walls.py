@@ -93,7 +93,12 @@ def wall_table(wall: str, given: KnownWall, band_hz: tuple[float, float]) -> Wal
             f"{where} states {' and '.join(stated) or 'neither an impedance nor an absorption coefficient'}",
             expected="z_re and z_im, or absorption_normal, or absorption_diffuse",
         )
-    frequency = _increasing(where, given.frequency_hz)
+    frequency = np.array(given.frequency_hz, dtype=float)
+    if frequency.size < 2 or np.any(np.diff(frequency) <= 0):
+        raise RequestError(
+            f"{where} has the frequencies {list(given.frequency_hz)[:6]}",
+            expected="frequency_hz, at least two, the lowest first",
+        )
     low, high = frequency[0] / REACH, frequency[-1] * REACH
     if low > band_hz[0] or high < band_hz[1]:
         raise RequestError(
@@ -153,16 +158,6 @@ def _conductances(name: str, alpha: Real, susceptance: Real) -> Real:
         rising = slice(0, int(np.argmax(values)) + 1)
         found.append(np.interp(a, values[rising], grid[rising]))
     return np.array(found)
-
-
-def _increasing(where: str, given: Sequence[float]) -> Real:
-    frequency = np.array(given, dtype=float)
-    if frequency.size < 2 or np.any(np.diff(frequency) <= 0):
-        raise RequestError(
-            f"{where} has the frequencies {list(given)[:6]}",
-            expected="frequency_hz, at least two, the lowest first",
-        )
-    return frequency
 
 
 def _values(where: str, name: str, given: float | Sequence[float] | None, frequency: Real) -> Real:

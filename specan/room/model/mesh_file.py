@@ -96,8 +96,8 @@ def read_room_mesh(path: Path) -> RoomMesh:
     """
     raw = _load(path)
     name = path.name
-    tetrahedra = _corners(raw, "tetra", 4)
-    if not len(tetrahedra):
+    cells = [block.data[:, :4] for block in raw.cells if block.type.startswith("tetra")]
+    if not sum(map(len, cells)):
         kinds = sorted({block.type for block in raw.cells})
         raise RequestError(
             f"the mesh {name} holds no tetrahedra, only {', '.join(kinds) or 'nothing'}",
@@ -105,7 +105,7 @@ def read_room_mesh(path: Path) -> RoomMesh:
             remedy="mesh the volume (gmsh -3) and save the physical volume too",
         )
     walls = _walls(raw, name)
-    used, flat = np.unique(tetrahedra, return_inverse=True)
+    used, flat = np.unique(np.concatenate(cells), return_inverse=True)
     number = np.full(len(raw.points), -1)
     number[used] = np.arange(len(used))
     mesh = RoomMesh(
@@ -134,12 +134,6 @@ def _load(path: Path) -> Any:
             f"the mesh {path.name} cannot be read ({text})",
             expected="a mesh that meshio reads, such as Gmsh's .msh",
         ) from None
-
-
-def _corners(raw: Any, kind: str, count: int) -> Numbers:
-    """Corners of all cells of a kind, whatever their order."""
-    found = [block.data[:, :count] for block in raw.cells if block.type.startswith(kind)]
-    return np.concatenate(found).astype(np.int64) if found else np.empty((0, count), dtype=np.int64)
 
 
 def _walls(raw: Any, name: str) -> dict[str, Numbers]:

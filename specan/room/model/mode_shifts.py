@@ -51,10 +51,8 @@ def quantities(rig: Rig, modes: NDArray[np.intp]) -> tuple[Quantity, ...]:
     listed = constant("modes_apart", modes, "1", "Numbers along the edges of modes that may be shifted.")
     if not len(modes):
         return listed, constant("mode_shift", np.zeros((2, 0)), "1", "No mode is shifted.")
-    sd = np.array([[rig.uncertainty.of_each_mode[0]], [rig.uncertainty.of_each_mode[1]]])
-    sizes = constant(
-        "mode_shift_sd", np.broadcast_to(sd, (2, len(modes))), "1", "Standard uncertainties of the shifts."
-    )
+    sd = np.outer(rig.uncertainty.of_each_mode, np.ones(len(modes)))
+    sizes = constant("mode_shift_sd", sd, "1", "Standard uncertainties of the shifts.")
     return listed, sizes, mode_shift
 
 

@@ -118,13 +118,14 @@ PATTERNS_READ = ("room_modes", "receiver_position", "indicated_frf", "field")
 
 def near_walls(receivers: FieldReceivers, channels: Sequence[str]) -> dict[str, list[int]]:
     """Numbers of the channels near each wall of a box; at least two, and not all."""
+    box, found = receivers.box, {}
+    if box is None:
+        return {}
     place = np.array([receivers.positions_m[receivers.names.index(c)] for c in channels])
-    found = {}
-    for axis, edge in enumerate(receivers.box or ()):
-        for side, distance in (("0", place[:, axis]), ("1", edge - place[:, axis])):
-            inside = np.flatnonzero(distance <= NEAR * edge).tolist()
-            if 2 <= len(inside) < len(channels):
-                found["xyz"[axis] + side] = inside
+    for wall in WALLS:
+        near = depth(box, wall, place) <= NEAR * box["xyz".index(wall[0])]
+        if 2 <= near.sum() < len(channels):
+            found[wall] = np.flatnonzero(near).tolist()
     return found
 
 

@@ -58,6 +58,7 @@ def mesh_shape(rig: Rig) -> RoomShape:
     pistons = [(_centre_in_wall(mesh, name, one), one.radius_m) for name, one in rig.pistons.items()]
     k_max = 2 * np.pi * rig.band.f_max_hz / COLD
     degree = max(degree_for(mesh, k_max, rig.band.f_max_hz, piston) for piston in pistons)
+    large = " x ".join(f"{edge:.3g}" for edge in mesh.edges)
     return RoomShape(
         title=f"Sound field of the room in {path.name} with a piston in one wall",
         walls=tuple(mesh.walls),
@@ -69,16 +70,11 @@ def mesh_shape(rig: Rig) -> RoomShape:
             constant("room_mesh", MeshRoom(mesh, degree, k_max), "1", "The room as meshed.", opaque=True),
             room_modes,
         ),
-        notes=_notes(mesh, degree, k_max, rig.band.f_max_hz, path.name),
-    )
-
-
-def _notes(mesh: RoomMesh, degree: int, k_max: float, f_max_hz: float, name: str) -> tuple[str, ...]:
-    large = " x ".join(f"{edge:.3g}" for edge in mesh.edges)
-    return (
-        f"{name}: {len(mesh.tetrahedra)} tetrahedra of degree {degree}, {unknowns(mesh, degree)} unknowns; "
-        f"{large} m large, {mesh.volume:.3g} m^3, {len(mesh.walls)} walls: {', '.join(mesh.walls)}",
-        f"up to {f_max_hz:.0f} Hz about {expected_vectors(mesh, k_max)} modes and responses of walls",
+        notes=(
+            f"{path.name}: {len(mesh.tetrahedra)} tetrahedra of degree {degree}, {unknowns(mesh, degree)} unknowns; "
+            f"{large} m large, {mesh.volume:.3g} m^3, {len(mesh.walls)} walls: {', '.join(mesh.walls)}",
+            f"up to {rig.band.f_max_hz:.0f} Hz about {expected_vectors(mesh, k_max)} modes and responses of walls",
+        ),
     )
 
 

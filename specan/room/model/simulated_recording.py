@@ -53,8 +53,19 @@ def simulated_recording(
     """
     rig = chosen.assembly.model.settings["rig"]
     band = rig["band"]
-    _check(duration_s, frequency_hz, noise, band["f_max_hz"])
-    rate = _sampling_rate(band["f_max_hz"])
+    if not 0.1 <= duration_s <= LONGEST_S:
+        raise RequestError(f"{duration_s:g} s are requested", expected=f"0.1 to {LONGEST_S:g} s")
+    if frequency_hz is not None:
+        check_frequency(frequency_hz, band["f_max_hz"])
+    if not 0.0 <= noise < np.inf:
+        raise RequestError(f"the noise is {noise:g} Pa", expected="a standard deviation, not below zero")
+    # the lowest usual rate at which the band and its edge can be analysed
+    needed = OVERSAMPLED * (band["f_max_hz"] + EDGE_HZ)
+    rate = next((rate for rate in _RATES if rate >= needed), None)
+    if rate is None:
+        raise RequestError(
+            f"a band up to {band['f_max_hz']:g} Hz needs more than {_RATES[-1]:g} samples per second"
+        )
     n = round(duration_s * rate)
     rng = np.random.default_rng(seed)
     if frequency_hz is None:
@@ -78,30 +89,12 @@ def simulated_recording(
     return channels, rate
 
 
-def _check(duration_s: float, frequency_hz: float | None, noise: float, highest: float) -> None:
-    if not 0.1 <= duration_s <= LONGEST_S:
-        raise RequestError(f"{duration_s:g} s are requested", expected=f"0.1 to {LONGEST_S:g} s")
-    if frequency_hz is not None:
-        check_frequency(frequency_hz, highest)
-    if not 0.0 <= noise < np.inf:
-        raise RequestError(f"the noise is {noise:g} Pa", expected="a standard deviation, not below zero")
-
-
 def check_frequency(frequency_hz: float, highest: float) -> None:
     """Refuse a frequency beyond the band of the rig file."""
     if not 0.0 < frequency_hz <= highest:
         raise RequestError(
             f"{frequency_hz:g} Hz is requested", expected=f"a frequency up to [band] f_max_hz, {highest:g} Hz"
         )
-
-
-def _sampling_rate(highest: float) -> float:
-    """The lowest usual rate at which the band and its edge can be analysed."""
-    needed = OVERSAMPLED * (highest + EDGE_HZ)
-    found = [rate for rate in _RATES if rate >= needed]
-    if not found:
-        raise RequestError(f"a band up to {highest:g} Hz needs more than {_RATES[-1]:g} samples per second")
-    return found[0]
 
 
 def _gaussian(

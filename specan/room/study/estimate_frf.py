@@ -96,9 +96,15 @@ def observe_recording(
         drift=Drift.of(*own.drift, power) if own.drift else None,
         warming=Drift.of("temperature_difference", np.linspace(-0.5, 0.5, 101), power),
     )
-    here = replace(receivers, positions_m=_own_places(receivers, own))
-    calibrated = _as_calibrated(here, own, channels, u_calibrator_percent)
-    return replace(plain, **_before_a_fit(calibrated, plain))
+    # Receivers of other recordings stand in the middle, which a tilt of the frame turns about.
+    places = np.tile(receivers.positions_m[own.rows].mean(axis=0), (len(names), 1))
+    places[own.rows] = receivers.positions_m[own.rows]
+    declared = _as_calibrated(replace(receivers, positions_m=places), own, channels, u_calibrator_percent)
+    # Until a fit tells where the declared errors act one error a line stands for them.
+    level = float(np.max(declared.errors.calibration_dB))
+    percent = max(100 * declared.errors.discrepancy, 100 * (10 ** (level / 20) - 1), 1.0)
+    typical = np.median(np.abs(plain.response), axis=1, keepdims=True)
+    return replace(plain, noise=np.hypot(plain.noise, percent / 100 * typical), declared=declared)
 
 
 def _estimated(
@@ -108,9 +114,15 @@ def _estimated(
     band = (receivers.rig.band.f_min_hz, receivers.rig.band.f_max_hz)
     reference, channels = _channels_of(recording)
     rate = reference.sampling_rate
-    block_s = receivers.rig.band.block_s or _block_length(recording, reference, channels, band)
+    block_s = receivers.rig.band.block_s
+    if block_s is None:
+        few = channels[:: max(1, len(channels) // LISTENING)]
+        heard = (recording.read([channel])[0] for channel in few)
+        block_s = block_length(recording.read([reference])[0], heard, rate, band)
     settle = settling_s(reference.duration_s, block_s)
-    own = _own(recording, reference, receivers, settle)
+    began = reference.properties.get("wf_start_time")
+    start = None if began is None else np.datetime64(began, "us") + np.timedelta64(round(1e6 * settle), "us")
+    own = receivers.in_recording(recording.label, start, reference.duration_s - settle)
     if len(channels) != len(own.rows):
         raise InputError(
             f"{recording.label} has {len(channels)} microphones, the rig file {len(own.rows)} positions",
@@ -126,8 +138,8 @@ def _estimated(
         align=False,
         start_s=settle,
     )
-    block, start = settings.block, round(settle * rate)
-    if reference.n_samples < start + LEAST_BLOCKS * block:
+    block = settings.block
+    if reference.n_samples < round(settle * rate) + LEAST_BLOCKS * block:
         least = settle + LEAST_BLOCKS * block / rate
         raise InputError(
             f"{recording.label} lasts {reference.duration_s:.1f} s",
@@ -144,15 +156,6 @@ def _estimated(
     return found, own
 
 
-def _block_length(
-    recording: Recording, reference: Channel, channels: Sequence[Channel], band: tuple[float, float]
-) -> float:
-    """Length of blocks by how long some of the receivers hear the field ring, s."""
-    few = channels[:: max(1, len(channels) // LISTENING)]
-    heard = (recording.read([channel])[0] for channel in few)
-    return block_length(recording.read([reference])[0], heard, reference.sampling_rate, band)
-
-
 def _block_power(reference: Real, block: int, lines: Any) -> Real:
     """Power of the reference at some lines in every half-overlapping block, array (blocks, lines)."""
     window = np.hanning(block + 1)[:-1]
@@ -165,13 +168,6 @@ def _in_rows(own: InRecording, count: int, part: Any, fill: float) -> Any:
     whole = np.full((count, part.shape[1]), fill, dtype=part.dtype)
     whole[own.rows] = part
     return whole
-
-
-def _own_places(receivers: FieldReceivers, own: InRecording) -> Real:
-    """Places of the receivers; those of other recordings in the middle, which a tilt of the frame turns about."""
-    places = np.tile(receivers.positions_m[own.rows].mean(axis=0), (len(receivers.positions_m), 1))
-    places[own.rows] = receivers.positions_m[own.rows]
-    return places
 
 
 def settling_s(duration_s: float, block_s: float = 1.0) -> float:
@@ -227,15 +223,6 @@ def _in_dB(percent: Any) -> Any:
     return percent / 100 * 20 / np.log(10)
 
 
-def _before_a_fit(receivers: FieldReceivers, plain: FieldObservation) -> dict[str, Any]:
-    """The declared errors, and a stand-in for them until a fit tells where they act: one error a line."""
-    given = receivers.errors
-    level = float(np.max(given.calibration_dB))
-    percent = max(100 * given.discrepancy, 100 * (10 ** (level / 20) - 1), 1.0)
-    typical = np.median(np.abs(plain.response), axis=1, keepdims=True)
-    return {"noise": np.hypot(plain.noise, percent / 100 * typical), "declared": receivers}
-
-
 def _channels_of(recording: Recording) -> tuple[Channel, tuple[Channel, ...]]:
     references = recording.by_role("vibrometer")
     if not references:
@@ -244,10 +231,3 @@ def _channels_of(recording: Recording) -> tuple[Channel, tuple[Channel, ...]]:
             remedy="name one in the channel table (role = 'vibrometer')",
         )
     return references[0], recording.by_role("microphone")
-
-
-def _own(recording: Recording, reference: Channel, receivers: FieldReceivers, settle: float) -> InRecording:
-    """What holds in a recording, from where it is analysed."""
-    began = reference.properties.get("wf_start_time")
-    start = None if began is None else np.datetime64(began, "us") + np.timedelta64(round(1e6 * settle), "us")
-    return receivers.in_recording(recording.label, start, reference.duration_s - settle)

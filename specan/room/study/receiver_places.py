@@ -184,7 +184,11 @@ def _proposal(
     for band in np.unique(bands):
         inside = bands == band
         levels = [float(10 * np.log10(np.mean(np.abs(v.response[number, inside]) ** 2))) for v in views]
-        sigma = _level_sigma(observation, mic, inside, views[0].response[number, inside])
+        response = views[0].response[number, inside]
+        weight = np.conj(response) / np.sum(np.abs(response) ** 2)
+        random = np.sum(np.abs(weight * observation.noise[mic, inside]) ** 2)
+        common = weight @ observation.common_at((mic, inside))
+        sigma = float(DB * np.sqrt(random + np.sum(common.real**2)))
         told.append((abs(levels[pair[0]] - levels[pair[1]]) / sigma, float(band), levels, sigma))
     _, band, levels, sigma = max(told, key=lambda t: t[0])
     predictions = dict(zip(map(name_of, rivals), levels, strict=True))
@@ -199,13 +203,6 @@ def _proposal(
 
 def _coordinates(place: Array) -> dict[str, float | str]:
     return dict(zip(("x_m", "y_m", "z_m"), map(float, place), strict=True))
-
-
-def _level_sigma(observation: FieldObservation, mic: int, lines: Any, response: Any) -> float:
-    weight = np.conj(response) / np.sum(np.abs(response) ** 2)
-    random = np.sum(np.abs(weight * observation.noise[mic, lines]) ** 2)
-    common = weight @ observation.common_at((mic, lines))
-    return float(DB * np.sqrt(random + np.sum(common.real**2)))
 
 
 def explore_places(problem: Problem, block: Block) -> list[Proposal]:
