@@ -86,7 +86,7 @@ def test_sizes_are_those_of_a_recording(known):
         + shelf.actuator(of="force"),
     )  # fmt: skip
     assert list(with_names.effects) == list(known.effects)
-    assert "usual sizes" in with_names.notes[0]
+    assert "ranges for values of about 1" in with_names.notes[0]
     omega, clock = 2 * np.pi * 5, np.arange(5000) / 1000
     given = {"time": clock, "force_channel": 30 * np.sin(omega * clock)}
     sized = with_names.rates.sized(with_names, [(given, {"x": 4 * np.sin(omega * clock)})])
