@@ -202,7 +202,7 @@ def _with_units(
     nodes: dict[str, Any] = {**model.conditions, **model.quantities}
     nodes |= model.rates.states_of(assembly) if model.rates else {}
     units = {n: node.unit for n, node in nodes.items() if n in found.values}
-    return {n: with_unit(found[n], unit) for n, unit in units.items()}, units
+    return {n: with_unit(np.asarray(found[n]), unit) for n, unit in units.items()}, units
 
 
 def _judge(

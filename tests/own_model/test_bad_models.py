@@ -100,7 +100,7 @@ def test_a_formula_that_takes_units_off_is_not_judged(place, formula):
     (place / "m.py").write_text(content, encoding="utf-8")
     said = CliRunner().invoke(main, ["model", "check", "m.py"], catch_exceptions=False)
     assert said.exit_code == 0
-    assert "units could not be checked in y" in said.stderr
+    assert "units could not be checked in y" in said.output
 
 
 def test_an_evaluation_has_a_limit_of_time_that_is_said(place, monkeypatch):
