@@ -14,6 +14,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+from pydantic_core import core_schema
+
 from specan.errors import RequestError, nearest
 from specan.units import base_unit, convert
 
@@ -183,6 +185,10 @@ class ParameterName(str):
     """
 
     __slots__ = ()
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        return core_schema.no_info_plain_validator_function(cls)
 
     @classmethod
     def of(cls, owner: object, own: str, element: str = "") -> ParameterName:

@@ -250,7 +250,7 @@ def _remarks_on_adding(
         end = min(ends, key=lambda e: abs(e - new.best.theta[new.best.names.index(name)]))
         parameter = new.problem.assembly.parameters[name.whole]
         remarks.append(f"{name} lies at the end of its domain, {parameter.from_si(end):g} {parameter.unit}")
-    for other, row in after.parameters.items():
+    for other, row in new.parameters.items():
         if not row["plausible"]:
             remarks.append(f"{other} = {row['value']:.3g} {row['unit']} lies outside what is plausible")
     free = [n for n in undetermined(new.problem, new.best.theta) if n.whole not in new.problem.priors]

@@ -19,16 +19,16 @@ import json
 import os
 import sys
 import time
-import types
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.metadata import entry_points, version
 from pathlib import Path
-from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic_core import to_json
 from typing_extensions import TypedDict  # of pydantic, which takes no other before Python 3.12
 
 import specan
@@ -46,6 +46,7 @@ PENDING = ".pending.json"
 FOLDER = ".kept"
 MOST_FILES = 12  # the oldest go
 _ARRAY = "float64 array"
+_KEPT = ConfigDict(arbitrary_types_allowed=True)  # arrays
 Kept = TypeVar("Kept")
 
 
@@ -64,23 +65,6 @@ class _OfObservable(TypedDict):
 
 class _Parameter(TypedDict):
     value: float
-
-
-class _Line(TypedDict):
-    """What is read of a line, beside what is only kept."""
-
-    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
-
-    action: str
-    effect: str
-    because: str
-    model_effects: tuple[str, ...]
-    at_bound: tuple[str, ...]
-    fit_error: _Error
-    held_out_error: _Error | None
-    errors: dict[str, tuple[_OfObservable, ...]]
-    parameters: dict[str, _Parameter]
-    hashes: dict[str, str | dict[str, str]]
 
 
 @dataclass(frozen=True)
@@ -108,19 +92,21 @@ class Step:
         What was diagnosed before the step, as ``study diagnose --json`` prints it.
     """
 
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="allow")  # what is read is checked, no more
+
     step: int
     action: str
     model_effects: tuple[str, ...]
-    fit_error: Mapping[str, Any]
-    held_out_error: Mapping[str, Any] | None
+    fit_error: _Error
+    held_out_error: _Error | None
     reduced_chi2: float | None
     p_value: float | None
-    parameters: Mapping[str, Mapping[str, Any]]
-    hashes: Mapping[str, Any]
+    parameters: Mapping[str, _Parameter]
+    hashes: Mapping[str, str | dict[str, str]]
     effect: str = ""
     because: str = ""
     held_out_reduced_chi2: float | None = None
-    errors: Mapping[str, Any] = field(default_factory=dict)
+    errors: Mapping[str, tuple[_OfObservable, ...]] = field(default_factory=dict)
     at_bound: tuple[str, ...] = ()
     model_discrepancy_percent: float = 0.0
     version: str = ""
@@ -199,10 +185,9 @@ class History(Result):
             if not line.strip():
                 continue
             try:
-                steps.append(Step(**TypeAdapter[Any](_Line).validate_json(line)))
-            except (ValidationError, TypeError) as fault:
-                said = _said(fault) if isinstance(fault, ValidationError) else str(fault)
-                self.ignored.append(f"{self.path}, line {number} is damaged ({said}) and ignored")
+                steps.append(TypeAdapter(Step).validate_json(line))
+            except ValidationError as fault:
+                self.ignored.append(f"{self.path}, line {number} is damaged ({_said(fault)}) and ignored")
         return steps
 
 
@@ -332,13 +317,20 @@ class KeptResults:
             envelope = json.loads(path.read_text(encoding="utf-8"))
             content = envelope["content"]
             if envelope["key"] == key and envelope["sha256"] == _sha256(content):
-                return cast("Kept", _built(kind, json.loads(content)))
+                plain = json.loads(content, object_hook=_with_arrays)
+                of_kind = TypeAdapter[Any](tuple[kind], config=_KEPT)  # type: ignore[valid-type]
+                return of_kind.validate_python((plain,))[0]
         return None
+
+    def made(self, name: str, kind: type[Kept], make: Callable[[], Kept]) -> Kept:
+        """What is kept under a name, or is made and kept now."""
+        found = self.find(name, kind)
+        return self.keep(name, make()) if found is None else found
 
     def keep(self, name: str, result: Kept) -> Kept:
         """Keep a result under a name; a directory that cannot be written to keeps nothing."""
         path, key = self._place(name)
-        content = json.dumps(_plain(result))
+        content = to_json(result, inf_nan_mode="constants", fallback=_plain).decode()
         text = json.dumps({"key": key, "sha256": _sha256(content), "content": content})
         part = path.with_name(f"{path.name}.{os.getpid()}.part")
         with contextlib.suppress(OSError):
@@ -394,40 +386,16 @@ def _own_modules() -> dict[str, str]:
 
 
 def _plain(value: Any) -> Any:
-    """Data classes, arrays and numbers as plain values."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    """Arrays and numbers of numpy as plain values."""
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
         text = base64.b64encode(np.ascontiguousarray(value).astype("<f8").tobytes()).decode()
         return {_ARRAY: text, "shape": value.shape}
-    if isinstance(value, (np.ndarray, np.generic)):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {str(name): _plain(item) for name, item in value.items()}
-    if isinstance(value, (tuple, list)):
-        return [_plain(item) for item in value]
-    return value
+    return value.tolist()
 
 
-def _built(hint: Any, value: Any) -> Any:
-    """The value of this type that `_plain` made plain."""
-    if isinstance(value, dict) and _ARRAY in value:
-        flat = np.frombuffer(base64.b64decode(value[_ARRAY]), dtype="<f8")
-        return flat.astype(np.float64).reshape(value["shape"])
-    origin, of = get_origin(hint), get_args(hint)
-    if value is None:
-        return None
-    if origin in (Union, types.UnionType):
-        return _built(next(each for each in of if each is not type(None)), value)
-    if is_dataclass(hint) and isinstance(hint, type):
-        hints = get_type_hints(hint)
-        return hint(**{field.name: _built(hints[field.name], value[field.name]) for field in fields(hint)})
-    if origin is tuple:
-        each = [of[0]] * len(value) if of[-1] is Ellipsis else of
-        return tuple(_built(one, item) for one, item in zip(each, value, strict=True))
-    if isinstance(value, dict):
-        one = of[1] if len(of) == 2 else Any
-        return {name: _built(one, item) for name, item in value.items()}
-    if isinstance(hint, type) and issubclass(hint, str):
-        return hint(value)
-    return value
+def _with_arrays(value: dict[str, Any]) -> Any:
+    """What `_plain` made of an array as one again; any other mapping as it is."""
+    if _ARRAY not in value:
+        return value
+    flat = np.frombuffer(base64.b64decode(value[_ARRAY]), dtype="<f8")
+    return flat.astype(np.float64).reshape(value["shape"])

@@ -210,7 +210,7 @@ class Study:
         last, now = self.history.last, self.hashes
         if last is None:
             return True
-        own = last.hashes.get("effect_files", {})
+        own: Any = last.hashes.get("effect_files", {})
         return any(last.hashes.get(k) != now[k] for k in ("study", "rig", "files")) or any(
             own.get(name, sha256) != sha256 for name, sha256 in now["effect_files"].items()
         )
@@ -261,17 +261,17 @@ class Study:
     @cached_property
     def best(self) -> Fit:
         """The fit of the model as it is."""
-        found = self.kept.find("fit", Fit)
-        if found is None:
-            start = brought(self.problem.observations, "near_the_data")
-            found = fit(self.problem, start(self.problem) if start else None, starts=STARTS)
-            if self.problem.strategy.continuation and found.p_value < PREDICTED:  # another minimum, perhaps
-                found = min(found, fit(self.problem, self._near), key=lambda one: one.chi2)
-            known = self._starts[1:] if self.model.rates else ()  # integrated predictions have many minima
-            for near in known:
-                with suppress(ComputationError):
-                    found = min(found, fit(self.problem, near), key=lambda one: one.chi2)
-            self.kept.keep("fit", found)
+        return self.kept.made("fit", Fit, self._fitted)
+
+    def _fitted(self) -> Fit:
+        start = brought(self.problem.observations, "near_the_data")
+        found = fit(self.problem, start(self.problem) if start else None, starts=STARTS)
+        if self.problem.strategy.continuation and found.p_value < PREDICTED:  # another minimum, perhaps
+            found = min(found, fit(self.problem, self._near), key=lambda one: one.chi2)
+        known = self._starts[1:] if self.model.rates else ()  # integrated predictions have many minima
+        for near in known:
+            with suppress(ComputationError):
+                found = min(found, fit(self.problem, near), key=lambda one: one.chi2)
         return found
 
     @cached_property
@@ -283,8 +283,7 @@ class Study:
         """
         if not self.problem.strategy.continuation or not _far_from_calibration(self.problem, self.best):
             return self.best
-        found = self.kept.find("shown", Fit)
-        return found or self.kept.keep("shown", describe(self.problem, self.problem.start(self._near)))
+        return self.kept.made("shown", Fit, lambda: describe(self.problem, self.problem.start(self._near)))
 
     @cached_property
     def errors(self) -> tuple[ObservableError, ...]:
@@ -293,10 +292,9 @@ class Study:
         return tuple(observable_errors(self.problem, self.problem.observations, predictions))
 
     @cached_property
-    def parameters(self) -> dict[str, dict[str, Any]]:
+    def parameters(self) -> dict[str, Any]:
         """Fitted parameters with their intervals."""
-        found = self.kept.find("parameters", dict)
-        return found or self.kept.keep("parameters", parameter_table(self.problem, self.shown))
+        return self.kept.made("parameters", dict, lambda: parameter_table(self.problem, self.shown))
 
     @cached_property
     def held_out(self) -> HeldOut | None:
@@ -318,8 +316,7 @@ class Study:
         far = self.data.known and self.problem.strategy.continuation and self.best.reduced_chi2 > POOR_FIT
         if not far:
             return MistakenSetUp()
-        found = self.kept.find("set_up", MistakenSetUp)
-        return found or self.kept.keep("set_up", mistaken_set_up(self.problem))
+        return self.kept.made("set_up", MistakenSetUp, lambda: mistaken_set_up(self.problem))
 
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""
@@ -449,8 +446,8 @@ class Study:
             fit_error=self.errors[0].as_error(),
             held_out_error=held.errors[0].as_error() if held else None,
             errors={
-                "fit": [e.as_dict() for e in self.errors],
-                "held_out": [e.as_dict() for e in held.errors] if held else [],
+                "fit": tuple(e.as_dict() for e in self.errors),
+                "held_out": tuple(e.as_dict() for e in held.errors) if held else (),
             },
             reduced_chi2=self.shown.reduced_chi2 if known else None,
             p_value=self.shown.p_value if known else None,

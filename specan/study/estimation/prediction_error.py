@@ -54,11 +54,11 @@ class ObservableError:
     level_dB: float | None = None
     level_of: str = ""
 
-    def as_error(self) -> dict[str, Any]:
+    def as_error(self) -> Any:
         """The form in which a history keeps it."""
         return {"value": self.rms, "unit": self.unit, "metric": f"RMS of {self.observable}"}
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Any:
         """Everything, for JSON."""
         found = {
             "observable": self.observable, "n": self.n, "rms": self.rms, "bias": self.bias,
