@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+import tomlkit
 from pydantic import Field
 
 from specan.errors import RequestError
@@ -153,8 +154,6 @@ class StudyText:
     """The file as text: changed in place, so that a person's comments and order stay."""
 
     def __init__(self, path: Path, document: Any = None) -> None:
-        import tomlkit
-
         self.path = path
         self.document: Any = (
             tomlkit.parse(regular(path).read_text(encoding="utf-8-sig")) if document is None else document
@@ -163,8 +162,6 @@ class StudyText:
     @classmethod
     def begin(cls, path: Path, content: Mapping[str, Any]) -> StudyText:
         """A new file, not written yet: plain values as keys, lists as arrays of tables."""
-        import tomlkit
-
         document: Any = tomlkit.document()
         document.add(tomlkit.comment("A specan study. It may be edited; every command reads it anew."))
         text = cls(path, document)
@@ -203,8 +200,6 @@ class StudyText:
 
     def fix_parameter(self, full_name: str) -> None:
         """Hold a parameter of an effect, or of a quantity, at its value."""
-        import tomlkit
-
         owner, name = ParameterName(full_name).owner, ParameterName(full_name).own
         place = self.document
         for entry in self.document.get("effect", []):
@@ -226,15 +221,11 @@ class StudyText:
 
     def copy(self) -> StudyText:
         """The same text, to be changed without changing this one."""
-        import tomlkit
-
         return StudyText(self.path, tomlkit.parse(self.text))
 
     @property
     def text(self) -> str:
         """The file's text."""
-        import tomlkit
-
         return tomlkit.dumps(self.document)
 
     @property
@@ -250,8 +241,6 @@ class StudyText:
 
     def append(self, key: str, entry: Mapping[str, Any]) -> None:
         """Add an entry behind the others of ``effect``, ``measurement`` or the like."""
-        import tomlkit
-
         made = tomlkit.table()
         for name, value in entry.items():
             made.add(name, _inline(value))
@@ -272,8 +261,6 @@ def _are_tables(value: Any) -> bool:
 
 def _inline(value: Any) -> Any:
     """Tables of parameters on one line each, dotted, so that nothing but effects has a heading."""
-    import tomlkit
-
     if not isinstance(value, Mapping):
         return value
     inline = tomlkit.inline_table()

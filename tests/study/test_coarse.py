@@ -51,7 +51,7 @@ def recorded(model, uses, values):
     return FieldObservation(
         name="a",
         recording="a",
-        quantity="indicated_frf",
+        quantities=("indicated_frf",),
         frequency_hz=FREQUENCY,
         line_hz=0.25,
         channels=model.axes["microphone"],

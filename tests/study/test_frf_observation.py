@@ -78,7 +78,7 @@ def observation(rng, shared=2, modal=0):
     noise = rng.uniform(0.5, 2.0, shape)
     mixed = rng.standard_normal((*shape, shared)) + 1j * rng.standard_normal((*shape, shared))
     return FrfObservation(
-        "a", "a", "indicated_frf", np.arange(100.0, 140.0), 1.0, ("Mic 1", "Mic 2", "Mic 3"),
+        "a", "a", ("indicated_frf",), np.arange(100.0, 140.0), 1.0, ("Mic 1", "Mic 2", "Mic 3"),
         rng.standard_normal(shape) + 1j, noise, noise, None, {}, mixed, kept,
         modal=rng.standard_normal((*shape, modal)) + 1j * rng.standard_normal((*shape, modal)) if modal else None,
     )  # fmt: skip

@@ -40,7 +40,7 @@ def simulated(model, values, uses):
     return FieldObservation(
         name="a",
         recording="a",
-        quantity="indicated_frf",
+        quantities=("indicated_frf",),
         frequency_hz=FREQUENCY,
         line_hz=0.5,  # every fourth line: no correlation
         channels=model.axes["microphone"],

@@ -43,7 +43,7 @@ def observed(model, beta):
     rng = np.random.default_rng(3)
     noise = level * (rng.standard_normal(h.shape) + 1j * rng.standard_normal(h.shape))
     return FrfObservation(
-        "take", "take", "indicated_frf", FREQUENCY, 1.0, model.axes["microphone"], h + noise, level, level,
+        "take", "take", ("indicated_frf",), FREQUENCY, 1.0, model.axes["microphone"], h + noise, level, level,
         Folding.none(FREQUENCY), {"frequency": FREQUENCY}, np.empty((*h.shape, 0)), np.ones(h.shape, dtype=bool),
     )  # fmt: skip
 

@@ -45,7 +45,7 @@ def recorded(model, change=lambda h: h, uses=(), values=None, seed=0):
     noise = level * (rng.standard_normal(h.shape) + 1j * rng.standard_normal(h.shape))
     shared = COMMON * h[..., None] * np.array([1, 1j])
     return FieldObservation(
-        "take 1", "take 1", "indicated_frf", FREQUENCY, 1.0, NAMES, change(h * (1 + drawn[:, None])) + noise, level,
+        "take 1", "take 1", ("indicated_frf",), FREQUENCY, 1.0, NAMES, change(h * (1 + drawn[:, None])) + noise, level,
         level, Folding.none(FREQUENCY), {"frequency": FREQUENCY}, shared, np.ones(h.shape, dtype=bool),
         declared=replace(receivers_of(model), errors=ReceiverErrors(0.0, 0.17, 1.1, 0.0, 0.0)),
     )  # fmt: skip

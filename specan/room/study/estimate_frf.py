@@ -81,7 +81,7 @@ def observe_recording(
     plain = FieldObservation(
         name=recording.label,
         recording=recording.label,
-        quantity=model.observables["frf"].quantity,
+        quantities=(model.observables["frf"].quantity,),
         frequency_hz=frequency_hz,
         line_hz=rate / block,
         channels=names,

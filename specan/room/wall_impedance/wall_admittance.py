@@ -215,8 +215,8 @@ class WallProblem(Problem):
         basis = spline_basis(observation.conditions_at_nodes["frequency"], self.mid_hz)
         steps = STEP * np.repeat(np.eye(len(self.walls)), len(basis), axis=1)
         many = [here, *({**here, REAL: here[REAL] + step} for step in steps)]
-        evaluated = self.assembly.evaluate_many(observation.conditions_at_nodes, many, [observation.quantity])
-        centre, *moved = (one[observation.quantity] for one in evaluated)
+        evaluated = self.assembly.evaluate_many(observation.conditions_at_nodes, many, observation.quantities)
+        centre, *moved = (one[observation.quantities[0]] for one in evaluated)
         slopes = [
             observation.folding((one - centre) / STEP * shape)[observation.kept]
             for one in moved

@@ -140,7 +140,6 @@ class _Opened:
         return FrfObservation(
             name=self.file.name,
             recording=self.file.name,
-            quantity="",
             quantities=tuple(o.quantity for o in observables),
             channels=tuple(o.response for o in observables),
             random=lines["noise"],

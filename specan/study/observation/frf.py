@@ -114,8 +114,8 @@ class FrfObservation(KeptLines):
     Attributes
     ----------
     name, recording : str
-    quantity : str
-        The model's quantity that is observed, array (receivers, nodes).
+    quantities : tuple of str
+        The model's quantities that are observed: one of each channel, or one array (receivers, nodes) of all.
     frequency_hz : array (lines,)
     line_hz : float
         Distance of the analysis' lines; those in use may lie further apart.
@@ -137,8 +137,6 @@ class FrfObservation(KeptLines):
         What is uncertain of the modes, and so common to all receivers, one standard deviation a column.
     kept : bool array (receivers, lines)
         Rows in use; the real and the imaginary part of a line go together.
-    quantities : tuple of str
-        Instead of `quantity`, one for each channel.
     observables : tuple of str
         Name of the model's observable; or one for each channel.
     line_correlation : tuple of float
@@ -151,7 +149,7 @@ class FrfObservation(KeptLines):
 
     name: str
     recording: str
-    quantity: str
+    quantities: tuple[str, ...]
     frequency_hz: Array
     line_hz: float
     channels: tuple[str, ...]
@@ -163,7 +161,6 @@ class FrfObservation(KeptLines):
     shared: Complex
     kept: NDArray[np.bool_] = field(repr=False)
     modal: Complex | None = None
-    quantities: tuple[str, ...] = ()
     observables: tuple[str, ...] = ("frf",)
     line_correlation: tuple[float, ...] = LINE_CORRELATION
     rough: bool = False
@@ -272,7 +269,7 @@ class FrfObservation(KeptLines):
         self, assembly: Assembly, many: Sequence[Mapping[str, Any]], conditions: Mapping[str, Any]
     ) -> list[Complex]:
         """The same at given conditions of the nodes."""
-        wanted = list(dict.fromkeys(self.quantities or (self.quantity,)))
+        wanted = list(dict.fromkeys(self.quantities))
         with np.errstate(all="ignore"):  # what is not finite is told by the fit
             evaluations = assembly.evaluate_many(conditions, many, wanted)
             return [self.folding(self._at_nodes(found)) for found in evaluations]
@@ -357,11 +354,8 @@ class FrfObservation(KeptLines):
 
     def _at_nodes(self, evaluation: Evaluation) -> Complex:
         """Transfer functions (receivers, nodes) out of what the model was evaluated to."""
-        if not self.quantities:
-            whole: Complex = evaluation[self.quantity]
-            return whole
-        size = self.folding.nodes.shape
-        return np.stack([np.broadcast_to(evaluation[q], size) for q in self.quantities]).astype(complex)
+        parts = [np.broadcast_arrays(evaluation[q], self.folding.nodes)[0] for q in self.quantities]
+        return np.vstack(parts).astype(complex, copy=False)
 
     def conditions_at(self, frequency: Array) -> dict[str, Array]:
         """Conditions of the model at given lines."""
