@@ -99,7 +99,6 @@ def with_specan(case: Case, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     )  # fmt: skip
     rows = TableObservation(
         "nist", np.full(case.y.size, "y"), case.y, case.predictors, np.eye(case.y.size),
-        available=frozenset(case.predictors),
     )  # fmt: skip
     found = fit(base_problem(model, (rows,)))
     order = [found.names.index(f"y.{n}") for n in case.names]

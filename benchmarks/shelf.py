@@ -90,7 +90,7 @@ def recordings(
     observation = TimeObservation(
         name="planted", observable=np.full(samples, "x"), measured=measured, conditions=given,
         covariance=np.full(samples, noise**2), recordings=("planted",), recording=np.zeros(samples, dtype=np.intp),
-        noise_dof=10.0, available=frozenset(given), series=(given, np.zeros(samples, dtype=np.intp)), position=rows,
+        noise_dof=10.0, series=(given, np.zeros(samples, dtype=np.intp)), position=rows,
         lines=rows + 1,
     )  # fmt: skip
     return observation, float(np.std(read[name,] - read[()]) / noise)

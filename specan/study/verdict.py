@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -379,63 +379,36 @@ def headline_of(content: Mapping[str, Any]) -> str:
     >>> headline_of({"verdict": "group", "alternatives": [["windage"], ["seal-drag", "churning"]]})
     'Missing: windage or seal-drag with churning; these data cannot tell which.'
     """
-    sure = _Sure(content.get("probabilities") or ())
+    stated = content.get("probabilities") or ()
+
+    def sure(kinds: Sequence[str], suits: Callable[[set[str]], bool] = lambda effects: True) -> str:
+        """How probable explanations are, together; nothing where no probabilities are stated."""
+        told = [one for one in stated if one["kind"] in kinds and suits(set(one["effects"]))]
+        return f" ({percent(sum(one['probability'] for one in told))})" if stated else ""
+
     kind = content["verdict"]
     if kind == "nothing-missing" and content.get("other_form"):
-        return f"Nothing is missing with {content['other_form']}{sure.of('nothing')}."
+        return f"Nothing is missing with {content['other_form']}{sure(['nothing'])}."
     # The simplest first; the table below has them by likelihood.
     alternatives = sorted(content["alternatives"], key=len)
-    sets = [
-        " with ".join(members) + sure.of_effects(members, len(alternatives) > 1) for members in alternatives
-    ]
+    if len(alternatives) == 1:  # it stands for itself with and without further effects or faults of the data
+        sets = [" with ".join(alternatives[0]) + sure(["effects", "fault"], set(alternatives[0]).issubset)]
+    else:
+        sets = [" with ".join(one) + sure(["effects"], set(one).__eq__) for one in alternatives]
     if len(set(sets)) < len(sets):  # the same effects at several places
-        sets = sure.with_places(len(sets))
+        likeliest = [one for one in stated if one["kind"] == "effects"][: len(sets)]
+        sets = [f"{one['explanation']} ({percent(one['probability'])})" for one in likeliest]
     more = len(sets) - MOST_IN_HEADLINE
     names = " or ".join(
         [*sets[:MOST_IN_HEADLINE], *([f"one of {more} others"] if more > 1 else sets[MOST_IN_HEADLINE:])]
     )
-    unknown = sum(one["probability"] for one in sure.stated if one["kind"] == "unknown")
-    if unknown >= LEAST_TOLD:
-        names += f" or something else{sure.of('unknown')}"
+    if sum(one["probability"] for one in stated if one["kind"] == "unknown") >= LEAST_TOLD:
+        names += f" or something else{sure(['unknown'])}"
     of = {"nothing-missing": "nothing", "unknown-effect": "unknown", "faulty-data": "fault"}
-    told = sure.of(of[kind]) if kind in of else ""
+    told = sure([of[kind]]) if kind in of else ""
+    fault = next((one["explanation"] for one in stated if one["kind"] == "fault"), "").split(" beside ")[0]
     beside = f" Missing beside it: {names}." if kind == "faulty-data" and any(content["alternatives"]) else ""
-    return VERDICTS[kind].format(names=names, sure=told, fault=sure.fault) + beside
-
-
-class _Sure:
-    """How probable explanations are, as a headline says it; nothing where no probabilities are stated."""
-
-    def __init__(self, stated: Sequence[Any]) -> None:
-        self.stated = [one if isinstance(one, Mapping) else vars(one) for one in stated]
-
-    @property
-    def fault(self) -> str:
-        """The likeliest fault of the data."""
-        told = next((str(one["explanation"]) for one in self.stated if one["kind"] == "fault"), "")
-        return told.split(" beside ")[0]
-
-    def of(self, kind: str) -> str:
-        """Of all explanations of a kind: `` (97 %)``."""
-        return self._text(sum(one["probability"] for one in self.stated if one["kind"] == kind))
-
-    def of_effects(self, names: Sequence[str], alone: bool) -> str:
-        """Of a set; where it stands for itself, with or without further effects or faults of the data."""
-        told = [
-            one["probability"]
-            for one in self.stated
-            if one["kind"] in (("effects",) if alone else ("effects", "fault"))
-            and (set(one["effects"]) == set(names) if alone else set(one["effects"]) >= set(names))
-        ]
-        return self._text(sum(told))
-
-    def with_places(self, most: int) -> list[str]:
-        """The likeliest sets of effects, each with its places and probability."""
-        sets = [one for one in self.stated if one["kind"] == "effects"][:most]
-        return [f"{one['explanation']}{self._text(one['probability'])}" for one in sets]
-
-    def _text(self, probability: float) -> str:
-        return f" ({percent(probability)})" if self.stated else ""
+    return VERDICTS[kind].format(names=names, sure=told, fault=fault) + beside
 
 
 def percent(probability: float) -> str:

@@ -62,7 +62,7 @@ def observed(model, rng, disturbed, coloured, size=0.0):
     rows = np.arange(COUNT)
     return TimeObservation(
         name="run", observable=np.full(COUNT, "x"), measured=y, conditions=given, covariance=np.full(COUNT, 0.05**2),
-        recordings=("run",), recording=np.zeros(COUNT, dtype=np.intp), noise_dof=1.0, available=frozenset(given),
+        recordings=("run",), recording=np.zeros(COUNT, dtype=np.intp), noise_dof=1.0,
         series=(given, np.zeros(COUNT, dtype=np.intp)), position=rows, lines=rows + 1,
     )  # fmt: skip
 

@@ -49,7 +49,6 @@ def test_digits_do_not_depend_on_how_uncertain_the_data_are_said_to_be(factor):
     )  # fmt: skip
     rows = TableObservation(
         "rat", np.full(case.y.size, "y"), case.y, case.predictors, factor**2 * np.eye(case.y.size),
-        available=frozenset({"x"}),
     )  # fmt: skip
     found = fit(base_problem(model, (rows,)))
     assert found.names == tuple(f"y.{n}" for n in case.names)

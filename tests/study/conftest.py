@@ -131,7 +131,6 @@ class Toy:
             {"x": self.x, "z": self.z},
             np.eye(values.size),
             labels={"x": self.x, "z": self.z},
-            available=frozenset({"x", "z"}),
             **more,
         )
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from specan.errors import RequestError
 from specan.models import Model
 from specan.models.groups import grouped
 from specan.models.trial import try_model
@@ -15,9 +14,9 @@ from specan.study.data.held_out import Column, put_aside
 from specan.study.data.operating_table import SCATTER, Rows, check_varied, join
 from specan.study.data.setpoints import grouping_of
 from specan.study.data.table_covariance import uncertainty
-from specan.study.data.table_file import Table, beginning
+from specan.study.data.table_file import beginning
 from specan.study.data.table_reader import read_measurement
-from specan.study.observation import DataFile, MeasuredFiles, OpenedData
+from specan.study.observation import MeasuredFiles, OpenedData
 
 TITLE = "a table (text with a header line, .xlsx, Parquet)"
 
@@ -44,8 +43,8 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     RequestError
         A condition that no row meets, or nothing left to fit.
     """
-    fitted = [_read(f, model) for f in wanted.measurements]
-    checked = [_read(f, model) for f in wanted.validations]
+    fitted = [read_measurement(f, model) for f in wanted.measurements]
+    checked = [read_measurement(f, model) for f in wanted.validations]
     rows = join([*fitted, *checked], model)
     if model.is_own:
         try_model(model, rows.conditions)
@@ -65,13 +64,6 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         known=found.known,
         discrepancy_percent=model.rig.discrepancy_percent,
     )
-
-
-def _read(file: DataFile, model: Model) -> Table:
-    for column, value in file.conditions.items():
-        if isinstance(value, str) and column not in model.groups:
-            raise RequestError(f"{file.name}: the condition {column!r} is {value!r}", expected="a number")
-    return read_measurement(file, model)
 
 
 def _column(rows: Rows, model: Model, name: str) -> Column:

@@ -101,7 +101,6 @@ class Rows:
             covariance=covariance,
             recordings=self.recordings,
             recording=self.recording,
-            available=frozenset(self.conditions),
             groups=self.groups,
             lines=self.lines,
             replicate_group=self.replicate_group,

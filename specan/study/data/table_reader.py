@@ -122,7 +122,9 @@ def _add_constants(table: Table, constants: Mapping[str, Any], known: Mapping[st
                 f"{table.path} holds the column {column!r}, and the study gives it as a constant too",
                 remedy="leave one of them out",
             )
-        table.frame[column] = str(value) if known[column].group else float(value)
+        if isinstance(value, str) and not known[column].group:
+            raise InputError(f"{table.path}: the condition {column!r} is {value!r}", expected="a number")
+        table.frame[column] = str(value) if known[column].group else value
         table.steps[column] = 0.0
 
 

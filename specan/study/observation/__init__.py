@@ -165,8 +165,6 @@ class Observation:
         Operating variable (``load_kN``) to one level a row: values that were meant to be equal are equal.
     variables : mapping
         Words and unit of each label.
-    available : frozenset of str
-        Conditions that the data hold.
     recordings : tuple of str
         Recordings of the rows; a parameter with ``per="recording"`` has one element each.
     n_effective : float
@@ -200,14 +198,17 @@ class Observation:
         @property
         def variables(self) -> Mapping[str, Variable]: ...  # noqa: D102
         @property
-        def available(self) -> frozenset[str]: ...  # noqa: D102
-        @property
         def recordings(self) -> tuple[str, ...]: ...  # noqa: D102
 
     @property
     def places(self) -> Mapping[str, Any]:
         """What a list of all values says of each before its conditions and labels."""
         return {"file": self.name}
+
+    @property
+    def available(self) -> frozenset[str]:
+        """Conditions that the data hold."""
+        return frozenset(self.conditions)
 
     @property
     def n(self) -> int:

@@ -50,7 +50,6 @@ class TableObservation(Observation):
     noise_dof: float = np.inf
     pure_error_dof: float = 0.0
     parts: Mapping[str, Array] = field(default_factory=dict)
-    available: frozenset[str] = frozenset()
     series: tuple[Mapping[str, Array], NDArray[np.intp]] | None = None
     position: NDArray[np.intp] | None = None
     lines: NDArray[np.int_] | None = None

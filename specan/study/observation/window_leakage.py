@@ -89,7 +89,7 @@ def fold(
         seen = _hann_response(line - k / per_line, block)
         turned = _sum_over_blocks(k, starts, hop, n, np.conj(blocks_e[:, row]))
         fine = spectrum[k] * seen * turned / (n * power[row])
-        between = _interpolation(k / per_line * NODES_PER_LINE, numbers, NODES_PER_LINE)
+        between = _interpolation(k / per_line * NODES_PER_LINE, numbers)
         made.append(csr_array(fine[None, :]) @ between)
     return Folding(numbers * rate / (block * NODES_PER_LINE), csr_array(vstack(made)))
 
@@ -121,7 +121,7 @@ def _dirichlet(x: Real, block: int) -> Complex:
     return found
 
 
-def _interpolation(at: Real, nodes: NDArray[np.intp], per_line: int) -> Any:
+def _interpolation(at: Real, nodes: NDArray[np.intp]) -> Any:
     """Sparse Lagrange interpolation from values at the integers `nodes` to places `at`.
 
     A causal response only turns one way with frequency. It is interpolated turned back by its middle, where a
@@ -137,7 +137,7 @@ def _interpolation(at: Real, nodes: NDArray[np.intp], per_line: int) -> Any:
         weights[:, :-i] *= factors[:, _ORDER - i : _ORDER - i + 1]
     weights = weights / _LAGRANGE
     # 0.35: blocks: between nodes a response turns about as quickly as one that comes so late
-    turned = np.exp(-2j * np.pi * 0.35 / per_line * factors)
+    turned = np.exp(-2j * np.pi * 0.35 / NODES_PER_LINE * factors)
     weights = weights * turned
     columns = (left - nodes[0])[:, None] + np.arange(_ORDER)
     rows = np.repeat(inside, _ORDER)
