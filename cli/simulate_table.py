@@ -123,14 +123,12 @@ def _numbered(words: Sequence[str], names: Sequence[str]) -> Any:
 
 def over_limits(model: Model, points: Mapping[str, int]) -> dict[str, Sequence[float]]:
     """Values of each condition over what the rig can run, in its column's unit."""
-    from specan.units import convert
+    from specan.models.chosen_model import span
 
-    axes: dict[str, Sequence[float]] = {}
-    for name, count in points.items():
-        known = model.conditions[name]
-        low, high = (convert(end, known.unit, known.column_unit) for end in model.rig.limits[name])
-        axes[known.column] = np.round(np.linspace(low, high, count), 9).tolist()
-    return axes
+    return {
+        model.conditions[name].column: np.round(np.linspace(*span(model, name), count), 9).tolist()
+        for name, count in points.items()
+    }
 
 
 def _values(text: str, values: str) -> list[float]:

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.catalogue import load_model, read_rig_file
-from specan.models.chosen_model import ChosenModel, choose_model, grid, override
+from specan.models.chosen_model import ChosenModel, choose_model, grid, override, span
 from specan.report.figure_style import COLOURS, heading, new_figure, save_figure, styled
 from specan.study.data.table_file import read_table
-from specan.worm_gear.figures import span
 from specan.worm_gear.model.simulated_table import simulated_table
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ def _predicted(chosen: ChosenModel, **axes: Any) -> Columns:
 def _curves_over_torque(
     axes: Axes, chosen: ChosenModel, measured: Columns, speeds: tuple[float, ...]
 ) -> None:
-    low, high = span(chosen, "indicated_output_torque")
+    low, high = span(chosen.assembly.model, "indicated_output_torque")
     torques = np.linspace(max(low, 0.01 * high), high, 120)
     for i, speed in enumerate(speeds):
         rows = _predicted(chosen, speed_rpm=[speed], output_torque_Nm=torques)
@@ -84,7 +83,7 @@ def _efficiency_at_two_speeds(axes: Axes, chosen: ChosenModel, measured: Columns
 
 
 def _idle_torque(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
-    low, high = span(chosen, "worm_speed")
+    low, high = span(chosen.assembly.model, "worm_speed")
     speeds = np.linspace(low, high, 120)
     rows = _predicted(chosen, speed_rpm=speeds, output_torque_Nm=[0.0])
     axes.plot(speeds, rows["input_torque_Nm"], label="model")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import tomllib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -148,6 +148,13 @@ def grid(model: Model, axes: Mapping[str, Sequence[float]]) -> Columns:
     return dict(zip(axes, rows, strict=True))
 
 
+def span(model: Model, condition: str) -> tuple[float, float]:
+    """Limits of the rig for a condition, in the unit of its column."""
+    known = model.conditions[condition]
+    low, high = (float(convert(end, known.unit, known.column_unit)) for end in model.rig.limits[condition])
+    return low, high
+
+
 def to_conditions(model: Model, columns: Mapping[str, NDArray[np.float64]]) -> Columns:
     """SI conditions from the columns of a table; columns that are no condition are passed over."""
     return {
@@ -182,7 +189,6 @@ def simulated_table(
     noise: float = 0.0,
     repeats: int = 1,
     seed: int = 0,
-    observables: Collection[str] | None = None,
 ) -> Columns:
     """The table that would be measured: conditions and observables, one row a reading, in the columns' units.
 
@@ -197,16 +203,12 @@ def simulated_table(
         Readings of each condition, numbered in a column ``repeat`` where there are several.
     seed : int
         Of the noise.
-    observables : collection of str, optional
-        Those that are read; all by default.
     """
     rows = {name: np.tile(np.asarray(values, float), repeats) for name, values in columns.items()}
     size = len(next(iter(columns.values())))
     random = np.random.default_rng(seed)
     found = dict(rows)
     for name, values in predict(chosen, rows).items():
-        if observables is not None and name not in observables:
-            continue
         observable = chosen.assembly.model.observables[name]
         shown = convert(values, observable.unit, observable.column_unit or observable.unit)
         found[observable.header] = np.asarray(shown) + noise * random.standard_normal(values.size)

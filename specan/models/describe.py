@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from specan.errors import RequestError, nearest
+from specan.models.chosen_model import span
 from specan.models.effect import Effect, Parameter
 from specan.models.model import Model
 from specan.models.quantity import Quantity
@@ -117,12 +118,9 @@ def rig_template(model: Model, example: Mapping[str, Any]) -> str:
 def _limits(model: Model) -> list[str]:
     lines = []
     for condition in model.conditions.values():
-        ends = model.rig.limits.get(condition.name)
-        if ends is None:
-            lines.append(f"# {condition.column} = [0.0, 1.0]{_remark(condition.column_unit)}")
-            continue
-        low, high = (float(convert(end, condition.unit, condition.column_unit)) for end in ends)
-        lines.append(f"{condition.column} = [{low:.9g}, {high:.9g}]{_remark(condition.column_unit)}")
+        known, remark = condition.name in model.rig.limits, _remark(condition.column_unit)
+        ends = "[{:.9g}, {:.9g}]".format(*span(model, condition.name)) if known else "[0.0, 1.0]"
+        lines.append(f"{'' if known else '# '}{condition.column} = {ends}{remark}")
     return lines
 
 

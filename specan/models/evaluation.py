@@ -323,8 +323,8 @@ def _same(old: Any, new: Any) -> bool:
     return np.array_equal(old, new)
 
 
-def varying(rows: Iterable[Mapping[str, Any]], least: float = 5e-4) -> frozenset[str]:
-    """Conditions that take several values over some data: a spread of more than `least` of the largest.
+def varying(rows: Iterable[Mapping[str, Any]]) -> frozenset[str]:
+    """Conditions that take several values over some data: a spread of more than 5e-4 of the largest.
 
     Of an oil temperature 0.2 K: the viscosity differs by 1 %, which repeats within 0.2 % tell. A dependence that is
     held at a default then looks like an effect; one that is free and hardly determined costs nothing.
@@ -342,7 +342,7 @@ def varying(rows: Iterable[Mapping[str, Any]], least: float = 5e-4) -> frozenset
             if finite.size:
                 low, high = spans.get(name, (np.inf, -np.inf))
                 spans[name] = (min(low, float(finite.min())), max(high, float(finite.max())))
-    return frozenset(n for n, (low, high) in spans.items() if high - low > least * max(abs(low), abs(high)))
+    return frozenset(n for n, (low, high) in spans.items() if high - low > 5e-4 * max(abs(low), abs(high)))
 
 
 @dataclass(frozen=True)

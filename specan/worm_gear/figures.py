@@ -6,31 +6,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from specan.models.chosen_model import ChosenModel, grid
+from specan.models.chosen_model import ChosenModel, grid, span
 from specan.report.figure_style import heading, new_figure, styled
-from specan.units import convert
 from specan.worm_gear.model.simulated_table import simulated_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def span(chosen: ChosenModel, condition: str) -> tuple[float, float]:
-    """Limits of the bench in the unit of the table's column."""
-    known = chosen.assembly.model.conditions[condition]
-    limits = np.array(chosen.assembly.model.rig.limits[condition])
-    low, high = convert(limits, known.unit, known.column_unit)
-    return float(low), float(high)
-
-
 @styled
 def efficiency_map(chosen: ChosenModel) -> Figure:
     """Efficiency over speed and output torque, within the limits of the bench."""
-    speeds = np.linspace(*span(chosen, "worm_speed"), 60)
-    low, high = span(chosen, "indicated_output_torque")
+    model = chosen.assembly.model
+    speeds = np.linspace(*span(model, "worm_speed"), 60)
+    low, high = span(model, "indicated_output_torque")
     torques = np.linspace(max(low, 0.02 * high), high, 60)
     axes_of = {"speed_rpm": speeds.tolist(), "output_torque_Nm": torques.tolist()}
-    rows = simulated_table(chosen, grid(chosen.assembly.model, axes_of))
+    rows = simulated_table(chosen, grid(model, axes_of))
     x, y, z = (rows[n].reshape(speeds.size, torques.size) for n in (*axes_of, "efficiency"))
     figure = new_figure(4.2, 6.4)
     axes = figure.subplots()

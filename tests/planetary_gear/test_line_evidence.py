@@ -68,7 +68,7 @@ def test_the_evidence_is_that_of_a_normal_law():
     lines = np.where(chosen, rng.standard_normal((*chosen.shape, 2)) @ np.array([1, 1j]), 0)[None]
     pattern = Pattern(lines, use="any")
     size, answer, own = 0.7, 2.0, 0.5
-    found, _ = evidence._coherent([pattern], np.array([[size]]), chosen, 1.0, answer, own)
+    found, _ = evidence._coherent([pattern], np.array([[size]]), 1.0, answer, own)
     row, line = np.nonzero(chosen)
     y, p, noise = seen.amplitude[chosen], lines[0][chosen], seen.noise[chosen]
     unsure = evidence._gain[1]

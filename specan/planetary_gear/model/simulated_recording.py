@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,33 +35,31 @@ def recorded_channels(motion: Motion, sampling_rate: float) -> list[SimulatedCha
     sensors = rig.sensors
     force, torque = sensors.force_N_per_V, sensors.torque_Nm_per_V
     on_sun, on_ring = force_normal_angle(rig, motion)
-    found = []
+    driver = "driver" if rig.gear is None else "sun"
+    given = SimulatedChannel(f"Torque {driver}", "Nm", motion.torque_in, torque, "Nm/V")
+    turns = tacho_channel(f"Tacho {driver}", motion.sun_angle, sensors.tacho_sun_pulses)
     if rig.gear is None:
-        found += _forces("Mesh", motion.sun_force, on_sun, 50 * force, numbered=False)
-    else:
-        found += _forces("Sun-planet", motion.sun_force, on_sun, force)
-        found += _forces("Ring-planet", motion.ring_force, on_ring, force)
-    names = ("Torque driver", "Tacho driver") if rig.gear is None else ("Torque sun", "Tacho sun")
-    found.append(SimulatedChannel(names[0], "Nm", motion.torque_in, torque, "Nm/V"))
-    if rig.gear is not None:
-        sun, planet, ring = rig.gear.base_radii_m
-        on_carrier = (sun + planet) * motion.sun_force.sum(axis=0)
-        on_carrier += (ring - planet) * motion.ring_force.sum(axis=0)
-        found.append(SimulatedChannel("Torque carrier", "Nm", on_carrier, torque, "Nm/V"))
-        found += _centres(motion, rig)
-        found += _accelerations(motion, rig, sampling_rate)
-    found.append(tacho_channel(names[1], motion.sun_angle, sensors.tacho_sun_pulses))
-    if rig.gear is not None:
-        found.append(tacho_channel("Tacho carrier", motion.carrier_angle, sensors.tacho_carrier_pulses))
-    return found
+        return [*_forces(["Mesh"], motion.sun_force, on_sun, 50 * force), given, turns]
+    sun, planet, ring = rig.gear.base_radii_m
+    on_carrier = (sun + planet) * motion.sun_force.sum(axis=0)
+    on_carrier += (ring - planet) * motion.ring_force.sum(axis=0)
+    numbers = range(1, rig.gear.planets + 1)
+    return [
+        *_forces([f"Sun-planet {i}" for i in numbers], motion.sun_force, on_sun, force),
+        *_forces([f"Ring-planet {i}" for i in numbers], motion.ring_force, on_ring, force),
+        given,
+        SimulatedChannel("Torque carrier", "Nm", on_carrier, torque, "Nm/V"),
+        *_centres(motion, rig),
+        *_accelerations(motion, rig, sampling_rate),
+        turns,
+        tacho_channel("Tacho carrier", motion.carrier_angle, sensors.tacho_carrier_pulses),
+    ]
 
 
-def _forces(
-    mesh: str, forces: Real, angle: Real, per_volt: float, numbered: bool = True
-) -> list[SimulatedChannel]:
+def _forces(meshes: Sequence[str], forces: Real, angle: Real, per_volt: float) -> list[SimulatedChannel]:
     found = []
-    for i in range(forces.shape[0]):
-        name = f"{mesh} {i + 1} force" if numbered else f"{mesh} force"
+    for i, mesh in enumerate(meshes):
+        name = f"{mesh} force"
         found.append(SimulatedChannel(f"{name} normal", "N", forces[i], per_volt, "N/V"))
         found.append(SimulatedChannel(f"{name} vertical", "N", forces[i] * np.sin(angle[i]), per_volt, "N/V"))
     return found

@@ -180,49 +180,42 @@ class LineEvidence:
         sizes = [self._likely_sizes(p) if p in near else np.arange(SIZES.size) for p in patterns]
         grid = np.asarray(SIZES[np.array(list(product(*sizes)), dtype=int)], dtype=float)
         ln_count = len(patterns) * np.log(SIZES.size)
-        shown = self._shown(*patterns)
         found = []
         for form in FORMS:
             found += [
-                logsumexp(self._coherent(patterns, grid, shown, form, *answer)[0]) - ln_count
-                for answer in ANSWERS
+                logsumexp(self._coherent(patterns, grid, form, *answer)[0]) - ln_count for answer in ANSWERS
             ]
             for apart in self.alone:
-                each = self._each_group(patterns, grid, shown, form, apart)
+                each = self._each_group(patterns, grid, form, apart)
                 found.append(np.sum(logsumexp(each, axis=1) - ln_count))
         return float(logsumexp(found) - np.log(len(found)))
 
     def _likely_sizes(self, pattern: Pattern) -> NDArray[np.intp]:
         """Numbers of the sizes that are not unlikely in every form of the answers."""
         if id(pattern) not in self._sizes:
-            shown, grid = self._shown(pattern), SIZES[:, None]
-            each = [self._coherent([pattern], grid, shown, FORMS[-1], *answer)[0] for answer in ANSWERS]
-            each += list(self._each_group([pattern], grid, shown, FORMS[-1], self.alone[0]))
+            grid = SIZES[:, None]
+            each = [self._coherent([pattern], grid, FORMS[-1], *answer)[0] for answer in ANSWERS]
+            each += list(self._each_group([pattern], grid, FORMS[-1], self.alone[0]))
             likely = np.any([ln > ln.max() - 3.0 for ln in each], axis=0)
             self._sizes[id(pattern)] = np.flatnonzero(likely)
         return self._sizes[id(pattern)]
 
-    def _groups(self, shown: NDArray[np.bool_], apart: NDArray[np.intp]) -> Iterable[Group]:
+    def _groups(self, patterns: Sequence[Pattern], apart: NDArray[np.intp]) -> Iterable[Group]:
         """Lines that patterns have, by harmonic and what sets them apart, (rows, lines)."""
+        shown = self._shown(*patterns)
         for h, k in product(np.unique(self.seen.known.harmonic), np.unique(apart)):
             row, line = np.nonzero(shown & (self.seen.known.harmonic == h) & (apart == k))
             if row.size:
                 yield row, line
 
     def _coherent(
-        self,
-        patterns: Sequence[Pattern],
-        grid: Array,
-        shown: NDArray[np.bool_],
-        form: float,
-        answer: float,
-        own: float,
+        self, patterns: Sequence[Pattern], grid: Array, form: float, answer: float, own: float
     ) -> tuple[Array, Array]:
         """ln evidence at each row of sizes with amplitudes that all lines share, and these amplitudes."""
         columns = sum(p.lines.shape[0] for p in patterns if p.use)
         ln, inner = np.zeros(len(grid)), np.zeros((len(grid), columns, columns)) + np.eye(columns)
         cross = np.zeros((len(grid), columns))
-        for group in self._groups(shown, self.seen.speed[:, None]):
+        for group in self._groups(patterns, self.seen.speed[:, None]):
             errors = self._errors(group, form, answer * self.seen.known.unlike[group[1]], own)
             part, white, left = self._whitened(patterns, grid, group, errors)
             ln += part
@@ -233,16 +226,11 @@ class LineEvidence:
         return np.asarray(ln), np.asarray(amplitudes)
 
     def _each_group(
-        self,
-        patterns: Sequence[Pattern],
-        grid: Array,
-        shown: NDArray[np.bool_],
-        form: float,
-        apart: NDArray[np.intp],
+        self, patterns: Sequence[Pattern], grid: Array, form: float, apart: NDArray[np.intp]
     ) -> Array:
         """ln evidence of what answers for itself, by harmonic and what sets lines apart, (groups, sizes)."""
         found = []
-        for group in self._groups(shown, apart):
+        for group in self._groups(patterns, apart):
             # Whatever a pattern's own size, its lines are as strong as any there may be.
             most = self.strongest[group].max()
             own = [np.abs(p.lines[:, *group]).max() for p in patterns]
@@ -336,7 +324,7 @@ class LineEvidence:
     def start(self, patterns: Sequence[Pattern]) -> dict[str, float]:
         """Likeliest values of the parameters of some effects, SI."""
         many = np.array(list(product(*[SIZES] * len(patterns))))
-        ln, amplitudes = self._coherent(patterns, many, self._shown(*patterns), FORMS[0], *ANSWERS[0])
+        ln, amplitudes = self._coherent(patterns, many, FORMS[0], *ANSWERS[0])
         best = int(np.argmax(ln))
         found, k = {}, 0
         for size, pattern in zip(many[best], patterns, strict=True):

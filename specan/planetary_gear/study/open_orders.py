@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -66,7 +66,10 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         if wholes:
             whole, turned = like(wholes[0], whole)
             said += turned
-        wholes.append(_on_its_path(whole, wholes))
+        # A sensor's path is that of another recording at nearly its speed.
+        speed = whole.point["sun_speed"][0]
+        heard = (o.path for o in wholes if abs(np.log(speed / o.point["sun_speed"][0])) < ONE_SPEED)
+        wholes.append(replace(whole, path=next(heard, len(wholes) * whole.path.size + whole.path)))
         statements += said
     files = (*wanted.measurements, *wanted.validations)
     fitted, held_out = parted(zip(files, wholes, strict=True), wanted)
@@ -81,15 +84,6 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         "defaults); a free gain for every harmonic of each sensor"
     )
     return OpenedData((together,), unseen, (*statements, common), True, 100 * known.near)
-
-
-def _on_its_path(
-    whole: OrderLinesObservation, others: Sequence[OrderLinesObservation]
-) -> OrderLinesObservation:
-    """The same with numbers of its rows' paths: a sensor's is that of another recording at nearly its speed."""
-    speed = whole.point["sun_speed"][0]
-    near = (o.path for o in others if abs(np.log(speed / o.point["sun_speed"][0])) < ONE_SPEED)
-    return replace(whole, path=next(near, len(others) * whole.path.size + whole.path))
 
 
 def observe(

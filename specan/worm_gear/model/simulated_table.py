@@ -32,13 +32,10 @@ def simulated_table(
     seed : int
         Of the noise.
     """
-    found = measured_table(
-        chosen, columns, noise=noise, repeats=repeats, seed=seed, observables=("input_torque",)
-    )
-    number = {"repeat": found.pop("repeat")} if "repeat" in found else {}
+    found = measured_table(chosen, columns, noise=noise, repeats=repeats, seed=seed)
     torque = found["input_torque_Nm"]
     ideal = found["output_torque_Nm"] / float(
         chosen.assembly.evaluate({}, wanted=["gear_ratio"])["gear_ratio"]
     )
     loss = (torque - ideal) * found["speed_rpm"] * np.pi / 30
-    return {**found, "efficiency": ideal / torque, "power_loss_W": loss, **number}
+    return found | {"efficiency": ideal / torque, "power_loss_W": loss}  # what noise the torque has
