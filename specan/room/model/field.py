@@ -51,13 +51,13 @@ class LocalLoad:
     admittance: Complex
 
 
-def opening(area: float, impedance: Complex, mass_factor: Complex, radius: float, end: float) -> Complex:
-    """Admittance of an opening whose `impedance` (Pa s/m) counts the air on the room's side already.
+def opening(place: WallPlace, area: float, impedance: Complex, mass_factor: Complex, end: float) -> LocalLoad:
+    """An opening whose `impedance` (Pa s/m) counts the air on the room's side already.
 
     The coupling of a patch with itself holds the mass of that air once more, ``end / (pi a)`` for a patch in a baffle,
     with an `end` correction of 8 / (3 pi) radii where it moves as one; it is taken off. `mass_factor` is ``j w rho``.
     """
-    return area / (impedance - area * mass_factor * end / (np.pi * radius))
+    return LocalLoad(place, area / (impedance - area * mass_factor * end / (np.pi * place.radius)))
 
 
 @quantity(unit="1", axes=("wall",))

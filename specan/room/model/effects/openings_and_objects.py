@@ -60,9 +60,7 @@ def helmholtz_resonator(
     """
     omega, omega0 = 2 * np.pi * frequency, 2 * np.pi * resonance
     impedance = density * neck_length * (omega0 / quality + 1j * (omega - omega0**2 / omega))
-    return LocalLoad(
-        WallPlace(across, along, radius), opening(neck_area, impedance, 1j * omega * density, radius, end)
-    )
+    return opening(WallPlace(across, along, radius), neck_area, impedance, 1j * omega * density, end)
 
 
 @effect(
@@ -92,10 +90,9 @@ def leak(
 
     Below that resonance the pressure falls off instead of following rho c^2 / (j w V).
     """
-    impedance = resistance + 2j * np.pi * frequency * density * length
-    return LocalLoad(
-        WallPlace(across, along, radius),
-        opening(area, impedance, 2j * np.pi * frequency * density, radius, end),
+    mass_factor = 2j * np.pi * frequency * density
+    return opening(
+        WallPlace(across, along, radius), area, resistance + mass_factor * length, mass_factor, end
     )
 
 

@@ -39,11 +39,11 @@ def wall_impedance(
     return g / (1 + 1j * g * reactance)
 
 
-def _at(frequency, third_octave_hz, value):
-    """A number as it is; one a third octave, line by line."""
-    if np.ndim(value) == 0 or np.shape(value) != np.shape(third_octave_hz):
+def _at(frequency, mid_hz, value):
+    """A number as it is; one a band, line by line."""
+    if np.ndim(value) == 0 or np.shape(value) != np.shape(mid_hz):
         return value
-    return np.interp(np.log(frequency), np.log(third_octave_hz), value)
+    return np.interp(np.log(frequency), np.log(mid_hz), value)
 
 
 @effect(
@@ -123,8 +123,7 @@ ERROR = Parameter(
 )
 def wall_data(frequency, octave_hz, *, conductance=ERROR, susceptance=ERROR):
     """A wall is not as the rig file states, by so many standard uncertainties in each octave."""
-    parts = (np.broadcast_to(part, np.shape(octave_hz)) for part in (conductance, susceptance))
-    real, imaginary = (np.interp(np.log(frequency), np.log(octave_hz), part) for part in parts)
+    real, imaginary = (_at(frequency, octave_hz, part) for part in (conductance, susceptance))
     return real + 1j * imaginary
 
 
