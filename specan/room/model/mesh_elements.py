@@ -154,6 +154,12 @@ class Simplices:
         self.inverse = np.linalg.pinv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
         self.tree = KDTree(corners.mean(axis=1))
 
+    @property
+    def normals(self) -> Real:
+        """Of triangles, twice as long as their areas, array (triangles, 3)."""
+        a, b, c = self.corners.transpose(1, 0, 2)
+        return np.cross(b - a, c - a)
+
     def circle(self, number: int, count: int) -> Real:
         """Unit vectors (count, 3) all round in the plane of a triangle."""
         a, b, c = self.corners[number]

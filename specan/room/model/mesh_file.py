@@ -137,7 +137,22 @@ def _load(path: Path) -> Any:
 
 
 def _walls(raw: Any, name: str) -> dict[str, Numbers]:
-    walls = _named_surfaces(raw)
+    """Triangles of each named surface: Gmsh's physical groups, else sets of cells."""
+    triangles = [i for i, block in enumerate(raw.cells) if block.type.startswith("triangle")]
+    tags = raw.cell_data.get("gmsh:physical")
+    if tags is not None:
+        named = {wall: tag for wall, (tag, dimension) in raw.field_data.items() if dimension == 2}
+        chosen = {wall: [np.asarray(tags[i]) == tag for i in triangles] for wall, tag in named.items()}
+    else:
+        chosen = {
+            wall: [np.asarray([] if sets[i] is None else sets[i], dtype=int) for i in triangles]
+            for wall, sets in raw.cell_sets.items()
+        }
+    walls = {}
+    for wall, which in chosen.items():
+        parts = [raw.cells[i].data[some, :3] for i, some in zip(triangles, which, strict=True)]
+        if sum(map(len, parts)):
+            walls[wall] = np.concatenate(parts).astype(np.int64)
     if not walls:
         raise RequestError(
             f"the mesh {name} has no named surfaces",
@@ -152,26 +167,6 @@ def _walls(raw: Any, name: str) -> dict[str, Numbers]:
                 remedy="rename it",
             )
     return walls
-
-
-def _named_surfaces(raw: Any) -> dict[str, Numbers]:
-    """Triangles of each named surface: Gmsh's physical groups, else sets of cells."""
-    triangles = [i for i, block in enumerate(raw.cells) if block.type.startswith("triangle")]
-    tags = raw.cell_data.get("gmsh:physical")
-    if tags is not None:
-        named = {name: tag for name, (tag, dimension) in raw.field_data.items() if dimension == 2}
-        chosen = {name: [np.asarray(tags[i]) == tag for i in triangles] for name, tag in named.items()}
-    else:
-        chosen = {
-            name: [np.asarray([] if sets[i] is None else sets[i], dtype=int) for i in triangles]
-            for name, sets in raw.cell_sets.items()
-        }
-    parts = {
-        name: [raw.cells[i].data[some, :3] for i, some in zip(triangles, which, strict=True)]
-        for name, which in chosen.items()
-    }
-    joined = {name: np.concatenate(part).astype(np.int64) for name, part in parts.items() if part}
-    return {name: found for name, found in joined.items() if len(found)}
 
 
 def _check_size(mesh: RoomMesh, name: str) -> None:

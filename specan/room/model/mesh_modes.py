@@ -90,8 +90,7 @@ class MeshModes:
     def wall_place(self, wall: str, across: float, along: float) -> Real:
         """The point of a wall nearest to a place in parts of the rectangle around it."""
         corners = self._skin[wall].corners
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        first = int(np.argmax(np.abs(normal).sum(axis=0)))
+        first = int(np.argmax(np.abs(self._skin[wall].normals).sum(axis=0)))
         target = corners.reshape(-1, 3).mean(axis=0)
         for axis, part in zip((i for i in range(3) if i != first), (across, along), strict=True):
             low, high = corners[..., axis].min(), corners[..., axis].max()
@@ -107,10 +106,8 @@ class MeshModes:
         """Mean square of each wall's normal along each axis, array (walls, 3)."""
         found = []
         for skin in self._skin.values():
-            a, b, c = skin.corners.transpose(1, 0, 2)
-            normal = np.cross(b - a, c - a)
-            size = np.linalg.norm(normal, axis=1)
-            found.append((normal**2 / size[:, None]).sum(axis=0) / size.sum())
+            size = np.linalg.norm(skin.normals, axis=1)
+            found.append((skin.normals**2 / size[:, None]).sum(axis=0) / size.sum())
         return np.array(found)
 
     def near_field(self, source: Port, receivers: Sequence[Port]) -> tuple[Real, Real]:
