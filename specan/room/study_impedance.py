@@ -54,12 +54,17 @@ def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:
     from specan_cli.output import table
 
     for wall in dict.fromkeys(row.wall for row in found.rows):
+        rows = []
+        for row in found.of(wall):
+            alpha = row.absorption_normal
+            cells = ["not determined", "by these positions", f"at most {alpha.high:.2f}", ""]
+            if row.determined:
+                columns = (row.resistance, row.reactance, alpha, row.absorption_diffuse)
+                shown = zip(columns, (".3g", ".3g", ".3f", ".2f"), strict=True)
+                cells = [f"{one.value:{form}} {one.low:{form}}..{one.high:{form}}" for one, form in shown]
+            rows.append([f"{row.third_octave_hz:g}", *cells])
         title = "Mean over all walls, by area" if wall == "all" else f"Wall {wall}"
-        table(
-            title,
-            ["Hz", "Re Z/(rho c)", "Im Z/(rho c)", "alpha, normal", "alpha, diffuse"],
-            _rows(found, wall),
-        )
+        table(title, ["Hz", "Re Z/(rho c)", "Im Z/(rho c)", "alpha, normal", "alpha, diffuse"], rows)
         click.echo("")
     for text in found.sentences():
         click.echo(text[0].upper() + text[1:] + ".")
@@ -72,20 +77,3 @@ def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:
         click.echo("\nMeasurements that would determine more:")
         for one in advice:
             click.echo(f"  {one.text}")
-
-
-def _rows(found: Impedance, wall: str) -> list[list[str]]:
-    rows: list[list[str]] = []
-    for row in found.of(wall):
-        alpha = row.absorption_normal
-        cells = ["not determined", "by these positions", f"at most {alpha.high:.2f}", ""]
-        if row.determined:
-            shown = (
-                (row.resistance, ".3g"),
-                (row.reactance, ".3g"),
-                (alpha, ".3f"),
-                (row.absorption_diffuse, ".2f"),
-            )
-            cells = [f"{one.value:{digits}} {one.low:{digits}}..{one.high:{digits}}" for one, digits in shown]
-        rows.append([f"{row.third_octave_hz:g}", *cells])
-    return rows

@@ -133,21 +133,15 @@ def field_map(chosen: ChosenModel, plane: tuple[str, float], frequency_hz: float
     points = np.empty((len(grids[0]), len(grids[1]), 3))
     points[..., normal] = at
     points[..., across[0]], points[..., across[1]] = np.meshgrid(*grids, indexing="ij")
-    found = _field(chosen, points.reshape(-1, 3), frequency_hz).reshape(points.shape[:2])
-    places = np.array(rig["mics"]["position_m"])
-    return FieldMap(
-        axis, at, frequency_hz, grids[0], grids[1], found, places, tuple(model.axes["microphone"])
-    )
-
-
-def _field(chosen: ChosenModel, points: Real, frequency_hz: float) -> Complex:
-    """The model's field with receivers at all points."""
-    model = chosen.assembly.model
-    uses = set(chosen.assembly.uses) - set(of_microphones(chosen))
-    places = tuple(f"point {k}" for k in range(len(points)))
-    moved = model.with_constants({"receiver_position": points})
-    moved = replace(moved, axes={**model.axes, "place": places}, nuisances=())
-    assembly = moved.assemble(uses)
+    # the model's field with receivers at all points
+    receivers = points.reshape(-1, 3)
+    names = tuple(f"point {k}" for k in range(len(receivers)))
+    moved = model.with_constants({"receiver_position": receivers})
+    moved = replace(moved, axes={**model.axes, "place": names}, nuisances=())
+    assembly = moved.assemble(set(chosen.assembly.uses) - set(of_microphones(chosen)))
     values = {n: v for n, v in chosen.values.items() if n in assembly.parameters}
     conditions = {"frequency": np.array([frequency_hz]), "velocity_psd": np.ones(1)}
-    return np.asarray(assembly.evaluate(conditions, values, ["field"])["field"])
+    field = assembly.evaluate(conditions, values, ["field"])["field"]
+    response = np.asarray(field).reshape(points.shape[:2])
+    places, microphones = np.array(rig["mics"]["position_m"]), tuple(model.axes["microphone"])
+    return FieldMap(axis, at, frequency_hz, grids[0], grids[1], response, places, microphones)

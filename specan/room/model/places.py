@@ -72,7 +72,7 @@ def errors_of(rig: Rig) -> ReceiverErrors:
     )
 
 
-def _on_wall(rig: Rig, wall: str, across: float, along: float) -> Real:
+def on_wall(rig: Rig, wall: str, across: float, along: float) -> Real:
     """Centre of the diaphragm in parts of a wall's edges, the whole of it inside the wall, m."""
     dims, axis = np.array(rig.room.dims_m), "xyz".index(wall[0])
     centre = np.insert(np.array([across, along]), axis, float(wall[1])) * dims
@@ -81,19 +81,13 @@ def _on_wall(rig: Rig, wall: str, across: float, along: float) -> Real:
     return np.asarray(inside)
 
 
-def with_source(rig: Rig, model: Model, wall: str, across: float, along: float) -> Model:
-    """The model with its source at a place of a wall, in parts of the wall's edges."""
-    there = {"source_position": _on_wall(rig, wall, across, along), "piston_wall": WALLS.index(wall)}
-    return model.with_constants(there)
-
-
 def source_words(rig: Rig, wall: str, across: float, along: float) -> str:
     """That the source is elsewhere than the rig file says."""
 
     def said(place: Any) -> str:
         return ", ".join(f"{c:.2f}" for c in place)
 
-    there, here = _on_wall(rig, wall, across, along), rig.piston.centre_m
+    there, here = on_wall(rig, wall, across, along), rig.piston.centre_m
     return (
         f"the loudspeaker seems to be in wall {wall} near [{said(there)}] m, "
         f"not in wall {rig.piston.wall} at [{said(here)}] m"

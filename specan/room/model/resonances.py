@@ -171,7 +171,11 @@ def resonances(
     off = mixed(few.matrix[some], rest) - (seen - residue / (few.place[some, None] - pole))
     smooth = np.max(np.abs(off), axis=0) <= EXACT * np.max(np.abs(seen), axis=0)
     kept, left = smooth & found, ~smooth
-    poles = _at_poles(axes, few, orders[:, kept], pole[kept])
+    values, _ = chebyshev(pole[kept], len(few.chosen))
+    weights = values @ few.series  # from the few lines to the poles
+    w = (np.einsum("nk,kn->n", weights, axis.w[:, n]) for axis, n in zip(axes, orders[:, kept], strict=True))
+    a0 = (weights @ np.broadcast_to(axis.a0[:, 0], len(few.chosen)) for axis in axes)
+    poles = Shapes(tuple(axis.length for axis in axes), tuple(w), tuple(a0))
     others = Shapes.of(axes, orders[:, left])
     return Resonances(
         few,
@@ -226,13 +230,3 @@ def chebyshev(place: Complex, count: int) -> tuple[Complex, Complex]:
     power: Complex = np.vander(place + root, count, increasing=True).astype(complex)
     back = 1 / power
     return (power + back) / 2, np.arange(count) * (power - back) / (2 * root[:, None])
-
-
-def _at_poles(
-    axes: Sequence[AxisModes], few: FrequencyInterpolation, orders: NDArray[np.intp], pole: Complex
-) -> Shapes:
-    values, _ = chebyshev(pole, len(few.chosen))
-    weights = values @ few.series  # from the few lines to the poles
-    w = tuple(np.einsum("nk,kn->n", weights, axis.w[:, n]) for axis, n in zip(axes, orders, strict=True))
-    a0 = tuple(weights @ np.broadcast_to(axis.a0[:, 0], len(few.chosen)) for axis in axes)
-    return Shapes(tuple(axis.length for axis in axes), w, a0)

@@ -76,7 +76,11 @@ def observe_recording(
     names = receivers.names
     noise = _in_rows(own, len(names), found.noise, 1)
     kept = np.zeros(noise.shape, dtype=bool)
-    kept[own.rows] = _looked_at(receivers, frequency_hz)
+    kept[own.rows] = True
+    for low, high in left_out(receivers.rig.band):
+        kept[:, (frequency_hz >= low) & (frequency_hz <= high)] = False
+    if not kept.any():
+        raise RequestError("all lines of the band are left out", remedy="leave out less, or widen the band")
     power = _block_power(driven[found.start :], block, found.numbers)
     plain = FieldObservation(
         name=recording.label,
@@ -181,16 +185,6 @@ def settling_s(duration_s: float, block_s: float = 1.0) -> float:
     left = duration_s - LEAST_BLOCKS * block_s
     least, most = (n * block_s for n in SETTLE_BLOCKS)
     return max(least, min(SETTLE_SHARE * duration_s, left, most))
-
-
-def _looked_at(receivers: FieldReceivers, frequency_hz: Any) -> Any:
-    """Lines outside of the bands that are left out."""
-    found = np.ones(len(frequency_hz), dtype=bool)
-    for low, high in left_out(receivers.rig.band):
-        found &= (frequency_hz < low) | (frequency_hz > high)
-    if not found.any():
-        raise RequestError("all lines of the band are left out", remedy="leave out less, or widen the band")
-    return found
 
 
 def _as_calibrated(

@@ -255,10 +255,9 @@ def error_columns(
     # Many columns of long records take much memory: they are written where they stay.
     of_each = np.empty((*response.shape, len(found) + 4 * len(basis)), dtype=complex)
     common = np.empty((*response.shape, len(of_all) + 2 * len(basis)), dtype=complex)
-    for k, column in enumerate(found):
-        of_each[..., k] = column
-    for k, column in enumerate(of_all):
-        common[..., k] = column
+    of_each[..., : len(found)] = np.stack(found, axis=-1)
+    if of_all:
+        common[..., : len(of_all)] = np.stack(of_all, axis=-1)
     for n, part in enumerate(basis):
         level = np.sqrt(np.mean(part * np.abs(response) ** 2) / np.mean(part))
         of = [errors.discrepancy * response, 0.5 * errors.discrepancy * level + 0 * response]

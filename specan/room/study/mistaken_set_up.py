@@ -18,7 +18,7 @@ from specan.arrays import Flags, Real
 from specan.errors import ComputationError
 from specan.models.model import Model
 from specan.room.model.mode_shifts import SOUND_SPEED, USUAL_PERCENT, with_usual_shifts
-from specan.room.model.places import PATTERNS_READ, source_words, with_source
+from specan.room.model.places import PATTERNS_READ, on_wall, source_words
 from specan.room.model.receivers import FieldReceivers, receivers_of
 from specan.room.model.rig import WALLS, Rig
 from specan.room.model.rigid_modes import mode_names
@@ -224,7 +224,8 @@ def _source_elsewhere(problem: Problem, rig: Rig) -> tuple[_Fitted, str]:
 
 
 def _with_source(problem: Problem, rig: Rig, face: str, across: float, along: float) -> Problem:
-    model = with_source(rig, problem.assembly.model, face, across, along)
+    there = {"source_position": on_wall(rig, face, across, along), "piston_wall": WALLS.index(face)}
+    model = problem.assembly.model.with_constants(there)
     return replace(problem, assembly=model.assemble(problem.assembly.uses))
 
 
