@@ -171,7 +171,7 @@ def history(directory: Path, deliver: Delivery) -> None:
             click.echo("\nModel: " + (", ".join(steps[-1].model_effects) or "no effects"))
 
     deliver.draw(found)
-    deliver.put_out([step.as_dict() for step in steps], show)
+    deliver.put_out(steps, show)
 
 
 @verb("next")

@@ -256,7 +256,8 @@ def _remarks_on_adding(
     free = [n for n in undetermined(new.problem, new.best.theta) if n.whole not in new.problem.priors]
     remarks += [f"{name} is not determined by these data at the values that were found" for name in free]
     if new.data.known:
-        remarks += [f"{other} is no longer needed" for other in _superfluous(old, new)]
+        spare = [n for n in old.model_effects if _can_go(new, n) and not _can_go(old, n)]
+        remarks += [f"{other} is no longer needed" for other in spare]
     return remarks
 
 
@@ -272,11 +273,6 @@ def _on_errors(before: Step, after: Step, expected_to_fall: bool) -> list[str]:
         elif not expected_to_fall and two["value"] < one["value"] * (1 - same):
             remarks.append(f"the error on {what} data falls")
     return remarks
-
-
-def _superfluous(old: Study, new: Study) -> list[str]:
-    """Effects that the model can do without now, and could not before."""
-    return [name for name in old.model_effects if _can_go(new, name) and not _can_go(old, name)]
 
 
 def _can_go(study: Study, name: str) -> bool:

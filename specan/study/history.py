@@ -112,10 +112,6 @@ class Step:
     version: str = ""
     diagnosis: Mapping[str, Any] | None = None
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values."""
-        return {**vars(self), "model_effects": list(self.model_effects), "at_bound": list(self.at_bound)}
-
     def of_each(self, kind: str) -> dict[str, Mapping[str, Any]]:
         """Error of every observable, in the form of `fit_error`; `kind` as in `errors`."""
         return {
@@ -141,7 +137,7 @@ def error_pairs(before: Step, after: Step) -> list[tuple[str, Mapping[str, Any],
 
 def line_of(step: Step) -> str:
     """A step as the line that is kept of it."""
-    return json.dumps(finite(step.as_dict()), ensure_ascii=False, sort_keys=True) + "\n"
+    return json.dumps(finite(step), ensure_ascii=False, sort_keys=True) + "\n"
 
 
 class History(Result):

@@ -40,10 +40,6 @@ class _Part:
     def name(self) -> str:
         return self.file if self.begin_s is None else f"{self.file} from {self.begin_s:.6g} s"
 
-    @property
-    def both(self) -> tuple[dict[str, Array], dict[str, Array]]:
-        return self.conditions, self.measured
-
     def begun(self, model: Model) -> _Part:
         """With the first values that states of a model start from."""
         firsts = _rates(model).firsts(model, self.conditions[TIME], self.measured)
@@ -81,10 +77,10 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     statements = [one.said for one in (*fitted, *checked)]
     noise = {name: _noise(model, name, [one.measured[name] for one in fitted]) for name in model.observables}
     rates = _rates(model)
-    model = rates.sized(model, [one.both for one in fitted])
+    model = rates.sized(model, [(one.conditions, one.measured) for one in fitted])
     rates.allow({name: size for name, (size, _) in noise.items()})
     if rates.window_s:
-        model = rates.in_pieces(model, [one.both for one in fitted])
+        model = rates.in_pieces(model, [(one.conditions, one.measured) for one in fitted])
         fitted, checked = (
             [p for one in some for p in one.pieces(model, rates.window_s)] for some in (fitted, checked)
         )
@@ -118,7 +114,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
 def inputs_of(model: Model, file: DataFile) -> tuple[Model, dict[str, Array], float]:
     """Conditions of a recording that need only hold inputs, the exact model for these, and the sampling rate."""
     found = _read(model, file, None, needs_outputs=False)
-    sized = _rates(model).sized(model, [found.both])
+    sized = _rates(model).sized(model, [(found.conditions, found.measured)])
     exact = replace(sized, rates=replace(_rates(sized), exact=True))
     return exact, found.conditions, 1 / float(found.conditions[TIME][1])
 
@@ -127,7 +123,7 @@ def for_check(model: Model, file: DataFile) -> tuple[Model, dict[str, Array]]:
     """A model that knows the noise of a recording's channels, and the first conditions of that."""
     found = _read(model, file, None)
     noise = {name: _noise(model, name, [values])[0] for name, values in found.measured.items()}
-    known = _rates(model).sized(model, [found.both])
+    known = _rates(model).sized(model, [(found.conditions, found.measured)])
     known = replace(known, rig=replace(model.rig, reading={**model.rig.reading, **noise}))
     return known, {name: values[:CHECKED] for name, values in found.conditions.items()}
 

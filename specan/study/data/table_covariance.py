@@ -250,11 +250,6 @@ def _of_reading(model: Model, name: str, read: Array) -> Array:
     )
 
 
-def is_declared(model: Model, observable: str) -> bool:
-    """Whether the rig tells how uncertain a reading is."""
-    return _stated(model, observable) or _stated(model, model.observables[observable].reading_of)
-
-
 def declared_setting(model: Model, centre: Reference, rows: Rows) -> Array:
     """Variance that the scatter of set values adds, from the rig file; values that were read add none."""
     variance = np.zeros(rows.n)
@@ -311,7 +306,7 @@ def _noise_of(
     grows, declared = components(model, centre, part), declared_reading(model, centre, part)
     check_repeats(rows, np.flatnonzero(mine), part, part.measured - near, declared + grows[SETTING])
     measured = model.observables[str(part.observable[0])]
-    told = is_declared(model, measured.name)
+    told = _stated(model, measured.name) or _stated(model, measured.reading_of)
     reading, setup = _scatter_of(part, grows, declared, near, told)
     column, unit = measured.header, f" {printed_unit(measured.unit)}".rstrip()
     said = [_told(reading, rows.setups_from, "back to back", unit, grows)] if reading else []
