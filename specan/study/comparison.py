@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from specan.result import Result
+from specan.result import Result, picked
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.prediction_error import ObservableError
 from specan.study.localisation.localise import Localisation
@@ -143,12 +143,7 @@ class Comparison(Result):
             "at_bound": self.fit.at_bound,
             "fails_at": [b.as_dict() for b in where.fails_at] if where else [],
             "trends": [
-                {
-                    "variable": t.variable,
-                    "p_value": t.p_value,
-                    "significant": t.significant,
-                    "text": t.sentence,
-                }
+                picked(t, "variable p_value significant text=sentence")
                 for t in (where.trends if where else ())
             ],
             "sentences": where.sentences() if where else [],

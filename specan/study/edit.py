@@ -53,10 +53,9 @@ class Change(Result):
 
     def summary(self) -> str:
         """What was changed, and what that did to the errors."""
-        rows = self.columns()
         falls = [
-            f"{data} {before:.3g} -> {after:.3g} {unit}"
-            for data, before, after, unit in zip(*(rows[n] for n in ("data", "before", "after", "unit")))
+            f"{data} {one['value']:.3g} -> {two['value']:.3g} {two['unit']}"
+            for data, one, two in error_pairs(self.before, self.after)
         ]
         return f"{self.after.action} {self.after.effect}, " + ", ".join([*falls, *self.remarks])
 

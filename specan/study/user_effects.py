@@ -174,13 +174,12 @@ def load_own_effects(directory: Path, entries: Sequence[EffectFileEntry]) -> lis
             raise RequestError(
                 f"the study's effect file {entry.file} is missing", remedy="put it back, or drop its effects"
             )
-        again = f"--effect {path}"
         content = _trusted(
             f"effect file {entry.file}",
             entry.sha256,
             path.read_bytes(),
-            f"accept the changed file with {again}",
-            again,
+            f"accept the changed file with --effect {path}",
+            f"--effect {path}",
         )
         effects += effects_from_file(path, content)
     return effects

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from specan.models import Condition, Model, SettingError
@@ -195,11 +196,8 @@ def cells(*columns: NDArray[np.generic]) -> NDArray[np.intp]:
     >>> cells(np.array([1.0, 1.0, 2.0]), np.array([5.0, 6.0, 5.0]))
     array([0, 1, 2])
     """
-    index = np.zeros(columns[0].size, dtype=np.intp)
-    for column in columns:
-        _, inside = np.unique(column, return_inverse=True)
-        _, index = np.unique(index * (inside.max() + 1) + inside, return_inverse=True)
-    return index
+    frame = pd.DataFrame(dict(enumerate(columns)))
+    return np.asarray(frame.groupby([*frame], dropna=False).ngroup())
 
 
 class SetPoints:

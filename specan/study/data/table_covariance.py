@@ -100,25 +100,20 @@ class Uncertainty:
         )
 
     def _variances(self, rows: Rows) -> tuple[Array, Array]:
-        reading, setup = np.zeros(rows.n), np.zeros(rows.n)
+        reading, setup = np.zeros(rows.n), declared_setting(self.model, self.reference, rows)
         parts = components(self.model, self.reference, rows)
         declared = declared_reading(self.model, self.reference, rows)
         resolution = rows.steps[""] ** 2 / 12
-        from_rig = declared_setting(self.model, self.reference, rows)
         for name, noise in self.noise.items():
             mine = rows.observable == name
             own = {n: c[mine] for n, c in parts.items()}
             if noise.reading is not None:
                 reading[mine] = noise.reading.at(own, int(mine.sum()))
             elif noise.setup is None:
-                reading[mine] = declared[mine]
+                # Repeats hold the rounding already; it stays the least that there is.
+                reading[mine] = declared[mine] + resolution[mine]
             if noise.setup is not None:
                 setup[mine] = noise.setup.at(own, int(mine.sum()))
-            else:
-                setup[mine] = from_rig[mine]
-            # Repeats hold the rounding already; it stays the least that there is.
-            lacking = noise.reading is None and noise.setup is None
-            reading[mine] += resolution[mine] if lacking else 0.0
             total = reading[mine] + setup[mine]
             reading[mine] += np.maximum(resolution[mine] - total, 0.0)
             if not noise.known:
@@ -375,9 +370,8 @@ def _piecewise_linear_basis(time: Array) -> list[Array]:
 
 def choices(count: int) -> list[list[int]]:
     """Which of some operating variables something may depend on: any one, any two, all."""
-    alone = [[k] for k in range(count)]
-    pairs = [list(pair) for pair in combinations(range(count), 2)] if count > 2 else []
-    return [*alone, *pairs, *([list(range(count))] if count > 1 else [])] or [[]]
+    sizes = sorted({min(size, count) for size in (1, 2, count)})
+    return [list(chosen) for size in sizes for chosen in combinations(range(count), size)]
 
 
 def stretched(x: Array, low: float, high: float) -> Array:

@@ -441,5 +441,4 @@ def piecewise_linear_basis(frequency_hz: Array) -> Array:
     place = 3 * np.log2(frequency_hz)  # three an octave: how quickly the model's own error may turn
     centres = np.arange(np.floor(place[0]), np.ceil(place[-1]) + 1)
     basis = np.clip(1 - np.abs(place - centres[:, None]), 0, None)
-    found: Array = basis[basis.any(axis=1)]
-    return found
+    return basis[basis.any(axis=1)]

@@ -38,8 +38,7 @@ class Folding:
 
     def __call__(self, response: Complex) -> Complex:
         """Estimate (channels, lines) that a response (channels, m) would give."""
-        folded: Complex = (self.matrix @ response.T).T
-        return folded
+        return np.asarray((self.matrix @ response.T).T)
 
     @classmethod
     def none(cls, frequency_hz: Real) -> Folding:
@@ -103,8 +102,7 @@ def _sum_over_blocks(
     for factor in factors[-2::-1]:
         total *= step
         total += factor
-    found: Complex = total * np.exp(2j * np.pi * (k * int(starts[0]) % n) / n)
-    return found
+    return total * np.exp(2j * np.pi * (k * int(starts[0]) % n) / n)
 
 
 def _hann_response(offset: Real, block: int) -> Complex:
@@ -117,8 +115,7 @@ def _hann_response(offset: Real, block: int) -> Complex:
 def _dirichlet(x: Real, block: int) -> Complex:
     whole = np.abs(np.sin(np.pi * x / block)) < 1e-14
     ratio = np.where(whole, block, np.sin(np.pi * x) / np.where(whole, 1.0, np.sin(np.pi * x / block)))
-    found: Complex = np.exp(-1j * np.pi * x * (block - 1) / block) * ratio
-    return found
+    return np.asarray(np.exp(-1j * np.pi * x * (block - 1) / block) * ratio)
 
 
 def _interpolation(at: Real, nodes: NDArray[np.intp]) -> Any:
