@@ -40,22 +40,33 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     from specan.planetary_gear.model.compiled import HAS_NUMBA
     from specan.planetary_gear.model.dynamics import simulate
-    from specan.planetary_gear.model.simulated_recording import recorded_channels
+    from specan.planetary_gear.model.simulated_recording import channels_of_lines, recorded_channels
 
     rig, duration = model.settings["parsed_rig"], options["duration"]
     if not 0.01 <= duration <= 600.0:
         raise RequestError(f"{duration:g} s are requested", expected="0.01 to 600 s")
-    if options["effects"] or options["without"]:
-        _record_lines(model, path, options)
-        return
-    if not HAS_NUMBA:
-        note("A simulated second takes about 40 s; with specan[fast] (numba) about 1 s.")
-    motion = simulate(rig, duration, sampling_rate=RATE)
-    channels = recorded_channels(motion, RATE)
-    write_recording(path, channels, RATE, _described(rig), noise=(options["noise"], options["seed"]))
-    note(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples per second written to {path}")
-    note(f"step {1e6 * motion.step_s:.3g} us")
-    show_recording(channels, options["as_json"], step_s=motion.step_s)
+    told: dict[str, Any]
+    of_lines = bool(options["effects"] or options["without"])
+    if of_lines:
+        # Accelerations made of the order-domain model's lines, and tachos, at constant speed.
+        orders, lines, request = _order_lines(model, options)
+        rate, told = LINES_RATE, {"effects": [str(u) for u in request.assembly.uses]}
+        channels = channels_of_lines(rig, orders, lines, round(duration * rate), rate)
+        of = f"made of {orders.size} order lines"
+    else:
+        if not HAS_NUMBA:
+            note("A simulated second takes about 40 s; with specan[fast] (numba) about 1 s.")
+        motion = simulate(rig, duration, sampling_rate=RATE)
+        rate, told = RATE, {"step_s": motion.step_s}
+        channels = recorded_channels(motion, rate)
+        of = f"at {rate:g} samples per second"
+    write_recording(path, channels, rate, _described(rig), noise=(options["noise"], options["seed"]))
+    note(f"{len(channels)} channels of {duration:g} s {of} written to {path}")
+    if of_lines:
+        _say_resonances(model)
+    else:
+        note(f"step {1e6 * motion.step_s:.3g} us")
+    show_recording(channels, options["as_json"], **told)
 
 
 def _described(rig: Any) -> dict[str, object]:
@@ -78,19 +89,6 @@ def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, An
     conditions = line_conditions(model)
     found = request.assembly.evaluate(conditions, request.values, ["order_lines"])
     return conditions["order"], found["order_lines"], request
-
-
-def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
-    """Accelerations made of the order-domain model's lines, and tachos, at constant speed."""
-    from specan.planetary_gear.model.simulated_recording import channels_of_lines
-
-    rig, duration = model.settings["parsed_rig"], options["duration"]
-    orders, lines, request = _order_lines(model, options)
-    channels = channels_of_lines(rig, orders, lines, round(duration * LINES_RATE), LINES_RATE)
-    write_recording(path, channels, LINES_RATE, _described(rig), noise=(options["noise"], options["seed"]))
-    note(f"{len(channels)} channels of {duration:g} s made of {orders.size} order lines written to {path}")
-    _say_resonances(model)
-    show_recording(channels, options["as_json"], effects=[str(u) for u in request.assembly.uses])
 
 
 def _say_resonances(model: Model) -> None:

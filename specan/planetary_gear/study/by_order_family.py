@@ -30,8 +30,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     """Find the families of order lines, and their harmonics, sensors and operating points, at which a model fails."""
     algebra = LeftOut(problem, best)
     lines = _Lines(problem, problem.plain(best.theta)[0])
-    apart = [(where, rows) for where, rows in _places(lines.labels) if lines.apart(rows)]
-    blocks = [_block(algebra, lines, where, rows) for where, rows in apart]
+    blocks = [_block(algebra, lines, *place) for place in _places(lines.labels) if lines.apart(place[1])]
     marked = sorted(tested(blocks), key=lambda b: b.p_value)
     fails = [b for b in marked if b.significant and set(b.where) == {"orders"}]
     whole = [b for b in marked if set(b.where) == {"orders"}]
@@ -99,12 +98,8 @@ def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], ND
             levels = np.unique(values).tolist()
             if name == "orders" or len(levels) < 2:
                 continue
-            found += [
-                ({"orders": family, name: v}, mine & (values == v))
-                for v in levels
-                if np.any(mine & (values == v))
-            ]
-    return found
+            found += [({"orders": family, name: v}, mine & (values == v)) for v in levels]
+    return [(where, rows) for where, rows in found if np.any(rows)]
 
 
 def _block(algebra: LeftOut, lines: _Lines, where: Mapping[str, Any], rows: NDArray[np.bool_]) -> Block:

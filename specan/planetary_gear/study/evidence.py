@@ -92,8 +92,9 @@ class LineEvidence:
         self.variance = 2 * self.seen.noise**2
         self.plain = self.seen.model_lines(problem.assembly, values)
         self.used = self.seen.beyond & self.seen.kept
-        recordings = {name: k for k, name in enumerate(self.seen.recordings)}
-        self.recording = np.array([recordings[name] for name in self.seen.of_row])
+        count = len(self.seen.recordings)
+        self.recording = np.repeat(np.arange(count), len(self.seen.of_row) // count)
+        self._by_recording = count, -1, self.plain.shape[1]
         known = self.seen.known
         # What may answer for itself about each harmonic: every recording, or every kind of motion in it.
         recording = self.recording[:, None]
@@ -295,17 +296,13 @@ class LineEvidence:
         measured, strongest = np.abs(self.seen.amplitude) ** 2, self.strongest**2
         with_tone = self.variance + SIZES[:, None, None] ** 2 * strongest
         gain = measured / self.variance - measured / with_tone - np.log(with_tone / self.variance)
-        both = np.stack(
-            [gain[:, self.recording == k].sum(axis=1) for k in range(self.recording.max() + 1)], axis=1
-        )
+        both = gain.reshape(SIZES.size, *self._by_recording).sum(axis=2)
         return np.asarray(logsumexp(both, axis=0) - np.log(SIZES.size))
 
     def tones(self, patterns: Sequence[Pattern]) -> tuple[float, list[str]]:
         """Tones of the background beside some patterns: ln of their prior times evidence, and where they are."""
         free = self.used & ~self._shown(*patterns)
-        of_recording = np.stack(
-            [free[self.recording == k].all(axis=0) for k in range(self.recording.max() + 1)]
-        )
+        of_recording = free.reshape(self._by_recording).all(axis=1)
         gain = np.where(of_recording, self._alone + np.log(TONE / self.used.sum()), 0.0)
         likely = [divmod(int(k), gain.shape[1]) for k in np.argsort(-gain, axis=None)[:TONES]]
         likely = [at for at in likely if gain[at] > 0]

@@ -97,7 +97,9 @@ class OfOrderLines(Explanations):
                     continue
                 kind, chance = ("effects", 0.0) if other else ("unknown", float(np.log(UNKNOWN / NOTHING)))
                 self._keep_lines(kind, [likeliest[use], second], chance, gain)
-        self._fit_likeliest(likeliest)
+        # What may be named is fitted, from where its lines lead.
+        least = self.best + np.log(OF_THE_BEST)
+        self.found = [self._fitted(e, likeliest) if e.uses and e.ln_joint > least else e for e in self.found]
 
     def _keep_lines(
         self, kind: str, patterns: Sequence[Pattern], ln_chance: float, ln_evidence: float
@@ -111,11 +113,6 @@ class OfOrderLines(Explanations):
         if where:
             text = f"{' and '.join(where)} stands alone: a tone of the background, perhaps"
             self.found.append(replace(one, ln_evidence=ln_evidence + more, tones=text))
-
-    def _fit_likeliest(self, likeliest: Mapping[Use, Pattern]) -> None:
-        """Fit the model with what may be named, from where the lines lead."""
-        least = self.best + np.log(OF_THE_BEST)
-        self.found = [self._fitted(e, likeliest) if e.uses and e.ln_joint > least else e for e in self.found]
 
     def _fitted(self, one: Explanation, likeliest: Mapping[Use, Pattern]) -> Explanation:
         problem = self.problem.with_uses(sorted(one.uses))
