@@ -16,7 +16,7 @@ from specan.study.evidence.explanations import Explanations
 from specan.study.evidence.of_responses import OfResponses
 from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
 from specan.study.observation import brought
-from specan.study.observation.table import TableObservation
+from specan.study.observation.frf import FrfObservation
 from specan.study.progress import Progress, unheard
 from specan.study.recorded_noise import NoiseError, with_noise_of_largest
 from specan.study.selection.initial_fit import InitialFit, initial_fit
@@ -59,14 +59,14 @@ def diagnose(
         return Diagnosis("cannot-tell", why)
     progress = progress or unheard
     progress("explanations of the data", 0.0)
-    if all(isinstance(o, TableObservation) for o in problem.observations):
+    if own := brought(problem.observations, "explanations"):
+        return told(own(problem, start.fit, progress))
+    if not all(isinstance(o, FrfObservation) for o in problem.observations):
         try:
             problem, fitted, catalogue = with_noise_of_largest(problem, start.fit)
         except NoiseError as fault:
             return Diagnosis("cannot-tell", fault.found)
         return told(Explanations(problem, fitted, progress, catalogue))
-    if own := brought(problem.observations, "explanations"):
-        return told(own(problem, start.fit, progress))
     near, look = InitialFit(start), brought(problem.observations, "while_recorded")
     mistake = look(problem, start.fit) if look else MistakenSetUp()
     if start.poor_fit and not mistake.text:

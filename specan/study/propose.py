@@ -189,8 +189,7 @@ def _fitted(
     # What fits only with values that the model's parameters cannot have is no explanation.
     if best.chi2 > law.chi2 + OUT_OF_REACH * max(law.chi2 / max(start.dof, 1.0), 1.0):
         return None
-    count = sum(n.owner == name for n in problem.names)
-    refit = Refit(frozenset({use}), problem, best, count)
+    refit = Refit(frozenset({use}), problem, best)
     left_out = next(iter(left_out_errors(refit.problem, refit.fit)), None)
     proposed = ProposedLaw(
         name=name,

@@ -82,7 +82,7 @@ def test_what_is_collinear_with_the_base_is_not_tested(toy):
 def test_an_amplitude_of_one_sign_gains_nothing_from_the_other(toy):
     _, found, _ = scored(toy.problem(lambda x, z: -8 * np.cos(4 * x), ["wave"], seed=3))
     at_four = [s for s in found if abs(s.signature.shapes["wave.rate"] - 4) < 1e-9]
-    assert all(s.signature.one_sided for s in found)
+    assert all(s.signature.multiplier_bounds[0] > -1e-9 for s in found)
     assert max(s.chi2_reduction for s in at_four) <= 1e-9
 
 

@@ -13,7 +13,6 @@ from specan.study.estimation.fit import fit
 from specan.study.estimation.linear import Projection
 from specan.study.evidence.law_search import likeliest_law
 from specan.study.history import KeptResults
-from specan.study.observation.table import TableObservation
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.pulls import pulls
 from specan.study.selection.refits import Refit, Refits
@@ -289,12 +288,6 @@ def test_a_noise_that_was_declared_too_small_blames_nobody(toy):
     assert all(d.alternatives == () for d in found)
     assert all(d.verdict == "nothing-missing" for d in found)
     assert all(any("scatter more than declared" in text for text in d.remarks) for d in found)
-
-
-class OfResonances(TableObservation):
-    """Rows that are searched as those of transfer functions are."""
-
-    strategy = replace(TableObservation.strategy, continuation=True)
 
 
 def test_repeats_that_gave_the_noise_are_no_lack_of_fit(toy):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -367,7 +368,7 @@ def _moved_by_what_is_held(problem: Problem, best: Fit) -> Array:
 
 def _profile(problem: Problem, best: Fit, index: int, allowed: float) -> tuple[float, float]:
     """Where the least chi-square has risen by `allowed`; an end beyond the domain is the end of the domain."""
-    excess = _Excess(problem, best, index, allowed)
+    excess = _excess(problem, best, index, allowed)
     centre, ends = float(best.theta[index]), []
     for side, bounds in zip((-1, 1), problem.bounds(), strict=True):
         end = found = float(bounds[index])
@@ -393,36 +394,32 @@ def _profile(problem: Problem, best: Fit, index: int, allowed: float) -> tuple[f
     return ends[0], ends[1]
 
 
-class _Excess:
+def _excess(problem: Problem, best: Fit, index: int, allowed: float) -> Callable[[float], float]:
     """Least chi-square with one element of theta held at a value, less that of the fit and what it may rise."""
+    others = np.arange(best.theta.size) != index
+    direction = best.covariance[:, index] / max(best.covariance[index, index], 1e-300)
+    low, high = (ends[others] for ends in problem.bounds())
 
-    def __init__(self, problem: Problem, best: Fit, index: int, allowed: float) -> None:
-        self.problem, self.best, self.allowed = problem, best, allowed
-        self.index = k = index
-        self.others = np.arange(best.theta.size) != k
-        self.direction = best.covariance[:, k] / max(best.covariance[k, k], 1e-300)
-        self.known = {float(best.theta[k]): -allowed}  # each value is fitted once
-
-    def __call__(self, value: float) -> float:
-        if value in self.known:
-            return self.known[value]
-        problem, best, others = self.problem, self.best, self.others
-        guess = best.theta + self.direction * (value - best.theta[self.index])
-        if not np.any(others):
-            chi2 = float(np.sum(finite(problem.residual(np.array([value]))) ** 2))
-        else:
-            low, high = problem.bounds()
-            _, chi2 = least_inside(
-                lambda part: finite(problem.residual(self._whole(part, value))),
-                lambda part: finite(problem.jacobian(self._whole(part, value)))[:, others],
-                guess[others],
-                low[others],
-                high[others],
-            )
-        self.known[value] = chi2 - best.chi2 - self.allowed
-        return self.known[value]
-
-    def _whole(self, part: Array, value: float) -> Array:
-        theta = np.empty(self.others.size)
-        theta[self.others], theta[self.index] = part, value
+    def whole(part: Array, value: float) -> Array:
+        theta = np.empty(others.size)
+        theta[others], theta[index] = part, value
         return theta
+
+    @cache
+    def excess(value: float) -> float:
+        if value == best.theta[index]:
+            return -allowed
+        guess = (best.theta + direction * (value - best.theta[index]))[others]
+        if guess.size:
+            _, chi2 = least_inside(
+                lambda part: finite(problem.residual(whole(part, value))),
+                lambda part: finite(problem.jacobian(whole(part, value)))[:, others],
+                guess,
+                low,
+                high,
+            )
+        else:
+            chi2 = float(np.sum(finite(problem.residual(whole(guess, value))) ** 2))
+        return chi2 - best.chi2 - allowed
+
+    return excess

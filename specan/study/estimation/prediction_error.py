@@ -112,28 +112,25 @@ def errors_of(
     """Errors of every observable out of rows of several, the one with most values first."""
     found = []
     for name in dict.fromkeys(names.tolist()):
-        mine = names == name
-        observable = problem.assembly.model.observables.get(name)
-        found.append(_error(name, observable.unit if observable else "", predicted[mine], measured[mine]))
+        own = measured[names == name]
+        gap, size = predicted[names == name] - own, np.abs(own)
+        # near a zero a value is not a measure of an error
+        if own.min() < 0 < own.max():
+            size = np.full(size.shape, np.sqrt(np.mean(own**2)))
+        relative = 100 * gap[size > 0] / size[size > 0]
+        known = problem.assembly.model.observables.get(name)
+        found.append(
+            ObservableError(
+                observable=name,
+                unit=known.unit if known else "",
+                n=int(gap.size),
+                rms=float(np.sqrt(np.mean(gap**2))),
+                bias=float(np.mean(gap)),
+                relative_rms=float(np.sqrt(np.mean(relative**2))) if relative.size else float("nan"),
+                relative_max=float(np.max(np.abs(relative))) if relative.size else float("nan"),
+            )
+        )
     return sorted(found, key=lambda e: -e.n)
-
-
-def _error(name: str, unit: str, predicted: Array, measured: Array) -> ObservableError:
-    gap = predicted - measured
-    size = np.abs(measured)
-    # near a zero a value is not a measure of an error
-    if measured.size and measured.min() < 0 < measured.max():
-        size = np.full(size.shape, np.sqrt(np.mean(measured**2)))
-    relative = 100 * gap[size > 0] / size[size > 0]
-    return ObservableError(
-        observable=name,
-        unit=unit,
-        n=int(gap.size),
-        rms=float(np.sqrt(np.mean(gap**2))),
-        bias=float(np.mean(gap)),
-        relative_rms=float(np.sqrt(np.mean(relative**2))) if relative.size else float("nan"),
-        relative_max=float(np.max(np.abs(relative))) if relative.size else float("nan"),
-    )
 
 
 @dataclass(frozen=True, eq=False)

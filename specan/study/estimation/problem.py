@@ -213,7 +213,7 @@ class Problem:
     def pseudo_rows(self) -> dict[str, int]:
         """Row of every pseudo-measurement by its name: priors by their element, then known ranges."""
         held = [self.names[i] for i in self.pseudo.held]
-        ranged = [range_of(self.names[i]) for i in self.pseudo.ranged]
+        ranged = [f"range of {self.names[i]}" for i in self.pseudo.ranged]
         return {name: self.n_data + k for k, name in enumerate([*held, *ranged])}
 
     # --- from theta to values ------------------------------------------------------------------
@@ -233,6 +233,16 @@ class Problem:
         for name, other in self.links.items():
             values[name] = values[other]
         return values
+
+    def of_elements(self, values: Mapping[str, float]) -> dict[str, Any]:
+        """SI value of each parameter out of those of its elements; of none that lacks some."""
+        found: dict[str, Any] = {}
+        for whole in dict.fromkeys(ParameterName(name).whole for name in values):
+            names = [whole.at(e) for e in self.elements.get(whole, ("",))]
+            if all(name in values for name in names):
+                own = np.array([values[name] for name in names])
+                found[whole] = own if whole in self.elements else float(own[0])
+        return found
 
     @cached_property
     def _held(self) -> dict[str, Any]:
@@ -386,9 +396,10 @@ class Problem:
             KnownRanges(ends[:, 0], ends[:, 1], self.scale[ranged]), len(self._owner),
         )  # fmt: skip
 
-    def pulls(self, theta: Array) -> Array:
-        """Standard deviations by which the elements without a prior leave their known ranges."""
-        return self.pseudo.ranges.pulls(np.asarray(theta, dtype=float)[self.pseudo.ranged])
+    def pulls(self, theta: Array) -> dict[ParameterName, float]:
+        """Standard deviations by which each element without a prior leaves its known range."""
+        pulls = self.pseudo.ranges.pulls(np.asarray(theta, dtype=float)[self.pseudo.ranged])
+        return dict(zip((self.names[i] for i in self.pseudo.ranged), pulls.tolist(), strict=True))
 
     def pulled(self, residual: Array) -> float:
         """Chi-square that a residual owes to known ranges, and not to data or priors."""
@@ -430,8 +441,3 @@ class Problem:
     def over(self, observations: Sequence[Observation]) -> Problem:
         """The same model and parameters on other observations."""
         return replace(self, observations=tuple(observations))
-
-
-def range_of(name: str) -> str:
-    """Name of the pseudo-measurement that a parameter's known range is."""
-    return f"range of {name}"

@@ -80,11 +80,9 @@ class _Telling:
         """The fit of an explanation."""
         if id(one) not in self._refits:
             problem = replace(one.tangent.problem, unheld=self.problem.unheld)
-            names = {str(use) for use in one.uses}
-            count = sum(name.owner in names for name in problem.names)
             known = () if one.tangent.noises else one.tangent.with_pseudo_rows(problem)
             fitted = describe(problem, one.tangent.theta, *known)
-            self._refits[id(one)] = Refit(one.uses, problem, fitted, count)
+            self._refits[id(one)] = Refit(one.uses, problem, fitted)
         return self._refits[id(one)]
 
     def diagnosis(self) -> Diagnosis:
@@ -267,8 +265,8 @@ class _Telling:
             ("the fit of the base", lambda: not_settled(base)),
             ("shifts of modes", self._undeclared_shifts),
             ("the noise of recordings", lambda: larger_noise(self.problem)),
+            ("noise", lambda: best.of_noise),
         ]
-        remarks.append(("noise", lambda: best.of_noise))
         return [text for what, find in remarks if (text := self.try_to(what, find, ""))]
 
     def _undeclared_shifts(self) -> str:

@@ -29,9 +29,9 @@ from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import Fault, Faults
-from specan.study.evidence.form_errors import FORMS, FormErrors, OverConditions
+from specan.study.evidence.form_errors import FORMS, AlongLines, OverConditions
 from specan.study.evidence.marginal import Columns, Marginal, Tangent
-from specan.study.evidence.noise import Autoregression, Rough, autoregressions, chains_of, scatter
+from specan.study.evidence.noise import Noise, autoregressions, chains_of, scatter
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
@@ -78,7 +78,7 @@ class Explanation:
         Of the base with the effects, at the minimum.
     ln_prior, ln_evidence : float
     fault : Fault or None
-    noise : Autoregression, Rough or None
+    noise : Noise or None
         A further form of the noise.
     fitted : bool
         False where its evidence is what was promised, too small to be worth a fit; the tangent is that of the base.
@@ -91,7 +91,7 @@ class Explanation:
     ln_prior: float
     ln_evidence: float
     fault: Fault | None = None
-    noise: Autoregression | Rough | None = None
+    noise: Noise | None = None
     fitted: bool = True
 
     @property
@@ -208,7 +208,7 @@ class Explanations:
         # By the parameters of a fit: the likeliest errors of its form, and the probability that they are the largest.
         self.likeliest: dict[bytes, int] = {}
         self._largest: dict[bytes, float] = {}
-        self._weighed: dict[tuple[Tangent, Autoregression | Rough | None], tuple[Marginal, float]] = {}
+        self._weighed: dict[tuple[Tangent, Noise | None], tuple[Marginal, float]] = {}
         self._waiting: list[tuple[float, int, Form, EffectSet, Promise]] = []
         self._order = count()
         self._slack: dict[int, float] = {}
@@ -229,7 +229,7 @@ class Explanations:
 
     def set_up(self) -> None:
         """The errors of form, and the forms of the base."""
-        self.errors: FormErrors = OverConditions(self.problem)
+        self.errors: OverConditions | AlongLines = OverConditions(self.problem)
         self.forms = list(forms_of(self.problem, self.base))
 
     # --- the model as it is, and with effects ---------------------------------------------------
@@ -401,9 +401,7 @@ class Explanations:
         several = prod(OF_SIZE[1] ** (n - 1) for n in acting.values())
         return form.ln_prior + float(np.log(OF_SIZE[min(size, len(OF_SIZE)) - 1] * several / shared))
 
-    def weighed(
-        self, form: Form, tangent: Tangent, noise: Autoregression | Rough | None = None
-    ) -> tuple[Marginal, float]:
+    def weighed(self, form: Form, tangent: Tangent, noise: Noise | None = None) -> tuple[Marginal, float]:
         """An explanation with errors of form of the likeliest size and length, and ln of the evidence of all of them.
 
         Errors of form: what the equations of a set may be wrong by, a share of what they change against the base.
@@ -413,9 +411,7 @@ class Explanations:
             self._weighed[key] = self._weigh(form, tangent, noise)
         return self._weighed[key]
 
-    def _weigh(
-        self, form: Form, tangent: Tangent, noise: Autoregression | Rough | None
-    ) -> tuple[Marginal, float]:
+    def _weigh(self, form: Form, tangent: Tangent, noise: Noise | None) -> tuple[Marginal, float]:
         own, there = tangent.problem is form.problem, tangent
         tangent = tangent.with_noise(noise)
         if own:
@@ -447,8 +443,7 @@ class Explanations:
         """The likeliest explanations with values that lie outside of what is known, and no range that pulls them."""
         for one in self._top(BESIDE):
             problem = one.tangent.problem
-            ranged = [problem.names[i] for i in problem.pseudo.ranged]
-            pulls = zip(ranged, problem.pulls(one.tangent.theta), strict=True)
+            pulls = problem.pulls(one.tangent.theta).items()
             far = frozenset(name.whole for name, pull in pulls if abs(pull) > PULLED)
             if not far:
                 continue
@@ -474,12 +469,8 @@ class Explanations:
 
     def _add_unknown(self, one: Explanation) -> None:
         marginal, ln_evidence = self.weighed(one.form, one.tangent)
-        gain = self._gain_of_unknown(one.form, marginal)
+        gain = self.errors.gain_of_unknown(one.form.problem, one.form.predicted, marginal)
         self.found.append(one.but(log(UNKNOWN / NOTHING), ln_evidence + gain, kind="unknown"))
-
-    def _gain_of_unknown(self, form: Form, beside: Marginal) -> float:
-        """ln of the evidence with something else over that without, summed over its forms and sizes."""
-        return self.errors.gain_of_unknown(form.problem, form.predicted, beside)
 
     # --- noise and data -----------------------------------------------------------------------------
 
@@ -516,11 +507,11 @@ class Explanations:
                 break
         yield from best.values()
 
-    def _under(self, one: Explanation, noise: Autoregression | Rough) -> Explanation:
+    def _under(self, one: Explanation, noise: Noise) -> Explanation:
         """An explanation under a further form of the noise."""
         beside, ln_evidence = self.weighed(one.form, one.tangent, noise)
         if one.kind == "unknown":
-            ln_evidence += self._gain_of_unknown(one.form, beside)
+            ln_evidence += self.errors.gain_of_unknown(one.form.problem, one.form.predicted, beside)
         return one.but(log(OTHER_NOISE), ln_evidence, tangent=one.tangent.with_noise(noise), noise=noise)
 
     def _faults(self) -> None:

@@ -103,14 +103,10 @@ class Faults:
     def __init__(self, tangent: Tangent, predicted: Array) -> None:
         self.problem = tangent.problem
         self.all = sorted(faults(tangent, predicted), key=lambda one: one.name)
-        alone = [k for k, one in enumerate(self.all) if one.columns.shape[1] == 1]
+        alone = gathered((one.sizes, k) for k, one in enumerate(self.all) if one.columns.shape[1] == 1)
         self._alone = {
-            sizes: [k for k in alone if self.all[k].sizes == sizes]
-            for sizes in {self.all[k].sizes for k in alone}
-        }
-        self._white = {
-            sizes: self.problem.whiten(np.hstack([self.all[k].columns for k in own]))
-            for sizes, own in self._alone.items()
+            sizes: (own, self.problem.whiten(np.hstack([self.all[k].columns for k in own])))
+            for sizes, own in alone.items()
         }
         self._several = {
             k: self.problem.whiten(one.columns) for k, one in enumerate(self.all) if one.columns.shape[1] > 1
@@ -119,8 +115,8 @@ class Faults:
     def beside(self, marginal: Marginal) -> list[tuple[float, Fault]]:
         """ln of the evidence with a fault over that without, and the likeliest place and size, for each name."""
         found = {k: (one.ln_known, np.zeros(0)) for k, one in enumerate(self.all)}
-        for sizes, own in self._alone.items():
-            gains, coefficients = marginal.one_by_one(self._white[sizes], np.array(sizes))
+        for sizes, (own, white) in self._alone.items():
+            gains, coefficients = marginal.one_by_one(white, np.array(sizes))
             likeliest, means = np.argmax(gains, axis=0), _mean(gains)
             for j, k in enumerate(own):
                 found[k] = self.all[k].ln_known + float(means[j]), coefficients[[likeliest[j]], j]

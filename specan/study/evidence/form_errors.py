@@ -11,7 +11,7 @@ the smooth part, or each has its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from scipy.linalg import toeplitz
@@ -42,23 +42,6 @@ SEEN = 0.1  # standard deviations that a column changes all rows by, below which
 Wrong = tuple[Noise | None, Array, tuple[float, ...]]
 
 
-class FormErrors(Protocol):
-    """Errors of the form of equations over some data."""
-
-    def of_change(self, problem: Problem, change: Array) -> Iterator[Wrong]:
-        """What the equations behind a change of the prediction may be wrong by, in each form; the largest last.
-
-        Parameters
-        ----------
-        problem : Problem
-            With the observations that the change is over.
-        change : array, shape (n,)
-        """
-
-    def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
-        """ln of the evidence with what no equation describes over that without, summed over its sizes and forms."""
-
-
 class OverConditions:
     """Smooth functions of the operating variables of tables, of any choice of them."""
 
@@ -69,13 +52,22 @@ class OverConditions:
         ]
 
     def of_change(self, problem: Problem, change: Array) -> Iterator[Wrong]:
-        """See `FormErrors`. Several observables may be wrong alike, or each in a way of its own."""
+        """What the equations behind a change of the prediction may be wrong by, in each form; the largest last.
+
+        Several observables may be wrong alike, or each in a way of its own.
+
+        Parameters
+        ----------
+        problem : Problem
+            With the observations that the change is over.
+        change : array, shape (n,)
+        """
         for root in self._roots:
             for one in _alike_or_not(problem, root):
                 yield None, problem.whiten(change[:, None] * one), FORMS
 
     def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
-        """See `FormErrors`."""
+        """ln of the evidence with what no equation describes over that without, summed over its sizes and forms."""
         kinds = []
         functions_of = [(SMOOTH, self.smooth_functions), (1 - SMOOTH, self.functions_at_levels)]
         if any(isinstance(o, TimeObservation) for o in problem.observations):
@@ -139,8 +131,9 @@ class AlongLines:
     """Errors of complex lines: smooth along them and common to the channels, and of each line by itself."""
 
     def of_change(self, problem: Problem, change: Array) -> Iterator[Wrong]:
-        """See `FormErrors`."""
-        lines, parts = problem.observations, problem.split(change)[:-1]
+        """See `OverConditions`."""
+        lines: Any = problem.observations
+        parts = problem.split(change)[:-1]
         turned = np.concatenate([o.turned(part) for o, part in zip(lines, parts, strict=True)])
         sizes = np.concatenate([o.sizes(part) / o.unshared for o, part in zip(lines, parts, strict=True)])
         along, row = np.unique(np.concatenate([o.along for o in lines]), return_inverse=True)
@@ -155,8 +148,8 @@ class AlongLines:
                 yield Rough(rough * sizes) if rough else None, white, FORMS
 
     def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
-        """See `FormErrors`."""
-        lines = problem.observations
+        """See `OverConditions`."""
+        lines: Any = problem.observations
         counts = beside.tangent.seen(np.ones((problem.n_data, 1)))[:, 0]
         found = []
         for usual in zip(*(o.usual_sizes for o in lines), strict=True):

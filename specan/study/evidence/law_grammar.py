@@ -30,23 +30,21 @@ class Spread:
     name, unit : str
     middle : float
         Root mean square, three digits: what powers are relative to.
-    smallest, largest : float
+    smallest : float
         Of its magnitudes above zero.
     low, high : float
         Of its values.
-    zero, negative : bool
-        Whether some values are zero, or below.
+    zero : bool
+        Whether some values are zero.
     """
 
     name: str
     unit: str
     middle: float
     smallest: float
-    largest: float
     low: float
     high: float
     zero: bool
-    negative: bool
 
     @classmethod
     def of(cls, name: str, unit: str, values: Real) -> Spread | None:
@@ -57,10 +55,8 @@ class Spread:
         if not positive.size or np.ptp(values) <= 0.05 * positive.max():
             return None
         middle = float(f"{np.sqrt(np.mean(values**2)):.3g}")
-        return cls(
-            name, unit, middle, float(positive.min()), float(positive.max()), float(values.min()),
-            float(values.max()), bool(np.any(size == 0)), bool(np.any(values < 0)),
-        )  # fmt: skip
+        low, high = float(values.min()), float(values.max())
+        return cls(name, unit, middle, float(positive.min()), low, high, bool(np.any(size == 0)))
 
 
 @dataclass(frozen=True)
@@ -152,7 +148,7 @@ def formulas(spreads: Sequence[Spread], relative: bool) -> list[Formula]:
 
 def _size(s: Spread) -> tuple[str, str]:
     """The magnitude of a variable, in Python and for a reader."""
-    return (f"np.abs({s.name})", f"|{s.name}|") if s.negative else (s.name, s.name)
+    return (f"np.abs({s.name})", f"|{s.name}|") if s.low < 0 else (s.name, s.name)
 
 
 def _power(s: Spread, exponents: Sequence[float]) -> Factor:
@@ -170,10 +166,11 @@ def _power(s: Spread, exponents: Sequence[float]) -> Factor:
 def _exponentials(s: Spread) -> Iterator[Factor]:
     """Decay, saturation and growth."""
     size, shown = _size(s)
-    least, span = max(s.smallest, 1e-3 * s.largest) / 2, s.high - s.low
+    largest, span = max(s.high, -s.low), s.high - s.low
+    least = max(s.smallest, 1e-3 * largest) / 2
     # 12: in a scan, in equal ratios
-    scan = tuple(float(w) for w in np.geomspace(least, 3 * s.largest, 12))
-    width = Shape(f"{s.name}_width", s.unit, scan, least / 5, 15 * s.largest)
+    scan = tuple(float(w) for w in np.geomspace(least, 3 * largest, 12))
+    width = Shape(f"{s.name}_width", s.unit, scan, least / 5, 15 * largest)
     growth = Shape(f"{s.name}_growth", s.unit, tuple(np.geomspace(0.15, 3, 8) * span), 0.05 * span, 30 * span)
     yield Factor(
         "exponential", s.name, width, lambda x, w: np.exp(-np.abs(x) / w),
@@ -192,7 +189,7 @@ def _exponentials(s: Spread) -> Iterator[Factor]:
 def _both_signs(s: Spread, factor: Factor) -> Iterator[Factor]:
     """A factor; of a variable of both signs also with the sign of the variable, the sign alone included."""
     yield factor
-    if s.negative:
+    if s.low < 0:
         shape = factor.shape
         if factor.family == "power":
             shape = replace(shape, scan=(0.0, *shape.scan), low=min(shape.low, 0.0))

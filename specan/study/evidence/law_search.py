@@ -212,9 +212,18 @@ def _targets(start: Refit) -> Iterator[Target]:
     names = [model.observables[name].quantity for name in sorted(measured)]
     names += [model.law] if model.law else []
     for name in dict.fromkeys(names):
-        target = target_named(start, name)
-        if target is not None:
-            yield target
+        quantity = model.quantities[name]
+        if quantity.collection or quantity.opaque:
+            continue
+        value = values_of(start, name)
+        # 1e-3: of a quantity's typical size: by how much it is changed to see what the observables do
+        size = 1e-3 * (float(np.mean(np.abs(value))) or 1.0)
+        shifted = np.concatenate(_shifted(start, name, quantity.unit, size))
+        slope = (shifted - np.concatenate(problem.predictions(start.fit.theta))) / size
+        if np.isfinite(slope).all() and slope.any():
+            white = np.zeros((start.fit.residual.size, slope.size))
+            white[: slope.size] = problem.whiten(np.diag(slope))
+            yield Target(name, quantity.unit, white, value)
 
 
 def values_of(start: Refit, name: str) -> Real:
@@ -228,27 +237,6 @@ def values_of(start: Refit, name: str) -> Real:
             found = assembly.evaluate(o.conditions, values, [name])[name]
         parts.append(np.broadcast_to(np.asarray(found, dtype=np.float64), (o.n,)))
     return np.concatenate(parts)
-
-
-def target_named(start: Refit, name: str) -> Target | None:
-    """A quantity that a law may act on, and what a unit of it does; None where it does nothing."""
-    problem, quantity = start.problem, start.problem.assembly.model.quantities[name]
-    if quantity.collection or quantity.opaque:
-        return None
-    value = values_of(start, name)
-    # 1e-3: of a quantity's typical size: by how much it is changed to see what the observables do
-    size = 1e-3 * (float(np.mean(np.abs(value))) or 1.0)
-    shifted = np.concatenate(_shifted(start, name, quantity.unit, size))
-    slope = (shifted - np.concatenate(problem.predictions(start.fit.theta))) / size
-    if not np.isfinite(slope).all() or not slope.any():
-        return None
-    white = np.zeros((start.fit.residual.size, slope.size))
-    first = 0
-    for each in problem.observations:
-        rows = slice(first, first + each.n)
-        white[rows, rows] = each.whiten(np.diag(slope[rows]))
-        first += each.n
-    return Target(name, quantity.unit, white, value)
 
 
 def _shifted(start: Refit, name: str, unit: str, size: float) -> list[Real]:
@@ -267,16 +255,18 @@ def _shifted(start: Refit, name: str, unit: str, size: float) -> list[Real]:
 
 def _columns(
     target: Target, formula: Formula, variables: dict[str, Real], places: Sequence[Sequence[float]]
-) -> Real:
-    """What laws of amplitude one do to the whitened residual, one a column."""
+) -> tuple[Real, Real]:
+    """What laws of amplitude one do to the whitened residual, one a column, and deviations of their amplitudes.
+
+    Beforehand an amplitude is what makes a law as large as the quantity, over the root of 3.
+    """
     with np.errstate(all="ignore"):
-        values = np.stack(
-            [np.broadcast_to(formula.value(variables, shapes), target.value.shape) for shapes in places],
-            axis=1,
-        )
-    if formula.scales:
-        values = values * target.value[:, None]
-    return np.asarray(target.effect @ np.where(np.isfinite(values), values, 0.0))
+        each = [np.broadcast_to(formula.value(variables, shapes), target.value.shape) for shapes in places]
+        values = np.where(np.isfinite(each), each, 0.0).T
+        rms = np.sqrt(np.mean(values**2, axis=0))
+        whole = 1.0 if formula.scales else np.sqrt(np.mean(target.value**2))
+        sizes = np.where(rms > 0, whole / rms / np.sqrt(3), 0.0)
+    return target.effect @ (values * target.value[:, None] if formula.scales else values), sizes
 
 
 def _scanned(
@@ -284,21 +274,11 @@ def _scanned(
 ) -> tuple[float, tuple[float, ...]]:
     """ln of the evidence that a formula gains over all places of its scan, and the likeliest of these."""
     places = list(formula.scan())
-    sizes = np.array([_largest(target, formula, variables, place) for place in places])
-    columns = start.linear.project_out(_columns(target, formula, variables, places) * sizes)
+    plain, sizes = _columns(target, formula, variables, places)
+    columns = start.linear.project_out(plain * sizes)
     square = np.sum(columns**2, axis=0)
     gains = ((columns.T @ rest) ** 2 / (1 + square) - np.log1p(square)) / 2
     return float(logsumexp(gains) - np.log(len(places))), places[int(np.argmax(gains))]
-
-
-def _largest(target: Target, formula: Formula, variables: dict[str, Real], shapes: Sequence[float]) -> float:
-    """Deviation of an amplitude beforehand: what makes a law as large as the quantity, over the root of 3."""
-    with np.errstate(all="ignore"):
-        values = np.broadcast_to(formula.value(variables, shapes), target.value.shape)
-        values = np.where(np.isfinite(values), values, 0.0)  # as its columns are
-        rms = float(np.sqrt(np.mean(values**2)))
-    whole = 1.0 if formula.scales else float(np.sqrt(np.mean(target.value**2)))
-    return whole / rms / np.sqrt(3) if rms > 0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,7 +301,7 @@ class _Refined:
 
     def column(self, x: Real) -> Real:
         """What the law of amplitude one does that the model's own parameters cannot."""
-        columns = _columns(self.target, self.formula, self.variables, [x.tolist()])
+        columns, _ = _columns(self.target, self.formula, self.variables, [x.tolist()])
         return np.asarray(self.start.linear.project_out(columns[:, 0]))
 
     def left(self, x: Real) -> Real:
@@ -361,7 +341,7 @@ class _Refined:
             return None
         steps = np.eye(x.size) * 1e-4 * np.maximum(np.abs(x), 1e-6)[:, None]
         places = [x.tolist(), *(x + steps).tolist()]
-        own = _columns(target, formula, self.variables, places)
+        own, sizes = _columns(target, formula, self.variables, places)
         simple = [
             "power" in f.family and not 2 * value % 1 for f, value in zip(formula.factors, x, strict=True)
         ]
@@ -377,9 +357,7 @@ class _Refined:
             float(np.log(2 * len(shape.scan) if fixed else 2)) if "power" in factor.family else 0.0
             for factor, shape, fixed in zip(formula.factors, formula.shapes, simple, strict=True)
         )
-        columns = np.column_stack(
-            [_largest(target, formula, self.variables, x.tolist()) * own[:, 0], *slopes]
-        )
+        columns = np.column_stack([sizes[0] * own[:, 0], *slopes])
         unit = "1" if formula.scales else target.unit
         return _Fitted(Law(formula, target.quantity, unit, size, tuple(x.tolist()), chi2), columns, price)
 

@@ -10,8 +10,9 @@ that what goes with the operating variables is no noise.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,17 +26,6 @@ from specan.study.observation.table import TableObservation
 ORDER = 2  # most coefficients: an oscillation of what is not measured has two
 LEAST_ROWS = 30  # of a chain, from which it is looked at
 LEAST_SCATTER = 1.4  # times the declared variance, from which a larger one is looked for
-
-
-class Noise(Protocol):
-    """A form of the noise: whitened rows as rows of unit variance under it, and what that costs."""
-
-    def innovations(self, columns: Array) -> Array:
-        """Rows of whitened columns (n, k) as independent rows of unit variance."""
-
-    @property
-    def ln_volume(self) -> float:
-        """-1/2 ln det of the covariance of the whitened rows, and of what was estimated for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,11 +112,14 @@ def _settings(problem: Problem) -> NDArray[np.intp]:
     """Rows of one observable that repeat each other, where repeats told the noise; else each by itself."""
     found: list[tuple[int, Any]] = []
     for k, o in enumerate(problem.observations):
-        repeats = o.replicate_group if isinstance(o, TableObservation) else None
-        if isinstance(o, TableObservation) and repeats is not None and np.isfinite(problem.noise_dof):
-            found += [(k, one) for one in zip(repeats.tolist(), o.observable.tolist(), strict=True)]
-        else:
-            found += [(k, row) for row in range(o.n)]
+        alike: Iterable[Any] = range(o.n)
+        if (
+            isinstance(o, TableObservation)
+            and o.replicate_group is not None
+            and np.isfinite(problem.noise_dof)
+        ):
+            alike = zip(o.replicate_group.tolist(), o.observable.tolist(), strict=True)
+        found += [(k, one) for one in alike]
     number = {one: place for place, one in enumerate(dict.fromkeys(found))}
     return np.array([number[one] for one in found])
 
@@ -156,6 +149,9 @@ class Autoregression:
         """-1/2 ln det of the correlation, less half ln of the rows for each estimated coefficient (Schwarz 1978)."""
         price = 0.5 * len(self.reflections) * np.log(sum(rows.size for rows in self.chains))
         return ln_volume(self.chains, self.reflections) - float(price)
+
+
+Noise = Autoregression | Rough
 
 
 def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:

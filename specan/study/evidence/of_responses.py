@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from specan.study.evidence.explanations import (
 )
 from specan.study.evidence.form_errors import FORMS, AlongLines
 from specan.study.evidence.marginal import Marginal, Tangent
-from specan.study.evidence.noise import Autoregression, Rough
+from specan.study.evidence.noise import Noise
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array
 from specan.study.progress import Progress, unheard
@@ -223,16 +224,15 @@ class OfResponses(Explanations):
             self._taken[beside].append(((fewer - more) / 2 - gain) / max(rest, 1.0))
         return one
 
-    def _weigh(
-        self, form: Form, tangent: Tangent, noise: Autoregression | Rough | None
-    ) -> tuple[Marginal, float]:
+    def _weigh(self, form: Form, tangent: Tangent, noise: Noise | None) -> tuple[Marginal, float]:
         """See `Explanations.weighed`; of many rows the columns of errors of form are not kept."""
         best, ln_evidence = super()._weigh(form, tangent, noise)
         return (Marginal(best.tangent) if self.problem.strategy.frugal else best), ln_evidence
 
     def _change(self, form: Form, problem: Problem, theta: Array) -> Array:
         """No line more than the effects themselves change: a base that is far off is dragged elsewhere besides."""
-        lines, base = problem.observations, form.predicted
+        lines: Any = problem.observations
+        base = form.predicted
         if lines is not form.problem.observations:
             base = np.concatenate(form.problem.over(lines).predictions(form.fit.theta))
         known = {*form.problem.assembly.uses} - (form.problem.nuisances - problem.nuisances)
@@ -251,5 +251,5 @@ class OfResponses(Explanations):
     def _add_unknown(self, one: Explanation) -> None:
         """Something else takes in what is smoothly wrong of a set."""
         beside, _ = self.weighed(one.form, one.tangent)
-        gain = self._gain_of_unknown(one.form, beside)
+        gain = self.errors.gain_of_unknown(one.form.problem, one.form.predicted, beside)
         self.found.append(one.but(np.log(UNKNOWN / NOTHING), beside.ln_evidence + gain, kind="unknown"))

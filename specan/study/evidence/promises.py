@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from specan.models import Use
-from specan.models.effect import ParameterName
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal
@@ -19,11 +18,11 @@ from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.signatures import (
     Known,
     Signature,
-    carried,
     changes,
-    not_finite,
+    default_value,
     shape_grid,
     signatures,
+    with_rows_of,
 )
 
 ONE_SIDED_80 = 0.84  # standard deviations below which four of five values of a normal law lie
@@ -104,14 +103,17 @@ class Catalogue:
         self.signatures: dict[Use, list[Signature]] = {}
         found = self.candidates
         if before is not None:
-            known = {c.use for c in found if not (anew or c.effect.instrument)}
-            own = [one for use in known for one in before.signatures.get(use, [])]
-            for one in carried(own, before.problem, problem, known):
-                self.signatures.setdefault(one.use, []).append(one)
-            found = [c for c in found if c.use not in known]
+            found = [c for c in found if anew or c.effect.instrument]
+            for use in {c.use for c in self.candidates} - {c.use for c in found}:
+                self.signatures[use] = [
+                    replace(one, columns=with_rows_of(one.columns, before.problem, problem))
+                    for one in before.signatures.get(use, [])
+                ]
         changed: Known = {}
         points = shape_grid(problem, base, found, changed)
-        self.not_testable |= not_finite(problem, base, [c for c in found if c.use not in points])
+        for c in [one for one in found if one.use not in points]:
+            if changes(problem, base, c, [{n: default_value(c, n) for n in c.own}], {})[0] is None:
+                self.not_testable[c.use.name] = "gives values that are not finite at these conditions"
         for one in signatures(problem, base, found, points, changed):
             one = replace(one, columns=np.sqrt(worth) * one.columns)
             self.signatures.setdefault(one.use, []).append(one)
@@ -202,7 +204,7 @@ class Catalogue:
         if abs(np.log(abs(multiple))) < 0.01:  # the same size
             return 1.0
         place = {**one.shapes, one.names[0]: one.neutral[0] + multiple * one.size[0]}
-        (column,) = changes(self.problem, self.base, candidate, [place])
+        (column,) = changes(self.problem, self.base, candidate, [place], {})
         if column is None:
             return 1.0
         n = self.problem.n_data
@@ -272,11 +274,7 @@ class Catalogue:
             str(name): neutral + m * size
             for name, neutral, m, size in zip(one.names, one.neutral, found, one.size, strict=True)
         }
-        for name, value in values.items():
-            whole = ParameterName(name).whole
-            elements = candidate.extended.elements.get(whole)
-            start[whole] = np.array([values[whole.at(e)] for e in elements]) if elements else value
-        return start
+        return start | candidate.extended.of_elements(values)
 
 
 def together(places: dict[str, float | None], unit: str) -> dict[str, Any] | None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from specan.dsp.clipping import is_cut_off
+from specan.dsp.clipping import SAME, is_cut_off
 from specan.models.rates import TIME
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
@@ -15,7 +15,6 @@ from specan.study.observation.time import TimeObservation
 MAINS = (50.0, 60.0)  # Hz
 OFF_MAINS = 0.002  # of them, that grids leave their frequency by
 MULTIPLES = 6
-SAME = 1e-9  # of the span, see `specan.dsp.clipping`
 
 # Name, sentence, columns over all rows of a size of one, and ln of how many places were tried for them.
 Spoilt = tuple[str, str, Array, float]
@@ -51,17 +50,11 @@ def _hum(o: TimeObservation, name: str, off: Array, mains: float) -> Iterator[Sp
         sum(abs(np.exp(k * f * angle) @ off[longest]) ** 2 for k in range(1, count + 1)) for f in likeliest
     ]
     f = likeliest[int(np.argmax(power))]
-    columns = np.zeros((o.n, 2 * count * len(chains)))
-    for place, rows in enumerate(chains):
-        turns = 2 * np.pi * f * time[rows, None] * np.arange(1, count + 1)
-        first = 2 * count * place
-        columns[rows, first : first + 2 * count] = np.hstack([np.cos(turns), np.sin(turns)])
-    yield (
-        "hum",
-        f"there is hum of the mains in {name}, at {f:.4g} Hz and multiples",
-        columns,
-        float(np.log(steps)),
-    )
+    turns = 2 * np.pi * f * time[:, None] * np.arange(1, count + 1)
+    waves = np.hstack([np.cos(turns), np.sin(turns)])
+    columns = np.hstack([waves * np.isin(np.arange(o.n), rows)[:, None] for rows in chains])
+    text = f"there is hum of the mains in {name}, at {f:.4g} Hz and multiples"
+    yield "hum", text, columns, float(np.log(steps))
 
 
 def _cut_off(o: TimeObservation, name: str) -> Iterator[Spoilt]:
@@ -77,13 +70,9 @@ def _cut_off(o: TimeObservation, name: str) -> Iterator[Spoilt]:
         rests = np.split(on, np.flatnonzero(np.diff(on) > 1) + 1)
         columns = np.zeros((o.n, len(rests)))
         for k, rest in enumerate(rests):
-            columns[rows[rest], k] = (
-                1 - ((np.arange(rest.size) - (rest.size - 1) / 2) / (rest.size / 2 + 0.5)) ** 2
-            )
-        text = (
-            f"{name} rests on its {end} value, {sign * top:.4g}, in {on.size} samples: it was cut off there"
-        )
-        yield "samples cut off", text, columns, 0.0
+            columns[rows[rest], k] = 1 - np.linspace(-1, 1, rest.size + 2)[1:-1] ** 2
+        text = f"{name} rests on its {end} value, {sign * top:.4g}, in {on.size} samples"
+        yield "samples cut off", f"{text}: it was cut off there", columns, 0.0
 
 
 def unspoilt(problem: Problem, theta: Array, residual: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import csd, welch
+from scipy.signal import coherence, welch
 
 from specan.models.rates import TIME
 from specan.study.estimation.fit import Fit
@@ -71,13 +71,13 @@ def following(
         if not np.ptp(values):
             continue
         f, left = welch(gap, rate, nperseg=size)
-        _, given = welch(values, rate, nperseg=size)
-        _, cross = csd(values, gap, rate, nperseg=size)
-        coherence = np.abs(cross) ** 2 / np.maximum(left * given, 1e-300)
-        along = np.where(coherence > 0.2, coherence * left, 0.0)  # coherence from which bands are named
+        with np.errstate(invalid="ignore"):  # where neither has power
+            _, shared = coherence(values, gap, rate, nperseg=size)
+        along = np.where(shared > 0.2, shared * left, 0.0)  # coherence from which bands are named
         along[:2] = 0.0
         k = int(np.argmax(along))
-        if not along[k] > 0 or (1 - coherence[k]) ** (SEGMENTS - 1) * f.size > 1e-4:
+        p = float((1 - shared[k]) ** (SEGMENTS - 1) * f.size)
+        if not along[k] > 0 or p > 1e-4:
             continue
         low = high = k
         while low > 1 and along[low - 1] > 0.05 * along[k]:
@@ -85,6 +85,5 @@ def following(
         while high < f.size - 1 and along[high + 1] > 0.05 * along[k]:
             high += 1
         share = float(np.sum(along[low : high + 1]) / np.sum(left[low : high + 1]))
-        p = float((1 - coherence[k]) ** (SEGMENTS - 1) * f.size)
         found.append((float(along[k]), (float(f[low]), float(f[high]), share, name, p)))
     return max(found)[1] if found else None

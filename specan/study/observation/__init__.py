@@ -243,35 +243,9 @@ class Observation:
         """Apply V^(-1/2) along axis 0 of a vector, or of the columns of a matrix."""
         raise NotImplementedError
 
-    # --- for errors of the form of equations: complex lines say more of themselves -------------------
-
-    @property
-    def along(self) -> Array:
-        """Where each row lies along the lines, one for twice the distance over which a smooth error changes."""
-        return np.zeros(self.n)
-
-    @property
-    def unshared(self) -> Array:
-        """Standard uncertainty of every row that it shares with no other."""
-        return self.sigma
-
-    @property
-    def usual_sizes(self) -> tuple[Array, Array]:
-        """Sizes that what no equation describes may be relative to: each row's own, and what rows have in common."""
-        own = self.sizes(self.measured)
-        return own, np.full(self.n, np.sqrt(np.mean(own**2)))
-
     def excess(self, residual: Array, jacobian: Array) -> Array | float:
         """What correlation of whitened residuals, as they show it, adds to the covariance J'J of their scores."""
         return 0.0
-
-    def turned(self, rows: Array) -> Array:
-        """Rows of complex lines turned by a right angle; nothing of real ones."""
-        return np.zeros_like(rows)
-
-    def sizes(self, rows: Array) -> Array:
-        """Size of each row; of complex lines the RMS of both parts."""
-        return np.abs(rows)
 
     def take(self, mask: NDArray[np.bool_]) -> Self:
         """The same observation with some of its rows only."""

@@ -234,17 +234,17 @@ class FrfObservation(KeptLines):
 
     @property
     def along(self) -> Array:
-        """In units of two thirds of an octave: a smooth error changes over a third octave."""
+        """Where each row lies, in units of two thirds of an octave: a smooth error changes over a third octave."""
         return 1.5 * np.log2(np.maximum(self.conditions["frequency"], self.line_hz))
 
     @property
     def unshared(self) -> Array:
-        """The noise of every row."""
+        """Standard uncertainty of every row that it shares with no other: its noise."""
         return self.rows(self.noise)
 
     @property
     def usual_sizes(self) -> tuple[Array, Array]:
-        """Each line's own size, and the RMS over the receivers."""
+        """Sizes that what no equation describes may be relative to: each line's own, and the RMS over the receivers."""
         power = np.where(self.kept, np.abs(self.response) ** 2, 0.0).sum(axis=0)
         mean = np.sqrt(power / np.maximum(self.kept.sum(axis=0), 1) / 2)
         return self.sizes(self.measured), self.rows(mean)

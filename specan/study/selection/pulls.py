@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from specan.models.effect import ParameterName
-from specan.study.estimation.problem import range_of
 from specan.study.selection.refits import Refit
 
 # Standard deviations beyond which a fit holds only with a value that contradicts what is known: three, as for an
@@ -108,9 +107,7 @@ def _pull(refit: Refit, name: ParameterName) -> Pull:
         mean, sd = problem.priors[plain]
         known, pull = (mean - COVERAGE * sd, mean + COVERAGE * sd), (value - mean) / sd
     else:
-        known = problem.plausible(plain)
-        row = problem.pseudo_rows[range_of(name)] - problem.n_data - problem.n_priors
-        pull = float(problem.pulls(fit.theta)[row])
+        known, pull = problem.plausible(plain), problem.pulls(fit.theta)[name]
     outside = not known[0] <= value <= known[1]
     return Pull(
         name, parameter.from_si(value), (parameter.from_si(known[0]), parameter.from_si(known[1])),

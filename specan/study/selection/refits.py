@@ -52,14 +52,17 @@ class Refit:
     ----------
     uses : frozenset of Use
         What was added to the base.
-    count : int
-        Parameters that were added, those whose prior is removed included.
     """
 
     uses: EffectSet
     problem: Problem
     fit: Fit
-    count: int = 0
+
+    @property
+    def count(self) -> int:
+        """Parameters that were added, those whose prior is removed included."""
+        added = {str(use) for use in self.uses}
+        return sum(name.owner in added for name in self.problem.names)
 
     @cached_property
     def linear(self) -> Projection:
@@ -149,9 +152,7 @@ class Refits:
             self.failed.add(uses)
             return None
         fitted = describe(problem, best.theta, best.residual, best.jacobian)
-        names = {str(use) for use in uses}
-        count = sum(name.owner in names for name in problem.names)
-        self.done[uses] = Refit(uses, problem, fitted, count)
+        self.done[uses] = Refit(uses, problem, fitted)
         return self.done[uses]
 
     def lowered(self, uses: EffectSet) -> list[EffectSet]:
@@ -318,19 +319,13 @@ def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dic
     theta = np.clip(fitted.theta + step[: size.size] * size, low, high)
     values: dict[str, float | Real] = dict(start.problem.values_at(theta))
     position = size.size
-    elements: dict[ParameterName, dict[str, float]] = {}
+    moved: dict[str, float] = {}
     for member in members:
         signature = member.signature
         for k, name in enumerate(signature.names):
             if signature.size[k]:
                 multiple = float(np.clip(step[position + k], *signature.multiplier_bounds))
-                elements.setdefault(name.whole, {})[name] = float(
-                    signature.neutral[k] + multiple * signature.size[k]
-                )
+                moved[name] = float(signature.neutral[k] + multiple * signature.size[k])
         position += len(signature.names)
-        for shape, value in signature.shapes.items():
-            elements.setdefault(ParameterName(shape).whole, {})[shape] = value
-    for whole, known in elements.items():
-        order = problem.elements.get(whole)
-        values[whole] = np.array([known[whole.at(e)] for e in order]) if order else known[whole]
-    return values
+        moved |= signature.shapes
+    return values | problem.of_elements(moved)

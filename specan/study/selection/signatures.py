@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -62,13 +62,6 @@ class Signature:
     shapes: Mapping[str, float]
     multiplier_bounds: tuple[float, float]
 
-    @property
-    def one_sided(self) -> bool:
-        """Whether the amplitude can have one sign only."""
-        return self.columns.shape[1] == 1 and (
-            self.multiplier_bounds[0] > -1e-9 or self.multiplier_bounds[1] < 1e-9
-        )
-
 
 Point = Mapping[str, float]
 Known = dict[tuple[Use, tuple[tuple[str, float], ...]], "Real | None"]
@@ -79,54 +72,38 @@ def signatures(
     fit: Fit,
     found: Sequence[Candidate],
     points: Mapping[Use, Sequence[Point]],
-    known: Known | None = None,
+    known: Known,
 ) -> list[Signature]:
     """Signatures of candidates at a fit of the problem that lacks them, at planned points.
 
     `known` holds changes that were worked out at the same fit already.
     """
-    known = {} if known is None else known
     made: list[Signature] = []
     for candidate in found:
         if candidate.use not in points:
             continue
         if candidate.without_prior:
             made.append(_certificate(problem, fit, candidate))
-            made += _beside_certificate(problem, fit, candidate)
+            made += _beside_certificate(problem, fit, candidate, known)
         elif len(candidate.amplitudes) > 1:
-            made += _several_amplitudes(problem, fit, candidate, points[candidate.use])
+            made += _several_amplitudes(problem, fit, candidate, points[candidate.use], known)
         else:
-            name, tried = candidate.amplitudes[0], points[candidate.use]
-            for point, column in zip(tried, changes(problem, fit, candidate, tried, known)):
-                if column is not None:
-                    shapes = {n: value for n, value in point.items() if n != name}
-                    made.append(_signature(candidate, name, point[name], shapes, column))
+            made += _one_amplitude(problem, fit, candidate, points[candidate.use], known)
     return made
 
 
-def carried(seen: Sequence[Signature], old: Problem, new: Problem, uses: Collection[Use]) -> list[Signature]:
-    """Signatures for another set of effects, taken as they were: rows of priors that it removed fall out.
-
-    What an effect does to the residual depends little on the effects beside it, and where an evaluation is
-    expensive that is enough to see which ones are worth a refit.
-    """
-    return [replace(t, columns=with_rows_of(t.columns, old, new)) for t in seen if t.use in uses]
-
-
-def _signature(
-    candidate: Candidate,
-    amplitude: ParameterName,
-    value: float,
-    shapes: Mapping[str, float],
-    column: Real,
-) -> Signature:
-    neutral = candidate.neutral(amplitude)
-    size = value - neutral
-    ends = sorted((end - neutral) / size for end in candidate.extended.domain(amplitude.whole))
-    return Signature(
-        candidate.use, column[:, None], (amplitude,), np.array([neutral]), np.array([size]), shapes,
-        (ends[0], ends[1]),
-    )  # fmt: skip
+def _one_amplitude(
+    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known
+) -> Iterator[Signature]:
+    name, neutral = candidate.amplitudes[0], candidate.neutral(candidate.amplitudes[0])
+    for point, column in zip(points, changes(problem, fit, candidate, points, known)):
+        if column is not None:
+            size = point[name] - neutral
+            low, high = sorted((end - neutral) / size for end in candidate.extended.domain(name.whole))
+            shapes = {n: value for n, value in point.items() if n != name}
+            yield Signature(
+                candidate.use, column[:, None], (name,), np.array([neutral]), np.array([size]), shapes, (low, high)
+            )  # fmt: skip
 
 
 def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Signature:
@@ -142,7 +119,9 @@ def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Signature:
     )  # fmt: skip
 
 
-def _beside_certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Iterator[Signature]:
+def _beside_certificate(
+    problem: Problem, fit: Fit, candidate: Candidate, known: Known
+) -> Iterator[Signature]:
     """Amplitudes that have no certificate, together with those that have one and lose it, to either side."""
     certificate = _certificate(problem, fit, candidate)
     fitted = {str(n): float(fit.theta[fit.names.index(n)]) for n in candidate.without_prior}
@@ -154,7 +133,8 @@ def _beside_certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Ite
         neutral, value = candidate.neutral(name), default_value(candidate, name)
         low, high = candidate.extended.domain(name.whole)
         mirrored = min(max(2 * neutral - value, low), high)
-        there, back = changes(problem, fit, candidate, [{**held, name: value}, {**held, name: mirrored}])
+        both = [{**held, name: value}, {**held, name: mirrored}]
+        there, back = changes(problem, fit, candidate, both, known)
         for column, end in _sides(there, back, value, mirrored):
             yield Signature(
                 candidate.use, np.column_stack([certificate.columns, column]),
@@ -174,7 +154,7 @@ def with_rows_of(columns: Real, old: Problem, new: Problem) -> Real:
 
 
 def _several_amplitudes(
-    problem: Problem, fit: Fit, candidate: Candidate, places: Sequence[Point]
+    problem: Problem, fit: Fit, candidate: Candidate, places: Sequence[Point], known: Known
 ) -> Iterator[Signature]:
     names = candidate.amplitudes
     neutral = np.array([candidate.neutral(n) for n in names])
@@ -184,7 +164,7 @@ def _several_amplitudes(
     mirrored = np.clip(2 * neutral - value, low, high)
     both = [(n, v) for n, *ends in zip(names, value, mirrored) for v in ends]
     points = [{**s, **rest, n: v} for s in places for n, v in both]
-    columns = changes(problem, fit, candidate, points)
+    columns = changes(problem, fit, candidate, points, known)
     for k, shapes in enumerate(places):
         part = columns[2 * k * len(names) : 2 * (k + 1) * len(names)]
         sides = [_sides(part[2 * i], part[2 * i + 1], value[i], mirrored[i]) for i in range(len(names))]
@@ -221,10 +201,9 @@ def default_value(candidate: Candidate, name: str) -> float:
 
 
 def changes(
-    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known | None = None
+    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known
 ) -> list[Real | None]:
     """Whitened change of all rows at each point; None where the model has no finite value there."""
-    known = {} if known is None else known
     keys = [(candidate.use, tuple(sorted(point.items()))) for point in points]
     new = {key: point for key, point in zip(keys, points) if key not in known}
     values = _values_at(candidate, fit, list(new.values()))
@@ -236,7 +215,10 @@ def changes(
             columns = list(residuals(candidate.extended, part).T)
         except ComputationError:  # a loop that runs away at one point must not take the others with it
             columns = [_residual_or_nan(candidate.extended, one) for one in part]
-        found += [_change(fit, column) for column in columns]
+        for column in columns:
+            change = np.zeros(fit.residual.size)  # priors included
+            change[: column.size] = column - fit.residual[: column.size]
+            found.append(change if np.all(np.isfinite(change)) else None)
     known.update(zip(new, found))
     return [known[key] for key in keys]
 
@@ -254,13 +236,6 @@ def _values_at(candidate: Candidate, fit: Fit, points: Sequence[Point]) -> list[
             theta[places[name]] = value
         many.append(extended.values_at(theta))
     return many
-
-
-def _change(fit: Fit, column: Real) -> Real | None:
-    """Change of the whole residual, priors included; None where the model has no finite value."""
-    change = np.zeros(fit.residual.size)
-    change[: column.size] = column - fit.residual[: column.size]
-    return change if np.all(np.isfinite(change)) else None
 
 
 def _residual_or_nan(problem: Problem, values: Mapping[str, Any]) -> Real:
@@ -403,13 +378,3 @@ def _turns(first: Real | None, second: Real | None) -> bool:
 
 def _apart(first: Real, second: Real | None) -> bool:
     return second is None or bool(abs(first @ second) < SAME_DIRECTION)
-
-
-def not_finite(problem: Problem, fit: Fit, found: Sequence[Candidate]) -> dict[str, str]:
-    """Candidates at whose default values the model has no finite value, with the reason why they are not tested."""
-    reasons = {}
-    for candidate in found:
-        point: Point = {n: default_value(candidate, n) for n in candidate.own}
-        if changes(problem, fit, candidate, [point])[0] is None:
-            reasons[candidate.use.name] = "gives values that are not finite at these conditions"
-    return reasons

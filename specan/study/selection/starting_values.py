@@ -270,17 +270,11 @@ def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dic
 
     What the problem no longer has is left out.
     """
-    elements: dict[ParameterName, dict[str, float]] = {}
-    for name, row in table.items():
-        whole = ParameterName(name).whole
-        if whole in problem.free:
-            elements.setdefault(whole, {})[name] = problem.assembly.parameters[whole].to_si(row["value"])
-    found: dict[str, Any] = {}
-    for whole, own in elements.items():
-        names = [whole.at(e) for e in problem.elements.get(whole, ())] or [whole]
-        if all(name in own for name in names):
-            found[whole] = np.array([own[n] for n in names]) if whole in problem.elements else own[whole]
-    return found
+    known = problem.assembly.parameters
+    values = {ParameterName(name): row["value"] for name, row in table.items()}
+    return problem.of_elements(
+        {name: known[name.whole].to_si(v) for name, v in values.items() if name.whole in problem.free}
+    )
 
 
 def _likely_places(refit: Refit, found: Sequence[Candidate]) -> Mapping[Use, Sequence[Found]]:
