@@ -223,13 +223,10 @@ class Problem:
         values: dict[str, Any] = dict(self._held)
         position = 0
         for name in self.free:
-            if name in self.elements:
-                size = len(self.elements[name])
-                values[name] = np.asarray(theta[position : position + size], dtype=float)
-                position += size
-            else:
-                values[name] = float(theta[position])
-                position += 1
+            size = len(self.elements.get(name, ("",)))
+            own = np.asarray(theta[position : position + size], dtype=float)
+            values[name] = own if name in self.elements else float(own[0])
+            position += size
         for name, other in self.links.items():
             values[name] = values[other]
         return values

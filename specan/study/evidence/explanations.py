@@ -265,7 +265,8 @@ class Explanations:
             if new is not None and new.ln_joint == self.best:
                 # What is much like the best has as much to gain by a fit.
                 self._slack[self._alike(uses)] = max(SLACK, new.ln_joint + promised)
-        self._fit_parts()
+        for form, promise in list(self._parts()):
+            self._add(form, frozenset({promise.use}), promise)
         self._list()
 
     def _worth_a_fit(self, uses: EffectSet, promised: float) -> bool:
@@ -372,11 +373,6 @@ class Explanations:
         if self.cheap and len(uses) < len(OF_SIZE):
             self._expect(one)
         return one
-
-    def _fit_parts(self) -> None:
-        """Fit the effects of the likeliest pairs alone too."""
-        for form, promise in list(self._parts()):
-            self._add(form, frozenset({promise.use}), promise)
 
     def _parts(self) -> Iterator[tuple[Form, Promise]]:
         """Effects of the likeliest pairs that were not fitted alone: a linear promise may have ruled one out."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -158,17 +159,16 @@ def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:
     """Rows of each recording and observable in the order of time, or of the table where it has none."""
     found, first = [], 0
     for o in problem.observations:
-        recording = getattr(o, "recording", None)
-        observable = getattr(o, "observable", None)
-        lines = o.conditions.get(TIME, getattr(o, "lines", None))
-        if recording is None or observable is None or lines is None or o.kind not in ("table", "time"):
-            first += o.n
-            continue
-        for number in np.unique(recording):
-            for name in np.unique(observable):
-                rows = np.flatnonzero((recording == number) & (observable == name))
+        if (
+            isinstance(o, TableObservation)
+            and o.kind in ("table", "time")
+            and o.recording is not None
+            and (lines := o.conditions.get(TIME, o.lines)) is not None
+        ):
+            for number, name in product(np.unique(o.recording), np.unique(o.observable)):
+                rows = np.flatnonzero((o.recording == number) & (o.observable == name))
                 if rows.size >= LEAST_ROWS:
-                    found.append(first + rows[np.argsort(np.asarray(lines)[rows], kind="stable")])
+                    found.append(first + rows[np.argsort(lines[rows], kind="stable")])
         first += o.n
     return tuple(found)
 

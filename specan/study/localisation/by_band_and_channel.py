@@ -160,11 +160,9 @@ def _places(
 ) -> Iterator[tuple[dict[str, Any], Cells]]:
     """Third octaves, receivers, groups, and every pair of a third octave with one of the others."""
     everywhere, always = range(len(errors.channels)), range(len(errors.bands))
-    single = [({"channel": name}, [m]) for m, name in enumerate(errors.channels) if len(everywhere) > 1]
-    groups: list[tuple[dict[str, Any], Sequence[int]]] = [
-        *single,
-        *(({label: group}, inside) for group, inside in near.items()),
-    ]
+    groups: list[tuple[dict[str, Any], Sequence[int]]] = []
+    groups += [({"channel": name}, [m]) for m, name in enumerate(errors.channels) if len(everywhere) > 1]
+    groups += [({label: group}, inside) for group, inside in near.items()]
     for where, chosen in groups:
         yield where, (chosen, always)
     for b, band in enumerate(errors.bands.tolist()):

@@ -236,14 +236,12 @@ class Refits:
         theta = problem.start(near[0])
         for jacobians, hopeless in HOPELESS:
             theta = descend_steps(problem, theta, jacobians)
-            residual = problem.residual(theta)
-            chi2 = float(residual @ residual)
-            best = min(others)
+            chi2, best = float(np.sum(problem.residual(theta) ** 2)), min(others)
             if chi2 <= PRUNING_FACTOR * best + FORM_TOLERANCE**2 * max(self.base.fit.chi2 - best, 0.0):
                 return None  # near enough for an exact minimum, or an exact equation, to help
-            if chi2 > hopeless * min(others):
+            if chi2 > hopeless * best:
                 break
-        return Minimum(theta, residual, problem.jacobian(theta), chi2)
+        return _minimum(problem, theta)
 
     def _lowest(
         self, problem: Problem, starts: Sequence[Mapping[str, float | Real]], fewer: Refit | None
@@ -255,7 +253,7 @@ class Refits:
         try:  # most of several starts lead astray slowly
             theta = best_screened(problem, [problem.start(values) for values in starts])
             if self.rough:
-                return _some_steps(problem, theta)
+                return _minimum(problem, descend_steps(problem, theta, ENOUGH))
             return descend(problem, theta, _slopes(fewer, problem, theta))
         except NotSettledError as fault:
             return fault.reached
@@ -274,8 +272,7 @@ def _level(problem: Problem, one: Minimum | Fit) -> float:
     return float(one.chi2 + volume)
 
 
-def _some_steps(problem: Problem, theta: Real) -> Minimum:
-    theta = descend_steps(problem, theta, ENOUGH)
+def _minimum(problem: Problem, theta: Real) -> Minimum:
     residual = problem.residual(theta)
     return Minimum(theta, residual, problem.jacobian(theta), float(residual @ residual))
 

@@ -83,8 +83,7 @@ def signatures(
         if candidate.use not in points:
             continue
         if candidate.without_prior:
-            made.append(_certificate(problem, fit, candidate))
-            made += _beside_certificate(problem, fit, candidate, known)
+            made += _without_prior(problem, fit, candidate, known)
         elif len(candidate.amplitudes) > 1:
             made += _several_amplitudes(problem, fit, candidate, points[candidate.use], known)
         else:
@@ -106,30 +105,19 @@ def _one_amplitude(
             )  # fmt: skip
 
 
-def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Signature:
-    """Without its prior a nuisance is free: the same as a free step of the prior's pseudo-datum."""
-    rows = problem.pseudo_rows
-    columns = np.zeros((fit.residual.size, len(candidate.without_prior)))
-    for k, name in enumerate(candidate.without_prior):
-        columns[rows[name], k] = 1.0
-    count = len(candidate.without_prior)
-    return Signature(
-        candidate.use, columns, candidate.without_prior, np.zeros(count), np.zeros(count),
-        {n: default_value(candidate, n) for n in candidate.shapes}, (-np.inf, np.inf),
-    )  # fmt: skip
+def _without_prior(problem: Problem, fit: Fit, candidate: Candidate, known: Known) -> Iterator[Signature]:
+    """Without its prior a nuisance is free: the same as a free step of the prior's pseudo-datum.
 
-
-def _beside_certificate(
-    problem: Problem, fit: Fit, candidate: Candidate, known: Known
-) -> Iterator[Signature]:
-    """Amplitudes that have no certificate, together with those that have one and lose it, to either side."""
-    certificate = _certificate(problem, fit, candidate)
-    fitted = {str(n): float(fit.theta[fit.names.index(n)]) for n in candidate.without_prior}
-    at_rest = {str(n): candidate.neutral(n) for n in candidate.amplitudes}
-    held = {**at_rest, **certificate.shapes, **fitted}
-    for name in candidate.amplitudes:
-        if name in candidate.without_prior:
-            continue
+    Then the same together with each amplitude that has no prior, to either side.
+    """
+    freed = candidate.without_prior
+    columns, none = np.zeros((fit.residual.size, len(freed))), np.zeros(len(freed))
+    columns[[problem.pseudo_rows[name] for name in freed], range(len(freed))] = 1.0
+    shapes = {str(n): default_value(candidate, n) for n in candidate.shapes}
+    yield Signature(candidate.use, columns, freed, none, none, shapes, (-np.inf, np.inf))
+    fitted = {str(n): float(fit.theta[fit.names.index(n)]) for n in freed}
+    held = {**{str(n): candidate.neutral(n) for n in candidate.amplitudes}, **shapes, **fitted}
+    for name in [n for n in candidate.amplitudes if n not in freed]:
         neutral, value = candidate.neutral(name), default_value(candidate, name)
         low, high = candidate.extended.domain(name.whole)
         mirrored = min(max(2 * neutral - value, low), high)
@@ -137,9 +125,8 @@ def _beside_certificate(
         there, back = changes(problem, fit, candidate, both, known)
         for column, end in _sides(there, back, value, mirrored):
             yield Signature(
-                candidate.use, np.column_stack([certificate.columns, column]),
-                (*candidate.without_prior, name), np.append(certificate.neutral, neutral),
-                np.append(certificate.size, end - neutral), certificate.shapes, (-np.inf, np.inf),
+                candidate.use, np.column_stack([columns, column]), (*freed, name),
+                np.append(none, neutral), np.append(none, end - neutral), shapes, (-np.inf, np.inf),
             )  # fmt: skip
 
 

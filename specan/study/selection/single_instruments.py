@@ -69,13 +69,10 @@ def _led(
     start = at([theta])[:, 0]
     here, reach = start.copy(), dict.fromkeys(own, 1.0)
     for _ in range(ROUNDS):
-        moved = []
-        for k in range(max(len(part) for part in own.values())):
-            moved.append(theta.copy())
-            for use, part in own.items():
-                if k < len(part):
-                    moved[-1][part[k]] += size[use][k]
-        slopes, trial = at(moved) - here[:, None], theta.copy()
+        moved = np.tile(theta, (max(part.size for part in own.values()), 1))
+        for use, part in own.items():
+            moved[np.arange(part.size), part] += size[use]
+        slopes, trial = at(list(moved)) - here[:, None], theta.copy()
         for use, part in own.items():
             step, *_ = np.linalg.lstsq(slopes[rows[use], : len(part)], -here[rows[use]], rcond=1e-9)
             trial[part] = np.clip(theta[part] + reach[use] * step * size[use], low[part], high[part])
