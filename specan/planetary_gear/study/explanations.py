@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import logsumexp
 
 from specan.errors import ComputationError
 from specan.models import Use
@@ -23,6 +22,7 @@ from specan.study.evidence.explanations import (
     Explanations,
     Form,
 )
+from specan.study.evidence.faults import ln_mean
 from specan.study.evidence.marginal import Tangent
 from specan.study.evidence.promises import together
 from specan.study.selection.candidates import Candidate, candidates, without
@@ -76,13 +76,14 @@ class OfOrderLines(Explanations):
         self._keep_lines("nothing", [], 0.0, nothing)
         anything = self.lines.anything()
         each = [self.lines.ln_evidence([one]) for one in anything]
-        self._keep_lines("unknown", [anything[int(np.argmax(each))]], np.log(UNKNOWN / NOTHING), _mean(each))
+        likely = [anything[int(np.argmax(each))]]
+        self._keep_lines("unknown", likely, np.log(UNKNOWN / NOTHING), float(ln_mean(each)))
         likeliest: dict[Use, Pattern] = {}
         alone: dict[Use, float] = {}
         for number, (use, own) in enumerate(item for item in self.patterns.items() if item[1]):
             self.progress(f"lines of {use}", 0.7 * number / len(self.patterns))
             gains = [self.lines.ln_evidence([one]) for one in own]
-            likeliest[use], alone[use] = own[int(np.argmax(gains))], _mean(gains)
+            likeliest[use], alone[use] = own[int(np.argmax(gains))], float(ln_mean(gains))
             self._keep_lines("effects", [likeliest[use]], 0.0, alone[use])
         order = sorted((use for use in alone if alone[use] > nothing), key=lambda use: -alone[use])
         for k, use in enumerate(order[: PAIRED[0]]):
@@ -139,10 +140,6 @@ class OfOrderLines(Explanations):
             value = float(candidate.parameter(name).from_si(size)) if inside else None
             found[candidate.use.name][candidate.use.at] = value
         return {name: together(places, units[name]) for name, places in sorted(found.items())}
-
-
-def _mean(ln: Sequence[float]) -> float:
-    return float(logsumexp(ln) - np.log(len(ln)))
 
 
 def near_the_data(problem: Problem) -> dict[str, float]:

@@ -28,7 +28,7 @@ from specan.models import Use
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.faults import Fault, Faults
+from specan.study.evidence.faults import Fault, Faults, ln_mean
 from specan.study.evidence.form_errors import FORMS, AlongLines, OverConditions
 from specan.study.evidence.marginal import Columns, Marginal, Tangent
 from specan.study.evidence.noise import Noise, autoregressions, chains_of, scatter
@@ -223,7 +223,8 @@ class Explanations:
         self._search()
         self.progress("unknown effects, implausible values, noise, faults of the data", SETS)
         self._beyond()
-        self._beside_unknown()
+        for one in [e for e in self._top(BESIDE) if e.uses]:
+            self._add_unknown(one)
         self._noise()
         self._faults()
 
@@ -241,7 +242,8 @@ class Explanations:
             self.found.append(
                 Explanation("nothing", form, frozenset(), form.tangent, ln_prior, form.marginal.ln_evidence)
             )
-        self._unknown()
+        for form in self._forms_in_reach():
+            self._add_unknown(self._bare(form))
         in_reach = self._forms_in_reach()
         for one in [e for e in self.found if e.kind == "nothing" and e.form in in_reach]:
             self._expect(one)
@@ -408,26 +410,25 @@ class Explanations:
         return self._weighed[key]
 
     def _weigh(self, form: Form, tangent: Tangent, noise: Noise | None) -> tuple[Marginal, float]:
-        own, there = tangent.problem is form.problem, tangent
         tangent = tangent.with_noise(noise)
-        if own:
+        if tangent.problem is form.problem:
             one = Marginal(tangent)
             return one, one.ln_evidence
-        change = self._change(form, there.problem, there.theta)
+        change, theta = self._change(form, tangent.problem, tangent.theta), tangent.theta.tobytes()
         each: list[float] = []
         largest: list[float] = []
         best: Marginal | None = None
-        for rough, white, shares in self.errors.of_change(there.problem, change):
+        for rough, white, shares in self.errors.of_change(tangent.problem, change):
             columns = Columns(tangent.with_noise(rough), white)
             for share in shares:
                 one = Marginal(columns.tangent, columns, share)
                 if best is None or one.ln_evidence > best.ln_evidence:
-                    best, self.likeliest[there.theta.tobytes()] = one, len(each)
+                    best, self.likeliest[theta] = one, len(each)
                 each.append(one.ln_evidence)
                 largest += [one.ln_evidence] if share == FORMS[-1] else []
         assert best is not None
-        self._largest[there.theta.tobytes()] = float(np.exp(logsumexp(largest) - logsumexp(each)))
-        return best, float(logsumexp(each) - np.log(len(each)))
+        self._largest[theta] = float(np.exp(logsumexp(largest) - logsumexp(each)))
+        return best, float(ln_mean(each))
 
     def _change(self, form: Form, problem: Problem, theta: Array) -> Array:
         """What a set changes against the base, each at its own minimum."""
@@ -453,17 +454,8 @@ class Explanations:
 
     # --- something else ---------------------------------------------------------------------------
 
-    def _unknown(self) -> None:
-        """The base with a smooth function of the operating variables that no effect describes."""
-        for form in self._forms_in_reach():
-            self._add_unknown(self._bare(form))
-
-    def _beside_unknown(self) -> None:
-        """The likeliest sets of effects with something else that is missing too: as often as beside nothing."""
-        for one in [e for e in self._top(BESIDE) if e.uses]:
-            self._add_unknown(one)
-
     def _add_unknown(self, one: Explanation) -> None:
+        """The same with a smooth function that no effect describes, which is missing as often as beside nothing."""
         marginal, ln_evidence = self.weighed(one.form, one.tangent)
         gain = self.errors.gain_of_unknown(one.form.problem, one.form.predicted, marginal)
         self.found.append(one.but(log(UNKNOWN / NOTHING), ln_evidence + gain, kind="unknown"))

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import betaln, logsumexp
 
 from specan.arrays import Flags
@@ -117,26 +118,26 @@ class Faults:
         found = {k: (one.ln_known, np.zeros(0)) for k, one in enumerate(self.all)}
         for sizes, (own, white) in self._alone.items():
             gains, coefficients = marginal.one_by_one(white, np.array(sizes))
-            likeliest, means = np.argmax(gains, axis=0), _mean(gains)
+            likeliest, means = np.argmax(gains, axis=0), ln_mean(gains)
             for j, k in enumerate(own):
                 found[k] = self.all[k].ln_known + float(means[j]), coefficients[[likeliest[j]], j]
         for k, white in self._several.items():
             gains, each = marginal.beside(white, np.array(self.all[k].sizes))
-            found[k] = self.all[k].ln_known + float(_mean(gains)), each[int(np.argmax(gains))]
+            found[k] = self.all[k].ln_known + float(ln_mean(gains)), each[int(np.argmax(gains))]
         most = max((gain for gain, _ in found.values()), default=0.0)
         told = []
         for own in gathered((one.name, k) for k, one in enumerate(self.all)).values():
             best = max(own, key=lambda k: found[k][0])
             if self.all[best].moves and found[best][0] > max(IN_REACH * most, 0.0):
                 found[best] = _followed(marginal, self.all[best], found[best])
-            gain = float(_mean(np.array([found[k][0] for k in own])))
+            gain = float(ln_mean(np.array([found[k][0] for k in own])))
             told.append((gain, self.all[best].of_size(self.problem, found[best][1])))
         return told
 
 
-def _mean(ln: Array) -> Array:
+def ln_mean(ln: ArrayLike) -> Array:
     """ln of the mean over the first axis."""
-    return np.asarray(logsumexp(ln, axis=0) - np.log(ln.shape[0]))
+    return np.asarray(logsumexp(ln, axis=0) - np.log(np.shape(ln)[0]))
 
 
 def _followed(marginal: Marginal, fault: Fault, found: tuple[float, Array]) -> tuple[float, Array]:
@@ -163,7 +164,7 @@ def _followed(marginal: Marginal, fault: Fault, found: tuple[float, Array]) -> t
         beside = Marginal(reduce(Tangent.with_noise, tangent.noises, one), marginal.columns)
         gains, each = beside.beside(white, np.array(fault.sizes))
         coefficients = each[int(np.argmax(gains))]
-        found = beside.ln_evidence - marginal.ln_evidence + float(_mean(gains)), coefficients
+        found = beside.ln_evidence - marginal.ln_evidence + float(ln_mean(gains)), coefficients
         new = np.concatenate([beside.shifted(white, coefficients), coefficients])
     return found
 

@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 
 from specan.study.data.table_covariance import choices
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.faults import SIZES, levels, sizes_of
+from specan.study.evidence.faults import SIZES, levels, ln_mean, sizes_of
 from specan.study.evidence.marginal import Marginal
 from specan.study.evidence.noise import Noise, Rough
 from specan.study.evidence.smooth import kernel_root, operating_points
@@ -157,7 +157,7 @@ class AlongLines:
             for share in UNKNOWN_SIZES:
                 noise = Rough(share * sizes * counts)
                 found.append(Marginal(beside.tangent.with_noise(noise), beside.columns).ln_evidence)
-        return float(logsumexp(found) - np.log(len(found))) - beside.ln_evidence
+        return float(ln_mean(found)) - beside.ln_evidence
 
 
 def _alike_or_not(problem: Problem, root: Array) -> list[Array]:

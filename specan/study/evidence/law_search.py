@@ -13,13 +13,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp, softmax
+from scipy.special import softmax
 
 from specan.arrays import Real
 from specan.errors import RequestError
 from specan.models import Effect, Parameter, effect
 from specan.study.estimation.linear import Projection
 from specan.study.evidence.explanations import NOTHING, OF_THE_BEST, SURE
+from specan.study.evidence.faults import ln_mean
 from specan.study.evidence.law_grammar import Formula, Spread, formulas
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
@@ -278,7 +279,7 @@ def _scanned(
     columns = start.linear.project_out(plain * sizes)
     square = np.sum(columns**2, axis=0)
     gains = ((columns.T @ rest) ** 2 / (1 + square) - np.log1p(square)) / 2
-    return float(logsumexp(gains) - np.log(len(places))), places[int(np.argmax(gains))]
+    return float(ln_mean(gains)), places[int(np.argmax(gains))]
 
 
 @dataclass(frozen=True, eq=False)

@@ -221,8 +221,7 @@ class Catalogue:
             return None
         freed = np.array([np.ptp(candidate.plausible(n)) / np.sqrt(12) for n in candidate.without_prior])
         best: Promise | None = None
-        none = Signature(candidate.use, np.zeros((n, 0)), (), np.empty(0), np.empty(0), {}, (-np.inf, np.inf))
-        for one in (none, *self.signatures.get(candidate.use, [])):
+        for one in self.signatures.get(candidate.use, []):
             own = np.flatnonzero(one.size)
             names = [one.names[k] for k in own]
             width = np.array([np.ptp(candidate.plausible(name)) for name in names]) / np.sqrt(12)
