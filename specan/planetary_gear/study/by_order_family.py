@@ -62,8 +62,8 @@ class _Lines:
     def level(self, rows: NDArray[np.bool_]) -> float:
         """Model over measurement, dB; both with the noise, below which nothing is known."""
         noise = np.sum(self.noise[rows] ** 2)
-        model, measured = np.sum(self.predicted[rows] ** 2) + noise, np.sum(self.measured[rows] ** 2)
-        return float(10 * np.log10(model / max(measured, 1e-300)))
+        model, measured = (np.sum(lines[rows] ** 2) + noise for lines in (self.predicted, self.measured))
+        return float(10 * np.log10(model / measured))
 
     def furthest_off(self, rows: NDArray[np.bool_]) -> str:
         """The line with the largest error, in words."""
