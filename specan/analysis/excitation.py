@@ -174,9 +174,7 @@ def _from_channels(recording: Recording) -> Excitation:
         silent.append(f"{channel.label} is silent")
     if silent:
         return Excitation("unknown", None, ", ".join(silent))
-    return Excitation(
-        "unknown", None, "no property states it, and there is no generator or vibrometer channel"
-    )
+    return Excitation("unknown", None, "no property says it, and there is no generator or vibrometer channel")
 
 
 _NOT_LOOKED = Excitation("unknown", None, "not analysed")

@@ -191,7 +191,7 @@ def find_tone(recording: Recording, found: Candidates, settings: CalibrationSett
     if nominal is None:
         written = _stated_number(recording, channels[0].group, "CalibratorFrequency_Hz") or 0.0
         nominal, by = (written if written > 0 else None), "CalibratorFrequency_Hz"
-    why = f"stated by {by}" if nominal else "the strongest tone"
+    why = f"found near the {nominal:g} Hz of {by}" if nominal else "the strongest tone"
     tones = _tones(recording, channels, nominal)
     if not tones:
         raise InputError(

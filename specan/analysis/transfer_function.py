@@ -311,9 +311,7 @@ class TransferFunctionAccumulator:
         remarks += [f"{c.label}: {c.conversion}" for c in channels if c.conversion]
         late = [c.label for c, shift in zip(self.channels, self.shifts) if shift]
         if late:
-            remarks.append(
-                f"delays compensated in the analysis and restored in the result: {', '.join(late)}"
-            )
+            remarks.append(f"aligned before the analysis and turned back after it: {', '.join(late)}")
         return remarks
 
     def _on_lines(self, found: Estimate, lost: Real) -> list[str]:

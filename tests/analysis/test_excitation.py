@@ -76,7 +76,7 @@ def test_noise(samples):
 @pytest.mark.parametrize(
     ("samples", "word"),
     [
-        (signal.chirp(T, 500, DURATION, 501), "moves"),
+        (signal.chirp(T, 500, DURATION, 501), "varies"),
         (1e200 * np.sin(T), "too large"),
         (np.full_like(T, np.nan), "not finite"),
         (np.zeros_like(T), "silent"),
@@ -87,7 +87,7 @@ def test_noise(samples):
         (TONE + np.sin(2 * np.pi * 251.3 * T), "narrow band"),
         (TONE + np.sin(2 * np.pi * 300.3 * T), "several tones"),
         ((1 + np.sin(2 * np.pi * 7 * T)) * TONE, "several tones"),
-        (np.sin(2 * np.pi * 250 * T + 5 * np.sin(2 * np.pi * 3 * T)), "moves"),
+        (np.sin(2 * np.pi * 250 * T + 5 * np.sin(2 * np.pi * 3 * T)), "varies"),
         (np.sign(TONE), "square"),
         (1.0 * (T % 0.5 < 0.01), "channel"),
         (1.0 * (T % 0.02 < 0.002), "several tones"),

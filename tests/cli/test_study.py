@@ -107,7 +107,13 @@ def test_what_a_person_reads(begun):
 def test_new_says_what_it_assumed(bench):
     table, rig = bench
     text = specan("new", "t", "--model", "worm-gear", "--rig", rig, "--measurement", table).stdout
-    for words in ("set anew", "read values", "model discrepancy", "from the defaults", "held at its default"):
+    for words in (
+        "set anew",
+        "read values",
+        "model discrepancy",
+        "Defaults, not stated in the rig file",
+        "held at its default",
+    ):
         assert words in text
 
 

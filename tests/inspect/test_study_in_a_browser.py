@@ -44,7 +44,7 @@ def test_candidates_are_ranked_as_the_command_ranks_them(open_page, serve, study
     page.press(f"about-{name}")
     page.wait(lambda: "Source:" in page.text("explanation"))
     for parameter, row in best["parameters"].items():
-        assert f"{parameter.rpartition('.')[2]} {row['value']:.3g}" in page.text("explanation")
+        assert f"{parameter.rpartition('.')[2]} {row['value']:.4g}" in page.text("explanation")
     assert page.complaints == []
 
 
