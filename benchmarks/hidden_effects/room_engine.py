@@ -177,7 +177,12 @@ def _added(study: Study, before: HeldOut, verdict: Mapping[str, Any]) -> dict[st
     try:
         for use in uses:
             change = add_effect(study, str(use))
-            study, intervals = change.study, intervals | change.intervals
+            study = change.study
+            intervals |= {
+                name: (row["low"], row["high"])
+                for name, row in study.parameters.items()
+                if name.startswith(str(use))
+            }
         after = study.held_out
     except ComputationError as fault:
         after, intervals = None, {str(fault): (float("nan"), float("nan"))}

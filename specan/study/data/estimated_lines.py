@@ -37,8 +37,8 @@ class EstimatedLines:
         Uncertainty of the sensitivities, the largest of all lines.
     density : array (channels, lines)
         Noise of the responses, squared per Hz, which no leakage enlarges.
-    noise : array (channels, lines)
-        Random uncertainty of the real part of every line: ``sqrt(G_nn / (4 n_eff G_vv))``.
+    worth : array (lines,)
+        Square of the random uncertainty of the real part of a line over that density.
     folding : Folding
         What the windows make of a model's response.
     signals : tuple of array
@@ -55,12 +55,17 @@ class EstimatedLines:
     u_common_percent: Real
     u_common_deg: Real
     density: Real
-    noise: Real
+    worth: Real
     folding: Folding
     signals: tuple[Real, ...]
     block: int
     start: int
     notes: tuple[str, ...] = ()
+
+    @property
+    def noise(self) -> Real:
+        """Random uncertainty of the real part of every line: ``sqrt(G_nn / (4 n_eff G_vv))``."""
+        return np.sqrt(self.density * self.worth)
 
 
 def estimate_lines(
@@ -86,7 +91,6 @@ def estimate_lines(
     responses = (recording.read([channel])[0] for channel in channels)
     drive = _drive(signals, rate, block, start, frequency)
     averages = effective_averages((reference.n_samples - start - block) // (block // 2) + 1, "hann", 0.5)
-    density = noise_density(signals[0], responses, rate, frequency)
     return EstimatedLines(
         frequency_hz=frequency,
         numbers=numbers,
@@ -94,8 +98,8 @@ def estimate_lines(
         coherence=all_of("coherence"),
         u_common_percent=all_of("u_common_percent").max(axis=1),
         u_common_deg=all_of("u_common_phase_deg").max(axis=1),
-        density=density,
-        noise=np.sqrt(density * (1 / (2 * averages * drive))),
+        density=noise_density(signals[0], responses, rate, frequency),
+        worth=1 / (2 * averages * drive),
         folding=fold(signals[0], rate, block, start, numbers, *signals[1:]),
         signals=signals,
         block=block,
