@@ -98,9 +98,9 @@ class LineEvidence:
         known = self.seen.known
         # What may answer for itself about each harmonic: every recording, or every kind of motion in it.
         recording = self.recording[:, None]
-        self.alone = recording, recording * (known.mode.max() + 1) + known.mode
+        self.free = recording, recording * (known.mode.max() + 1) + known.mode
         self.strongest = strongest(self.seen.amplitude, known.harmonic)
-        self._sizes: dict[int, NDArray[np.intp]] = {}
+        self._sizes: dict[Pattern, NDArray[np.intp]] = {}
 
     # --- what lines are to be expected ------------------------------------------------------------
 
@@ -186,20 +186,20 @@ class LineEvidence:
             found += [
                 logsumexp(self._coherent(patterns, grid, form, *answer)[0]) - ln_count for answer in ANSWERS
             ]
-            for apart in self.alone:
+            for apart in self.free:
                 each = self._each_group(patterns, grid, form, apart)
                 found.append(np.sum(logsumexp(each, axis=1) - ln_count))
         return float(logsumexp(found) - np.log(len(found)))
 
     def _likely_sizes(self, pattern: Pattern) -> NDArray[np.intp]:
         """Numbers of the sizes that are not unlikely in every form of the answers."""
-        if id(pattern) not in self._sizes:
+        if pattern not in self._sizes:
             grid = SIZES[:, None]
             each = [self._coherent([pattern], grid, FORMS[-1], *answer)[0] for answer in ANSWERS]
-            each += list(self._each_group([pattern], grid, FORMS[-1], self.alone[0]))
+            each += list(self._each_group([pattern], grid, FORMS[-1], self.free[0]))
             likely = np.any([ln > ln.max() - 3.0 for ln in each], axis=0)
-            self._sizes[id(pattern)] = np.flatnonzero(likely)
-        return self._sizes[id(pattern)]
+            self._sizes[pattern] = np.flatnonzero(likely)
+        return self._sizes[pattern]
 
     def _groups(self, patterns: Sequence[Pattern], apart: NDArray[np.intp]) -> Iterable[Group]:
         """Lines that patterns have, by harmonic and what sets them apart, (rows, lines)."""
@@ -291,10 +291,10 @@ class LineEvidence:
         )
 
     @cached_property
-    def _alone(self) -> Array:
+    def _in_one_recording(self) -> Array:
         """ln of the evidence that a line is anything in one recording only, (recordings, lines)."""
-        measured, strongest = np.abs(self.seen.amplitude) ** 2, self.strongest**2
-        with_tone = self.variance + SIZES[:, None, None] ** 2 * strongest
+        measured = np.abs(self.seen.amplitude) ** 2
+        with_tone = self.variance + (SIZES[:, None, None] * self.strongest) ** 2
         gain = measured / self.variance - measured / with_tone - np.log(with_tone / self.variance)
         both = gain.reshape(SIZES.size, *self._by_recording).sum(axis=2)
         return np.asarray(logsumexp(both, axis=0) - np.log(SIZES.size))
@@ -303,7 +303,7 @@ class LineEvidence:
         """Tones of the background beside some patterns: ln of their prior times evidence, and where they are."""
         free = self.used & ~self._shown(*patterns)
         of_recording = free.reshape(self._by_recording).all(axis=1)
-        gain = np.where(of_recording, self._alone + np.log(TONE / self.used.sum()), 0.0)
+        gain = np.where(of_recording, self._in_one_recording + np.log(TONE / self.used.sum()), 0.0)
         likely = [divmod(int(k), gain.shape[1]) for k in np.argsort(-gain, axis=None)[:TONES]]
         likely = [at for at in likely if gain[at] > 0]
         order = self.seen.known.order

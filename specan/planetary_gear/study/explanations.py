@@ -50,8 +50,6 @@ class OfLines(Explanation):
 class OfOrderLines(Explanations):
     """Explanations of the order lines of a planetary gear."""
 
-    cheap = False
-
     def set_up(self) -> None:
         """No rig declares another form of the base."""
         self.forms = [Form({}, self.problem, self.base, 0.0)]
@@ -99,8 +97,11 @@ class OfOrderLines(Explanations):
                 kind, chance = ("effects", 0.0) if other else ("unknown", float(np.log(UNKNOWN / NOTHING)))
                 self._keep_lines(kind, [likeliest[use], second], chance, gain)
         # What may be named is fitted, from where its lines lead.
-        least = self.best + np.log(OF_THE_BEST)
-        self.found = [self._fitted(e, likeliest) if e.uses and e.ln_joint > least else e for e in self.found]
+        near = [e.uses for e in self.found if e.uses and e.ln_joint > self.best + np.log(OF_THE_BEST)]
+        fits = {uses: self._fitted(sorted(uses), likeliest) for uses in dict.fromkeys(near)}
+        self.found = [
+            replace(e, tangent=fits[e.uses], fitted=True) if e.uses in fits else e for e in self.found
+        ]
 
     def _keep_lines(
         self, kind: str, patterns: Sequence[Pattern], ln_chance: float, ln_evidence: float
@@ -115,17 +116,16 @@ class OfOrderLines(Explanations):
             text = f"{' and '.join(where)} stands alone: a tone of the background, perhaps"
             self.found.append(replace(one, ln_evidence=ln_evidence + more, tones=text))
 
-    def _fitted(self, one: Explanation, likeliest: Mapping[Use, Pattern]) -> Explanation:
-        problem = self.problem.with_uses(sorted(one.uses))
-        start = self.lines.start([likeliest[use] for use in sorted(one.uses)])
-        self.progress(f"fitting with {' and '.join(map(str, sorted(one.uses)))}", 0.85)
+    def _fitted(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
+        problem = self.problem.with_uses(uses)
+        start = self.lines.start([likeliest[use] for use in uses])
+        self.progress(f"fitting with {' and '.join(map(str, uses))}", 0.85)
         theta = problem.start({**self.base.values, **start})
         try:
             there = descend(problem, theta)
-            tangent = Tangent.at(problem, there.theta, there.residual, there.jacobian)
+            return Tangent.at(problem, there.theta, there.residual, there.jacobian)
         except ComputationError:  # what the lines say stays
-            tangent = Tangent.at(problem, theta, problem.residual(theta), problem.jacobian(theta))
-        return replace(one, tangent=tangent, fitted=True)
+            return Tangent.at(problem, theta, problem.residual(theta), problem.jacobian(theta))
 
     def visible(self, one: Explanation) -> dict[str, dict[str, Any] | None]:
         """Sizes at which the lines of each effect are seen; none of effects that make no lines of their own."""

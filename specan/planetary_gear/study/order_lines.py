@@ -217,10 +217,10 @@ class OrderLinesObservation(KeptLines):
         away = known.path * known.far
         unsure = np.where(told, 2 * self.noise**2 + (known.near**2 + away**2) * np.abs(heard) ** 2, 0.0)
         alike = same(known.harmonic, known.mode, known.frame).astype(float)
-        at_speed = [np.sum(part[self.speed == speed], axis=0) @ alike for part in (size, cross, unsure)]
-        return (average * at_speed[2] + at_speed[1]) / np.maximum(
-            at_speed[2] + at_speed[0], 1e-300
-        ) + average * (at_speed[0] == 0)
+        at_speed = (np.sum(part[self.speed == speed], axis=0) @ alike for part in (size, cross, unsure))
+        size, cross, unsure = at_speed
+        heard_there = np.where(size > 0, size + unsure, 1.0)
+        return np.where(size > 0, (cross + average * unsure) / heard_there, average)
 
     def path_gains(self, assembly: Assembly, values: Mapping[str, Any]) -> list[dict[str, Any]]:
         """Of each recording: the gains that `plain` learns from its lines, and the RMS error without them."""
