@@ -46,7 +46,6 @@ PENDING = ".pending.json"
 FOLDER = ".kept"
 MOST_FILES = 12  # the oldest go
 _ARRAY = "float64 array"
-_KEPT = ConfigDict(arbitrary_types_allowed=True)  # arrays
 Kept = TypeVar("Kept")
 
 
@@ -314,7 +313,8 @@ class KeptResults:
             content = envelope["content"]
             if envelope["key"] == key and envelope["sha256"] == _sha256(content):
                 plain = json.loads(content, object_hook=_with_arrays)
-                of_kind = TypeAdapter[Any](tuple[kind], config=_KEPT)  # type: ignore[valid-type]
+                arrays = ConfigDict(arbitrary_types_allowed=True)
+                of_kind = TypeAdapter[Any](tuple[kind], config=arrays)  # type: ignore[valid-type]
                 return of_kind.validate_python((plain,))[0]
         return None
 

@@ -24,9 +24,6 @@ from specan.study.study import Study
 from specan.study.user_effects import LAWS, trust_file, write_beside_older
 from specan.study.verdict import errors, parameter_table, percent
 
-# chi-square, three standard deviations, by which a fit may end above what the search found
-OUT_OF_REACH = 9.0
-
 
 @dataclass(frozen=True, eq=False)
 class ProposedLaw:
@@ -187,7 +184,8 @@ def _fitted(
     except ComputationError:
         return None
     # What fits only with values that the model's parameters cannot have is no explanation.
-    if best.chi2 > law.chi2 + OUT_OF_REACH * max(law.chi2 / max(start.dof, 1.0), 1.0):
+    # 9.0: chi-square, three standard deviations, by which a fit may end above what the search found
+    if best.chi2 > law.chi2 + 9.0 * max(law.chi2 / max(start.dof, 1.0), 1.0):
         return None
     refit = Refit(frozenset({use}), problem, best)
     left_out = next(iter(left_out_errors(refit.problem, refit.fit)), None)

@@ -21,10 +21,7 @@ from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
 
-TRIED = 5  # effects that promise most
-LEAST_DOF = 10  # of the variance of the noise
 APART = 100.0  # times by which a change of a start grows, beyond what constant rates make of it
-IMPULSE = 1e-3  # standard deviations of a state, small enough for a straight line
 
 
 class NoiseError(ComputationError):
@@ -59,7 +56,8 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, Ca
         promises = sorted(catalogue.promises(marginal), key=lambda p: -p.ln_gain)
         if not promises or promises[0].ln_gain <= 0:
             break
-        found = [one for promise in promises[:TRIED] for one in _led_with(promise, largest)]
+        # 5: effects that promise most
+        found = [one for promise in promises[:5] for one in _led_with(promise, largest)]
         if not found:
             break
         _, more, theta = min(found, key=lambda one: one[0])
@@ -73,8 +71,8 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, Ca
     noisy: list[TimeObservation] = []
     for o, left in zip(problem.observations, residual, strict=False):
         assert isinstance(o, TimeObservation)
-        # the variance of the noise is known with so many degrees of freedom, by the kurtosis of what is left
-        if 2 * np.sum(left**2) ** 2 < LEAST_DOF * np.sum(left**4):
+        # the variance of the noise is known with 10 degrees of freedom or more, by the kurtosis of what is left
+        if 2 * np.sum(left**2) ** 2 < 10 * np.sum(left**4):
             raise NoiseError(_lies_in_few(o, left))
         responses = _responses(o, largest.assembly, largest.values_at(reached.theta))
         if why := _runs_apart(o, responses):
@@ -128,7 +126,8 @@ def _responses(o: TimeObservation, assembly: Assembly, values: Mapping[str, Any]
     model, plain, found = assembly.model, o.predict(assembly, values), {}
     for name in model.rates.states:
         start = model.quantities[f"{name}_start"]
-        size = IMPULSE * o.spread(assembly, values, name)
+        # 1e-3: standard deviations of a state, small enough for a straight line
+        size = 1e-3 * o.spread(assembly, values, name)
         moved = replace(start, function=lambda *given, of=start, by=size, **own: of(*given, **own) + by)
         shifted = replace(model, quantities={**model.quantities, start.name: moved})
         shifted.solver.steps = model.solver.steps

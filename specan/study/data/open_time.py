@@ -22,7 +22,6 @@ from specan.study.observation.time import TimeObservation
 from specan.units import convert, is_compatible
 
 LEAST_PIECE = 20  # samples
-CHECKED = 2000  # samples that a model is checked with
 TITLE = "a recording (TDMS, WAV, CSV, MAT, HDF5, UFF)"
 
 
@@ -125,7 +124,8 @@ def for_check(model: Model, file: DataFile) -> tuple[Model, dict[str, Array]]:
     noise = {name: _noise(model, name, [values])[0] for name, values in found.measured.items()}
     known = _rates(model).sized(model, [(found.conditions, found.measured)])
     known = replace(known, rig=replace(model.rig, reading={**model.rig.reading, **noise}))
-    return known, {name: values[:CHECKED] for name, values in found.conditions.items()}
+    # 2000: samples that a model is checked with
+    return known, {name: values[:2000] for name, values in found.conditions.items()}
 
 
 def _rates(model: Model) -> Rates:

@@ -19,7 +19,6 @@ from specan.study.data.held_out import Column, put_aside
 from specan.study.observation import DataFile, MeasuredFiles, Observation
 
 ObservationT = TypeVar("ObservationT", bound=Observation)
-HUM_LINES = 1.5  # lines around a multiple of the mains' frequency that a Hann window lets it reach
 SECTIONS = 24  # of a recording, over which a drift is sought
 
 
@@ -105,9 +104,8 @@ def off_the_mains(frequency_hz: Real, heard: Iterable[int], line_hz: float) -> F
     array([ True,  True, False, False, False,  True,  True])
     """
     apart = [np.abs(frequency_hz - mains * np.maximum(np.rint(frequency_hz / mains), 1)) for mains in heard]
-    return np.all([gap > HUM_LINES * line_hz for gap in apart], axis=0) & np.ones(
-        len(frequency_hz), dtype=bool
-    )
+    # 1.5: lines around a multiple of the mains' frequency that a Hann window lets it reach
+    return np.all([gap > 1.5 * line_hz for gap in apart], axis=0) & np.ones(len(frequency_hz), dtype=bool)
 
 
 def _hum(samples: Real, excitation: Real, rate: float) -> list[int]:

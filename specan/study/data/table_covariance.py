@@ -35,8 +35,6 @@ from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.units import printed_unit
 
-DISCREPANCY_LENGTH = 0.5  # ranges of an operating variable, over which the declared discrepancy changes
-
 
 @dataclass(frozen=True)
 class Noise:
@@ -131,8 +129,9 @@ class Uncertainty:
         Equations tend to fail over one variable or two: every choice of them has an equal share of the variance. Half
         of it is common to all observables.
         """
+        # 0.5: ranges of an operating variable, over which the declared discrepancy changes
         squares = [
-            ((u[:, None] - u) / DISCREPANCY_LENGTH) ** 2
+            ((u[:, None] - u) / 0.5) ** 2
             for u in (stretched(rows.conditions[name], *ends) for name, ends in self.ranges.items())
         ]
         kernels = [

@@ -22,7 +22,6 @@ from specan.schema import decoded, regular
 from specan.units import base_unit
 
 MOST_NAMED = 5  # lines in one message
-LARGEST = 1e100  # of a value; the square of a larger one may have no floating point number
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 
 
@@ -241,7 +240,8 @@ def _number(word: str, path: Path, column: str, line: int, comma: bool) -> float
         value = float(word.replace(",", ".") if comma else word)
     except ValueError:
         value = math.nan
-    if not abs(value) < LARGEST:
+    # 1e100: of a value; the square of a larger one may have no floating point number
+    if not abs(value) < 1e100:
         what = "is too large" if math.isfinite(value) else "is not a number"
         raise InputError(
             f"{path}, line {line}: {word!r} in the column {column!r} {what}",

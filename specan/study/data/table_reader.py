@@ -23,9 +23,6 @@ MARKS = ("repeat", "setup")
 _WITH_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<a>[^]]*)\]|\((?P<b>[^)]*)\)|\s/\s*(?P<c>.+))\s*$")
 
 
-_PER_SECOND = ("1/s", "/s", "s^-1", "s-1", "s**-1", "s⁻¹", "hz")  # turns or radians: a factor of 2 pi
-
-
 def read_measurement(file: DataFile, model: Model) -> Table:
     """Read a table as a measurement of what a model predicts: its columns, checked, in the units of the model's.
 
@@ -203,7 +200,16 @@ class ColumnNames:
             ):
                 continue
             wanted = _unit_of(self._targets[name])
-            if unit.lower() in _PER_SECOND and is_compatible("rpm", wanted):
+            per_second = (
+                "1/s",
+                "/s",
+                "s^-1",
+                "s-1",
+                "s**-1",
+                "s⁻¹",
+                "hz",
+            )  # turns or radians: a factor of 2 pi
+            if unit.lower() in per_second and is_compatible("rpm", wanted):
                 raise InputError(
                     f"{self.path}: the column {name!r} is in {unit!r}, which may be turns or radians a second",
                     remedy="write rps or rad/s",

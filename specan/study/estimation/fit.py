@@ -31,7 +31,6 @@ from specan.study.observation import Array
 
 NEAR = 1e-4  # relative, where the trust-region steps of each start end; those of `refine` go on from the best
 MOST_STEPS = 60  # of one start, before another method is tried
-NORMAL_95 = 1.96  # standard deviations on either side of 95 % of a normal law
 PART_OF_SPREAD = 0.05  # of the uncertainty of what is held, over which a derivative is taken
 FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
 
@@ -329,7 +328,8 @@ def intervals_95(
     profiled : bool
         False: from the covariance, which is quick.
     """
-    moved = NORMAL_95 * _moved_by_what_is_held(problem, best)
+    # 1.96: standard deviations on either side of 95 % of a normal law
+    moved = 1.96 * _moved_by_what_is_held(problem, best)
     # The noise of a recording is told by its many samples.
     known = np.inf if all(o.kind == "time" for o in problem.observations) else problem.noise_dof
     allowed = best.dispersion * quantile(1 - 0.95, 1, known)

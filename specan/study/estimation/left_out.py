@@ -16,7 +16,6 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
 
 MOST_LEVELS = 12  # blocks of one operating variable
-MOST_ROWS = 400  # above which the fits cost more than the verdict
 
 
 def left_out_errors(problem: Problem, fit: Fit) -> list[ObservableError]:
@@ -29,7 +28,8 @@ def left_out_errors(problem: Problem, fit: Fit) -> list[ObservableError]:
     if others or not isinstance(observation, TableObservation):
         return []
     left_out = blocks(observation.labels)
-    if not left_out or problem.strategy.frugal or observation.n > MOST_ROWS:
+    # 400: rows above which the fits cost more than the verdict
+    if not left_out or problem.strategy.frugal or observation.n > 400:
         return []
     (slopes,), predicted = problem.sensitivities(fit.theta), []
     for block in left_out:

@@ -41,12 +41,7 @@ from specan.study.verdict import (
 )
 
 MOST_TOLD = 12  # sets of effects in the table, and places where the model fails
-LISTED = 1e-4  # probability below which an explanation is not listed
 LACK_OF_FIT = 1e-3  # probability below which a model does not fit
-TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
-ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
-OFF_FORM = 0.9  # probability that the errors of form are the largest, above which a name is doubted
-LARGER = 2.0  # times the declared noise of a recording, from which its user has to know
 DOUBT = 0.2  # probability of something else from which it is said: twice what it is before any data
 
 
@@ -139,6 +134,7 @@ class _Telling:
         return next(one for one in self.judged.stated if one.kind == kind)
 
     def _probabilities(self) -> list[Probability]:
+        # 1e-4: probability below which an explanation is not listed
         return [
             Probability(
                 one.text,
@@ -148,7 +144,7 @@ class _Telling:
                 one.probability,
             )
             for one in self.judged.stated
-            if one.probability > LISTED
+            if one.probability > 1e-4
         ]
 
     def _only_with(self, best: Refit, pulled: Sequence[Pull]) -> str:
@@ -195,7 +191,8 @@ class _Telling:
     def _off_form(self) -> bool:
         """Whether the named set fits only if its equations are off by as much as is thought possible."""
         sets = self.judged.sets
-        return bool(sets) and self.explanations.largest_errors_of_form(sets[0].best) > OFF_FORM
+        # 0.9: probability that the errors of form are the largest, above which a name is doubted
+        return bool(sets) and self.explanations.largest_errors_of_form(sets[0].best) > 0.9
 
     def _others(self) -> str:
         """The likeliest explanation without what is named."""
@@ -295,12 +292,13 @@ def not_settled(base: Refit) -> str:
 
 def larger_noise(problem: Problem) -> str:
     """A sentence where what is taken for noise of a recording is larger than declared: a lack may hide in it."""
+    # 2.0: times the declared noise of a recording, from which its user has to know
     found = [
         f"what is taken for noise of {name} ({noise.words}) is {noise.times:.2g} times as large as declared"
         for o in problem.observations
         if isinstance(o, TimeObservation)
         for name, noise in o.noise.items()
-        if noise.times > LARGER
+        if noise.times > 2.0
     ]
     return f"{' and '.join(found)}: something may be missing there" if found else ""
 
@@ -317,7 +315,9 @@ def _names(sets: Sequence[Stated]) -> str:
 def too_good(base: Refit) -> str:
     """A remark where the data scatter less than their uncertainty says: then nothing small is seen."""
     reduced = base.fit.reduced_chi2
-    if not reduced < TOO_GOOD or base.dof < ENOUGH:
+    # 0.3: reduced chi-square below which the stated uncertainty contradicts the scatter
+    # 10.0: degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
+    if not reduced < 0.3 or base.dof < 10.0:
         return ""
     return (
         f"reduced chi-square {reduced:.2f}: the stated uncertainty is {1 / np.sqrt(max(reduced, 1e-4)):.1f} times the "

@@ -44,21 +44,13 @@ EffectSet = frozenset[Use]
 # Beforehand: half that nothing is missing, the rest by how often each is met; sets of one and of two effects.
 NOTHING, OF_SIZE, UNKNOWN, FAULT = 0.5, (0.3, 0.1), 0.05, 0.05
 SURE = 0.95  # probability from which something is missing, the data are faulty, or nothing is left to decide
-OTHER_NOISE = 0.05  # of each further form of the noise
-BEYOND = 0.01  # that a value lies beyond what is known of it: what a range is declared for
-PULLED = 1.0  # standard deviations outside of what is known, from which a value is also fitted without that
 SETS = 0.7  # share of a diagnosis that is over when sets are fitted
 OF_THE_BEST = 1 / 30  # probability over that of the best set, from which a set is fitted, and named beside it
 WITHIN = -log(OF_THE_BEST)
 SLACK = 1.5  # ln by which a linear promise may fall short of a fit, or more where that of the best did
-AS_GOOD = 1.0  # ln of the best probability over that of something else, from where every effect is fitted
-LISTED = 9.0  # ln of the best probability over that of what counts at all
 # Likeliest effects whose pairs are all fitted where something else is likelier than every set; of integrated models.
 PAIRED, PAIRED_RATES = 8, 4
 STARTS = 2  # of another form of the base
-# Of the variance that an explanation leaves, what may be scatter of the readings.
-SCATTER = tuple(0.5**k for k in range(12))
-BY_CHANCE = 3.0  # standard deviations of chi-square (2 n its variance)
 BESIDE = 4  # sets beside which something else is looked for
 
 
@@ -116,7 +108,8 @@ class Explanation:
         if self.kind == "effects":
             if not (self.fitted and self.tangent.problem.strategy.frugal):
                 return True
-            left -= BY_CHANCE * np.sqrt(2 * rows)
+            # 3.0: standard deviations of chi-square (2 n its variance)
+            left -= 3.0 * np.sqrt(2 * rows)
         return bool(self.uses and left < FORMS[-1] ** 2 * taken)
 
     @property
@@ -310,7 +303,8 @@ class Explanations:
     def _list(self) -> None:
         """Keep what promises too little for a fit, where it counts at all."""
         for (_, uses), (promised, form, _) in self._left.items():
-            if promised > self.best - LISTED:
+            # 9.0: ln of the best probability over that of what counts at all
+            if promised > self.best - 9.0:
                 ln_prior = self._ln_prior(form, uses)
                 self.found.append(
                     Explanation(
@@ -324,7 +318,8 @@ class Explanations:
 
         A promise is a straight line: then every effect is fitted.
         """
-        return max(e.ln_joint for e in self.found if e.kind == "unknown") > self.best - AS_GOOD
+        # 1.0: ln of the best probability over that of something else, from where every effect is fitted
+        return max(e.ln_joint for e in self.found if e.kind == "unknown") > self.best - 1.0
 
     @property
     def _bends(self) -> bool:
@@ -441,7 +436,8 @@ class Explanations:
         for one in self._top(BESIDE):
             problem = one.tangent.problem
             pulls = problem.pulls(one.tangent.theta).items()
-            far = frozenset(name.whole for name, pull in pulls if abs(pull) > PULLED)
+            # 1.0: standard deviations outside of what is known, from which a value is also fitted without that
+            far = frozenset(name.whole for name, pull in pulls if abs(pull) > 1.0)
             if not far:
                 continue
             free = replace(problem, unheld=problem.unheld | far)
@@ -449,7 +445,8 @@ class Explanations:
                 there = descend(free, one.tangent.theta)
                 tangent = Tangent.at(free, there.theta, there.residual, there.jacobian)
                 _, ln_evidence = self.weighed(one.form, tangent)
-                chance = len(far) * log(BEYOND)
+                # 0.01: probability that a value lies beyond what is known of it: what a range is declared for
+                chance = len(far) * log(0.01)
                 self.found.append(one.but(chance, ln_evidence, kind="beyond", tangent=tangent))
 
     # --- something else ---------------------------------------------------------------------------
@@ -483,7 +480,8 @@ class Explanations:
         if self._bends or not self.cheap:
             return
         best: dict[int, Explanation] = {}
-        for times in SCATTER:
+        # halves of the variance that an explanation leaves: what may be scatter of the readings
+        for times in 0.5 ** np.arange(12.0):
             better = False
             for k, noise in enumerate(
                 scatter(one.tangent.problem, one.tangent.residual, one.form.predicted, times)
@@ -500,7 +498,8 @@ class Explanations:
         beside, ln_evidence = self.weighed(one.form, one.tangent, noise)
         if one.kind == "unknown":
             ln_evidence += self.errors.gain_of_unknown(one.form.problem, one.form.predicted, beside)
-        return one.but(log(OTHER_NOISE), ln_evidence, tangent=one.tangent.with_noise(noise), noise=noise)
+        # 0.05: probability of each further form of the noise
+        return one.but(log(0.05), ln_evidence, tangent=one.tangent.with_noise(noise), noise=noise)
 
     def _faults(self) -> None:
         """A fault of the data beside the likeliest of the others."""

@@ -35,13 +35,7 @@ from specan.units import convert, printed_unit
 # setting.
 SIZES = (0.003, 0.01, 0.03, 0.1, 0.3)
 OF_A_SETTING = (1.0, 3.0, 10.0, 30.0)
-PLACES = 200  # rows from which on something may differ, or values above which, that are tried
-MOST_LINES = 6  # that a sentence names
 LEAST_ROWS = 3  # on either side of such a row
-STEPS = 6  # that are taken to where a condition would be
-IN_REACH = 0.5  # of ln of the likeliest fault, from which steps are taken: a straight line may tell of half
-# Of the whole measurement, after which a sensor elsewhere has followed.
-LAGS = (0.003, 0.01, 0.03, 0.1, 0.3)
 WARM_UP = (0.02, 0.05, 0.15)  # of the whole measurement, over which first rows settle
 
 Words = Callable[[Array], str]
@@ -128,7 +122,8 @@ class Faults:
         told = []
         for own in gathered((one.name, k) for k, one in enumerate(self.all)).values():
             best = max(own, key=lambda k: found[k][0])
-            if self.all[best].moves and found[best][0] > max(IN_REACH * most, 0.0):
+            # 0.5: share of ln of the likeliest fault, from which steps are taken: a straight line may tell of half
+            if self.all[best].moves and found[best][0] > max(0.5 * most, 0.0):
                 found[best] = _followed(marginal, self.all[best], found[best])
             gain = float(ln_mean(np.array([found[k][0] for k in own])))
             told.append((gain, self.all[best].of_size(self.problem, found[best][1])))
@@ -148,7 +143,8 @@ def _followed(marginal: Marginal, fault: Fault, found: tuple[float, Array]) -> t
     at, least = np.concatenate([tangent.theta, np.zeros(course.shape[1])]), 2 * tangent.chi2
     size = tangent.theta.size
     new = np.concatenate([marginal.shifted(problem.whiten(fault.columns), found[1]), found[1]])
-    for _ in range(STEPS):
+    # 6: steps that are taken to where a condition would be
+    for _ in range(6):
         there = _moved(problem, name, course @ new[size:])
         residual = np.full(rows, np.inf)
         with suppress(ComputationError):  # no machine runs there
@@ -276,7 +272,8 @@ def _off(o: TableObservation, rows: Flags) -> Iterator[tuple[str, str, Array]]:
     for group in np.unique(o.replicate_group[rows]):
         alike = np.flatnonzero(rows & (o.replicate_group == group))
         if 1 < alike.size < rows.sum():
-            lines = first_of([o.place_of(int(k)) for k in alike], MOST_LINES)
+            # 6: lines that a sentence names
+            lines = first_of([o.place_of(int(k)) for k in alike], 6)
             shape = np.isin(np.arange(o.n), alike).astype(float)
             yield "one condition", f"the readings of one condition are off ({lines})", shape
 
@@ -348,7 +345,8 @@ def _rises(tangent: Tangent, o: TableObservation) -> Iterator[Array]:
     measured = [assembly.model.observables[name].quantity for name in dict.fromkeys(o.observable.tolist())]
     for name in [assembly.model.law] if assembly.model.law else measured:
         loss = np.abs(np.broadcast_to(found[name], u.shape))
-        for lag in LAGS:
+        # lags: shares of the whole measurement, after which a sensor elsewhere has followed
+        for lag in (0.003, 0.01, 0.03, 0.1, 0.3):
             before = np.exp(-np.maximum(u[:, None] - u, 0.0) / lag) * (u[:, None] >= u)
             rise = before @ loss / before.sum(axis=1) / max(float(np.mean(loss)), 1e-300)
             yield np.column_stack([rise, np.exp(-u / lag)])
@@ -474,7 +472,8 @@ def _from_a_row_on(o: TableObservation) -> Iterator[tuple[str, Flags]]:
 
 def _steps(x: Array) -> Iterator[Flags]:
     """Where values lie above one of them, that leaves rows on either side."""
-    for place in np.unique(np.quantile(x, np.linspace(0, 1, min(x.size, PLACES)), method="lower")):
+    # 200: rows from which on something may differ, or values above which, that are tried
+    for place in np.unique(np.quantile(x, np.linspace(0, 1, min(x.size, 200)), method="lower")):
         above = x > place
         if min(above.sum(), (~above).sum()) >= LEAST_ROWS:
             yield above

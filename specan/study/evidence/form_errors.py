@@ -36,7 +36,6 @@ SMOOTH = 0.8  # of unknown functions; the others act at one level of a variable,
 ROUGH = (0.0, 0.01, 0.03, 0.3)  # shares to which it may be wrong in each line by itself
 DELAYS = 30  # samples over which what is left may answer to the inputs, as many as noise may follow itself
 POWERS: tuple[Callable[[Array], Array], ...] = (np.square, lambda x: x**3, lambda x: x * np.abs(x))
-SEEN = 0.1  # standard deviations that a column changes all rows by, below which it says nothing
 
 # Form of the noise, columns, and deviations of their coefficients.
 Wrong = tuple[Noise | None, Array, tuple[float, ...]]
@@ -143,7 +142,8 @@ class AlongLines:
         for of, roughs in ((np.ones((row.size, 1)), ROUGH), (own, ROUGH[::2])):
             each = (root[:, :, None] * of[:, None, :]).reshape(row.size, -1)
             white = problem.whiten(np.hstack([change[:, None] * each, turned[:, None] * each]))
-            white = white[:, np.sum(white**2, axis=0) * FORMS[-1] ** 2 > SEEN**2]
+            # 0.1: standard deviations that a column changes all rows by, below which it says nothing
+            white = white[:, np.sum(white**2, axis=0) * FORMS[-1] ** 2 > 0.1**2]
             for rough in roughs:
                 yield Rough(rough * sizes) if rough else None, white, FORMS
 

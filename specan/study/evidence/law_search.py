@@ -26,7 +26,6 @@ from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
 
 MOST_LAWS = 4  # that are proposed
-REFINED = 40  # formulas whose shapes are fitted after the scan
 LEAST_ROWS = 12  # below which no law is looked for
 NAME = "proposed-shift"
 
@@ -137,7 +136,8 @@ def search_laws(start: Refit) -> LawSearch:
     prior = [0.5 * NOTHING / alike[len(formula.factors)] for _, formula in scans]
     rest = start.linear.project_out(start.linear.residual)
     scanned = [_scanned(start, *scan, variables, rest) for scan in scans]
-    order = sorted(range(len(scans)), key=lambda k: -scanned[k][0] - np.log(prior[k]))[:REFINED]
+    # 40: formulas whose shapes are fitted after the scan
+    order = sorted(range(len(scans)), key=lambda k: -scanned[k][0] - np.log(prior[k]))[:40]
     fitted = {
         k: one for k in order if (one := _Refined(start, *scans[k], variables, rest).fitted(scanned[k][1]))
     }

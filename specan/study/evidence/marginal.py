@@ -25,7 +25,6 @@ from specan.study.estimation.problem import Problem
 from specan.study.evidence.noise import Noise
 from specan.study.observation import Array
 
-PULL_STEPS = 3  # linear steps in which the pulls of known ranges settle
 AT_END = 1e-6  # sizes of a parameter, within which it rests on an end of its domain: what rounding leaves
 
 
@@ -169,7 +168,8 @@ class Marginal:
         ends = problem.bounds()[0] - tangent.theta, problem.bounds()[1] - tangent.theta
         low, high = np.minimum(ends[0] / size, 0.0), np.maximum(ends[1] / size, 0.0)
         step = np.zeros(k + size.size)
-        for _ in range(PULL_STEPS):
+        # 3: linear steps in which the pulls of known ranges settle
+        for _ in range(3):
             theta = tangent.theta + step[k:] * size
             pull = problem.pseudo.jacobian(theta) * size
             matrix, right = normal.copy(), along.copy()

@@ -25,8 +25,6 @@ from specan.study.observation.autoregression import burg, innovations, ln_volume
 from specan.study.observation.table import TableObservation
 
 ORDER = 2  # most coefficients: an oscillation of what is not measured has two
-LEAST_ROWS = 30  # of a chain, from which it is looked at
-LEAST_SCATTER = 1.4  # times the declared variance, from which a larger one is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +96,8 @@ def scatter(problem: Problem, residual: Array, predicted: Array, times: float) -
                 continue
             sizes[own] *= np.sqrt(max(known - 1, 0.0) / power)
             price += 0.5 * np.log(own.size)
-            told += [f"{name} {np.sqrt(known):.2g} times"] if known > LEAST_SCATTER else []
+            # 1.4: times the declared variance, from which a larger one is looked for
+            told += [f"{name} {np.sqrt(known):.2g} times"] if known > 1.4 else []
         if told:
             text = (
                 f"settings scatter more than their repeats ({', '.join(told)}{how}): declare how well they are set"
@@ -167,7 +166,8 @@ def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:
         ):
             for number, name in product(np.unique(o.recording), np.unique(o.observable)):
                 rows = np.flatnonzero((o.recording == number) & (o.observable == name))
-                if rows.size >= LEAST_ROWS:
+                # 30: rows of a chain, from which it is looked at
+                if rows.size >= 30:
                     found.append(first + rows[np.argsort(lines[rows], kind="stable")])
         first += o.n
     return tuple(found)

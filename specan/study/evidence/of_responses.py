@@ -36,8 +36,6 @@ from specan.study.selection.initial_fit import InitialFit, with_covariances_abou
 from specan.study.selection.single_instruments import displaced
 
 SHORT = 2 / 3  # of what a promise leaves beyond the noise from afar, that a fit may take away in addition
-IN_REACH = 30.0  # ln of the best probability over that of a set that is looked at closer
-COMPARED = 4  # likeliest single effects that are compared in the field of the best
 
 
 class OfResponses(Explanations):
@@ -84,7 +82,8 @@ class OfResponses(Explanations):
         self.progress("refitting with the covariance of the field found")
         done = {e.uses: e.tangent.problem.values_at(e.tangent.theta) for e in sets}
         base = with_covariances_about(self.near.base, sets[0].uses, done[sets[0].uses])
-        likely = tuple(use for e in sets[:COMPARED] for use in e.uses)
+        # 4: likeliest single effects that are compared in the field of the best
+        likely = tuple(use for e in sets[:4] for use in e.uses)
         self._about(InitialFit(base, likely, done, sets[0].uses))
         super()._search()
         self.found = [e for e in self.found if not self._only_repairs(e)]
@@ -172,7 +171,8 @@ class OfResponses(Explanations):
         """Expect more beside the likeliest sets, where they are likelier than nothing, and rivals of the best."""
         sets = sorted((e for e in self.found if e.kind == "effects"), key=lambda e: -e.ln_joint)
         nothing = self._bare(self.forms[0]).ln_joint
-        sets = [e for e in sets if e.ln_joint > max(nothing, sets[0].ln_joint - IN_REACH)]
+        # 30.0: ln of the best probability over that of a set that is looked at closer
+        sets = [e for e in sets if e.ln_joint > max(nothing, sets[0].ln_joint - 30.0)]
         if not sets:
             return False
         self._expect_rivals(sets[0])

@@ -26,7 +26,6 @@ from specan.study.selection.signatures import (
 )
 
 ONE_SIDED_80 = 0.84  # standard deviations below which four of five values of a normal law lie
-SHARES = (1.0, 0.5, 0.2, 0.05)  # of the way to a promise
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +56,12 @@ class Promise:
         origin = {f"{self.use}.{n}": v for n, v in effect.neutral_si.items()} | dict(self.origin)
         found = [problem.start(self.origin)]
         for start in self.starts:
+            # shares of the way to a promise
             places = [
                 problem.start(
                     {n: origin.get(n, v) + share * (v - origin.get(n, v)) for n, v in start.items()}
                 )
-                for share in SHARES
+                for share in (1.0, 0.5, 0.2, 0.05)
             ]
             left = [float(np.sum(problem.residual(place) ** 2)) for place in places]
             found.append(places[int(np.argmin(np.nan_to_num(left, nan=np.inf)))])

@@ -13,9 +13,6 @@ from specan.study.data.table_covariance import stretched
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 
-LEFT = 1e-3  # of the variance, that a root may leave out
-MOST = 100  # columns of a root
-
 
 def operating_points(problem: Problem) -> Array:
     """Operating variables of all measured rows, each from 0 to 1 over its range; shape (n, d)."""
@@ -51,7 +48,9 @@ def kernel_root(points: Array, length: float) -> Array:
     """
     left = np.ones(points.shape[0])
     columns: list[Array] = []
-    while left.max() > LEFT and len(columns) < MOST:
+    # 1e-3: of the variance, that a root may leave out
+    # 100: columns of a root
+    while left.max() > 1e-3 and len(columns) < 100:
         k = int(np.argmax(left))
         column = np.exp(-0.5 * np.sum(((points - points[k]) / length) ** 2, axis=1))
         for other in columns:

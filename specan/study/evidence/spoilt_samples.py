@@ -12,7 +12,6 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
 
-MAINS = (50.0, 60.0)  # Hz
 OFF_MAINS = 0.002  # of them, that grids leave their frequency by
 MULTIPLES = 6
 
@@ -30,7 +29,8 @@ def spoilt(o: TimeObservation, off: Array) -> Iterator[Spoilt]:
         What a prediction leaves.
     """
     for name in o.chains:
-        for mains in MAINS:
+        # Hz
+        for mains in (50.0, 60.0):
             yield from _hum(o, name, off, mains)
         yield from _cut_off(o, name)
 

@@ -22,9 +22,6 @@ from specan.study.observation.autoregression import (
 )
 from specan.study.observation.table import TableObservation
 
-# shares of white noise beside that of a disturbance
-WHITE = (0.9, 0.5, 0.2, 0.05, 0.01, 2e-3, 5e-4, 1e-4, 1e-5)
-
 
 @dataclass(frozen=True)
 class Noise:
@@ -130,7 +127,11 @@ class TimeObservation(TableObservation):
                 own = response[chains[0]]
                 if np.any(own) and np.all(np.isfinite(own)):
                     words = f"an unmeasured random change of d{state}"
-                    forms += [Noise(words, of_process(own, 1 - white), 1) for white in WHITE]
+                    # shares of white noise beside that of a disturbance
+                    forms += [
+                        Noise(words, of_process(own, 1 - white), 1)
+                        for white in (0.9, 0.5, 0.2, 0.05, 0.01, 2e-3, 5e-4, 1e-4, 1e-5)
+                    ]
             worth = [ln_likelihood(chains, residual, f.reflections) for f in forms]
             price = 0.5 * np.log(max(sum(rows.size for rows in chains), 1))
             best = forms[int(np.argmax([w - price * f.estimated for w, f in zip(worth, forms, strict=True)]))]

@@ -33,11 +33,7 @@ from specan.study.selection.refits import (
 from specan.study.selection.starting_values import scan_promising, scan_shapes
 
 REFITTED, PER_EFFECT = 6, 2  # candidates that promise most, and at most so many of one effect
-CLEAR = 0.7  # share of the base's chi-square on the down-weighted view that may be left by what is nearer
-LIKELY = 3  # effects that are led on over all lines, and that a search looks at first
-SUBSAMPLE_JACOBIANS = 5  # Jacobians of a subsample
 JACOBIANS = 3  # of all lines, from where a subsample leads
-ABOUT_ITSELF = 2  # covariances about the field of a set: the second is about where the first leads
 
 Led = tuple[float, dict[str, Any]]  # chi-square with the price of the parameters, and SI values
 
@@ -76,7 +72,8 @@ def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> Initial
         return InitialFit(start)
     refits = _singles(start.problem, progress)
     base, near = refits.base, _nearest(refits)
-    if near.fit.chi2 > CLEAR * base.fit.chi2:  # the base is as near as the view can tell
+    # 0.7: share of the base's chi-square on the down-weighted view that may be left by what is nearer
+    if near.fit.chi2 > 0.7 * base.fit.chi2:  # the base is as near as the view can tell
         return InitialFit(start)
     sets = {
         uses: r for uses, r in refits.done.items() if uses and r.fit.chi2 < PRUNING_FACTOR * near.fit.chi2
@@ -141,7 +138,8 @@ def _on_all_lines(start: Refit, near: Refit, sets: Mapping[EffectSet, Refit]) ->
         theta = whole.start(values)
         subsample = whole.subsampled(theta)
         with suppress(ComputationError):  # it stays where the down-weighted view has it
-            theta = descend_steps(subsample, theta, SUBSAMPLE_JACOBIANS)
+            # 5: Jacobians of a subsample
+            theta = descend_steps(subsample, theta, 5)
         chi2 = float(np.sum(subsample.residual(theta) ** 2)) * problem.n_data / subsample.n_data
         return chi2 + refit.count * price, whole.values_at(theta)
 
@@ -151,7 +149,8 @@ def _on_all_lines(start: Refit, near: Refit, sets: Mapping[EffectSet, Refit]) ->
         return float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price, whole.values_at(theta)
 
     subsampled = dict(zip(sets, each_anew(on_a_subsample, list(sets)), strict=True))
-    likeliest = sorted(sets, key=lambda uses: subsampled[uses][0])[:LIKELY]
+    # 3: effects that are led on over all lines, and that a search looks at first
+    likeliest = sorted(sets, key=lambda uses: subsampled[uses][0])[:3]
     return dict(zip(likeliest, each_anew(on_all, likeliest), strict=True))
 
 
@@ -171,7 +170,8 @@ def about_itself(refit: Refit) -> Refit:
         return refit
     problem, theta = refit.problem, refit.fit.theta
     with suppress(ComputationError):  # what was found stays as it is
-        for _ in range(ABOUT_ITSELF):
+        # 2: covariances about the field of a set: the second is about where the first leads
+        for _ in range(2):
             problem = about(problem, problem.assembly, problem.values_at(theta))
             theta = descend_steps(problem, theta, JACOBIANS)
         return replace(refit, problem=problem, fit=describe(problem, theta))

@@ -13,8 +13,6 @@ from specan.study.selection.refits import Refit
 # outlier of a normal law (p = 0.003).
 TOO_FAR = 3.0
 COVERAGE = 2.0  # standard uncertainties of a prior that its range is shown as (coverage factor 2)
-MOST_NAMED = 2  # operating variables that are named, in the model's order
-SHOWN = 1.0  # pulls below this are no news
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,8 @@ def pulls(refit: Refit) -> tuple[Pull, ...]:
 def shown(found: tuple[Pull, ...]) -> tuple[Pull, ...]:
     """Those that a person is told of."""
     outside = [p for p in found if not p.known[0] <= p.value <= p.known[1]]
-    return tuple(p for p in outside if abs(p.pull) >= SHOWN or p.at_bound)
+    # 1.0: pulls below this are no news
+    return tuple(p for p in outside if abs(p.pull) >= 1.0 or p.at_bound)
 
 
 def what_would_tell(refit: Refit) -> str:
@@ -95,7 +94,8 @@ def what_would_tell(refit: Refit) -> str:
         values = [o.conditions[name] for o in problem.observations if name in o.conditions]
         if all(np.ptp(v) <= 1e-9 * np.max(np.abs(v), initial=0.0) for v in values):
             constant.append(condition.column.rpartition("_")[0].replace("_", " ") or name)
-    return ", ".join(f"a second {name}" for name in constant[:MOST_NAMED])
+    # 2: operating variables that are named, in the model's order
+    return ", ".join(f"a second {name}" for name in constant[:2])
 
 
 def _pull(refit: Refit, name: ParameterName) -> Pull:

@@ -32,16 +32,11 @@ from specan.study.selection.signatures import with_rows_of
 EffectSet = frozenset[Use]
 
 POOR_FIT = 1.5  # reduced chi-square above which a base is too far from the data to set out from
-FORM_TOLERANCE = 0.2  # share of its signature to which the equation of an effect is trusted
 PRUNING_FACTOR = 3.0  # times the best chi-square so far, beyond what an equation may be off
 # Jacobians of all lines before a set is given up, each with the multiple of the best chi-square beyond which no more
 # are spent on it: windows that a subsample has from elsewhere change a response by some per cent, where the noise is
 # some tenths of one.
 HOPELESS = (0, 1000.0), (1, 100.0), (2, 0.0)
-SLOPE_STEP = 1e-3  # of a parameter's typical size
-
-# Change of the whitened residual by a parameter's typical size below which it is on a plateau.
-MOVES = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +63,8 @@ class Refit:
     def linear(self) -> Projection:
         """The fit linearised; parameters that change nothing there are left out."""
         columns = self.fit.jacobian
-        moves = np.linalg.norm(columns, axis=0) * self.problem.scale > MOVES
+        # 1e-3: change of the whitened residual by a parameter's typical size below which it is on a plateau
+        moves = np.linalg.norm(columns, axis=0) * self.problem.scale > 1e-3
         return Projection.of(self.fit.residual, columns[:, moves])
 
     @property
@@ -237,7 +233,8 @@ class Refits:
         for jacobians, hopeless in HOPELESS:
             theta = descend_steps(problem, theta, jacobians)
             chi2, best = float(np.sum(problem.residual(theta) ** 2)), min(others)
-            if chi2 <= PRUNING_FACTOR * best + FORM_TOLERANCE**2 * max(self.base.fit.chi2 - best, 0.0):
+            # 0.2: share of its signature to which the equation of an effect is trusted
+            if chi2 <= PRUNING_FACTOR * best + 0.2**2 * max(self.base.fit.chi2 - best, 0.0):
                 return None  # near enough for an exact minimum, or an exact equation, to help
             if chi2 > hopeless * best:
                 break
@@ -290,7 +287,8 @@ def _slopes(fewer: Refit | None, problem: Problem, theta: Real) -> Real | None:
         if name in known and name.whole in fewer.problem.free:
             columns.append(with_rows_of(known[name], fewer.problem, problem))
             continue
-        step, moved = SLOPE_STEP * problem.scale[k], theta.copy()
+        # 1e-3: step as a share of a parameter's typical size
+        step, moved = 1e-3 * problem.scale[k], theta.copy()
         there = theta[k] + step if theta[k] + step <= high[k] else theta[k] - step
         moved[k] = np.clip(there, low[k], high[k])
         columns.append((problem.residual(moved) - here) / (moved[k] - theta[k]))

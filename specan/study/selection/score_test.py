@@ -19,10 +19,6 @@ from specan.result import gathered
 from specan.study.estimation.linear import Projection
 from specan.study.selection.signatures import Signature
 
-INVISIBLE = 1e-6  # share of a signature, in chi-square, below which it is collinear with the base's Jacobian
-WORTH_A_TEST = 1.0  # chi-square that a signature must be able to leave at some size in its domain
-SAME_GAIN = 0.95  # of the gain of another start: too near to it to lead elsewhere
-
 
 @dataclass(frozen=True, eq=False)
 class Scored:
@@ -72,12 +68,14 @@ def score(fit: Projection, found: Sequence[Signature]) -> list[Scored]:
     for signature in found:
         columns = signature.columns
         projected = fit.project_out(columns)
-        if not np.sum(projected**2) > INVISIBLE * np.sum(columns**2):
+        # 1e-6: share of a signature, in chi-square, below which it is collinear with the base's Jacobian
+        if not np.sum(projected**2) > 1e-6 * np.sum(columns**2):
             continue
         if projected.shape[1] == 1:
             (column,), (low, high) = projected.T, signature.multiplier_bounds
             along, size = float(column @ fit.residual), float(column @ column)
-            if size * max(abs(low), abs(high)) ** 2 < WORTH_A_TEST:
+            # 1.0: chi-square that a signature must be able to leave at some size in its domain
+            if size * max(abs(low), abs(high)) ** 2 < 1.0:
                 continue
             multiple = min(max(-along / size, low), high)
             gain = -2 * multiple * along - multiple**2 * size
@@ -102,6 +100,7 @@ def different(items: Sequence[Scored], count: int) -> list[Scored]:
             break
         shapes, size = item.signature.shapes, item.signature.size
         same = any(t.signature.shapes == shapes and np.all(t.signature.size == size) for t in taken)
-        if item.chi2_reduction < SAME_GAIN * taken[-1].chi2_reduction and not same:
+        # 0.95: of the gain of another start: too near to it to lead elsewhere
+        if item.chi2_reduction < 0.95 * taken[-1].chi2_reduction and not same:
             taken.append(item)
     return taken

@@ -19,20 +19,11 @@ from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate, grid
 
-SAME_LINE = 0.99  # cosine between signatures to both sides of nothing, above which they are one straight line
-MOST_VALUES = 4_000_000  # predicted values held at a time
-
-
-SAME_DIRECTION = 0.985  # cosine above which two sizes of an effect leave one direction
-REFINE_BELOW = 0.8  # cosine below which a shape is tried between two others
 ROUNDS = 4  # of refinement of one shape
-MOST_PLACES = 60  # places of its shapes that one candidate is tried at
 # Evaluations for all candidates together: for a small table, and where there are very many rows.
 MOST_EVALUATIONS, LEAST_EVALUATIONS = 4000, 400
 ROWS = 175  # of a small table
 FEW = 10  # places below which sizes are not distinguished
-COLLINEAR = 1e-3  # share of a signature that is no more than rounding
-ROUNDING = 1e-9  # standard deviations of the noise, below which a signature is nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +164,8 @@ def _sides(there: Real | None, back: Real | None, value: float, mirrored: float)
     found = [(there, value)]
     if back is not None and np.linalg.norm(back) > 0:
         cosine = float(there @ back) / float(np.linalg.norm(there) * np.linalg.norm(back) or 1.0)
-        found += [(back, mirrored)] if cosine > -SAME_LINE else []
+        # 0.99: cosine between signatures to both sides of nothing, above which they are one straight line
+        found += [(back, mirrored)] if cosine > -0.99 else []
     return found
 
 
@@ -194,7 +186,8 @@ def changes(
     keys = [(candidate.use, tuple(sorted(point.items()))) for point in points]
     new = {key: point for key, point in zip(keys, points) if key not in known}
     values = _values_at(candidate, fit, list(new.values()))
-    chunk = max(1, MOST_VALUES // problem.n_data)
+    # 4_000_000: predicted values held at a time
+    chunk = max(1, 4_000_000 // problem.n_data)
     found: list[Real | None] = []
     for first in range(0, len(values), chunk):
         part = values[first : first + chunk]
@@ -252,7 +245,8 @@ def shape_grid(
     """
     base = Projection.of(fit.residual, fit.jacobian)
     allowed = max(LEAST_EVALUATIONS, min(MOST_EVALUATIONS, MOST_EVALUATIONS * ROWS // problem.n_data))
-    most = max(1, min(MOST_PLACES, allowed // max(len(found), 1)))
+    # 60: places of its shapes that one candidate is tried at
+    most = max(1, min(60, allowed // max(len(found), 1)))
     grids: dict[Use, list[Point]] = {}
     for candidate in found:
         own = _ShapeGrid(problem, fit, base, candidate, most, known)
@@ -290,7 +284,9 @@ class _ShapeGrid:
             return None
         left = self.base.project_out(column)
         size = float(np.linalg.norm(left))
-        return left / size if size > max(COLLINEAR * float(np.linalg.norm(column)), ROUNDING) else None
+        # 1e-3: share of a signature that is no more than rounding
+        # 1e-9: standard deviations of the noise, below which a signature is nothing
+        return left / size if size > max(1e-3 * float(np.linalg.norm(column)), 1e-9) else None
 
     def sizes(self) -> list[float]:
         """Values of the amplitude whose signatures differ in direction; the default first."""
@@ -360,8 +356,10 @@ class _ShapeGrid:
 def _turns(first: Real | None, second: Real | None) -> bool:
     if first is None or second is None:
         return first is not second
-    return bool(abs(first @ second) < REFINE_BELOW)
+    # 0.8: cosine below which a shape is tried between two others
+    return bool(abs(first @ second) < 0.8)
 
 
 def _apart(first: Real, second: Real | None) -> bool:
-    return second is None or bool(abs(first @ second) < SAME_DIRECTION)
+    # 0.985: cosine above which two sizes of an effect leave one direction
+    return second is None or bool(abs(first @ second) < 0.985)

@@ -19,10 +19,6 @@ from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import default_value, residuals
 
-STEP = 0.1  # of a usual size, for slopes
-ROUNDS = 5  # of Gauss-Newton steps
-EXPLAINS = 0.5  # of what a receiver's own rows leave beyond the noise, that its error has to explain
-
 
 @dataclass(frozen=True)
 class Displaced:
@@ -61,14 +57,16 @@ def _led(
     theta = problem.start({**refit.fit.values, **neutral})
     low, high = problem.bounds()
     own = {c.use: np.array([problem.names.index(name) for name in c.amplitudes]) for c in found}
-    size = {c.use: STEP * np.array([default_value(c, n) - c.neutral(n) for n in c.amplitudes]) for c in found}
+    # 0.1: of a usual size, for slopes
+    size = {c.use: 0.1 * np.array([default_value(c, n) - c.neutral(n) for n in c.amplitudes]) for c in found}
 
     def at(many: list[Real]) -> Real:
         return residuals(problem, [problem.values_at(one) for one in many])
 
     start = at([theta])[:, 0]
     here, reach = start.copy(), dict.fromkeys(own, 1.0)
-    for _ in range(ROUNDS):
+    # 5: of Gauss-Newton steps
+    for _ in range(5):
         moved = np.tile(theta, (max(part.size for part in own.values()), 1))
         for use, part in own.items():
             moved[np.arange(part.size), part] += size[use]
@@ -87,6 +85,7 @@ def _led(
     for use, part in own.items():
         before, after = (float(x[rows[use]] @ x[rows[use]]) for x in (start, here))
         gain = before - after
-        if gain > EXPLAINS * (before - min(refit.fit.reduced_chi2, 1.0) * rows[use].size):
+        # 0.5: of what a receiver's own rows leave beyond the noise, that its error has to explain
+        if gain > 0.5 * (before - min(refit.fit.reduced_chi2, 1.0) * rows[use].size):
             out[use] = Displaced({problem.names[k]: float(theta[k]) for k in part}, gain)
     return out

@@ -30,13 +30,9 @@ from specan.study.selection.score_test import Scored, best_of_each, different, s
 from specan.study.selection.signatures import Known, Point, default_value, shape_grid, signatures
 
 STARTS = 3  # signatures of a candidate that lie apart
-SCANNED = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
 # effects that are looked for at every place; places of an element; places from which a search goes on
 BEST = 2
 PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
-LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
-RESONANCES = 45  # 5 % apart over a decade
-EACH_EDGE = 5  # places along an edge that are tried with sizes: two a wavelength where it holds 1.5
 WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side of the best, and how often
 
 
@@ -102,7 +98,8 @@ def scan_promising(refit: Refit) -> dict[Use, list[Scored]]:
     names: dict[str, Use] = {}
     for use in order:
         names.setdefault(use.name, use)
-    found = scan_shapes(refit, [*order[:SCANNED], *names.values()])
+    # 6: candidates that are looked at over all of their shapes, beside the best place of every effect
+    found = scan_shapes(refit, [*order[:6], *names.values()])
     if not found:
         return found
     best = dict.fromkeys(use.name for use in sorted(found, key=lambda use: refit.promised(found[use][0])))
@@ -159,7 +156,8 @@ def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
     if len(places) < 3 or candidate.without_prior:
         return []
     usual: Point = {name: default_value(candidate, name) for name in candidate.shapes}
-    along = [float(part) for part in np.linspace(0.08, 0.92, EACH_EDGE)]  # parts of an edge
+    # 5: places along an edge that are tried with sizes: two a wavelength where it holds 1.5
+    along = [float(part) for part in np.linspace(0.08, 0.92, 5)]  # parts of an edge
     points: list[Point] = [
         {**usual, **dict(zip(places, place, strict=True)), candidate.amplitudes[0]: size}
         for size in _sizes(candidate)
@@ -238,7 +236,8 @@ def _symmetric_places(shapes: Mapping[str, float]) -> list[dict[str, float]]:
 
 def _range_of(candidate: Candidate, name: str) -> list[float]:
     """Values over a shape's plausible range; a resonance is narrow and must not fall between two."""
-    count = RESONANCES if candidate.parameter(name).unit == "Hz" else WIDE
+    # 45: 5 % apart over a decade
+    count = 45 if candidate.parameter(name).unit == "Hz" else WIDE
     return [float(value) for value in grid(*candidate.plausible(name), count)]
 
 
@@ -246,9 +245,8 @@ def _promised_size(best: Scored) -> dict[str, float]:
     """The amplitude that a signature promises, no larger than that of the signature; empty for several."""
     if best.amplitudes > 1:
         return {}
-    share = np.clip(np.abs(best.expected_change), LEAST_SIZE, 1.0) * np.where(
-        best.expected_change < 0, -1.0, 1.0
-    )
+    # 0.01: part of a usual size, below which an effect acts in proportion to it
+    share = np.clip(np.abs(best.expected_change), 0.01, 1.0) * np.where(best.expected_change < 0, -1.0, 1.0)
     return dict(zip(best.signature.names, (best.signature.neutral + share * best.signature.size).tolist()))
 
 
