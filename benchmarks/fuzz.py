@@ -18,6 +18,7 @@ import struct
 import sys
 import tempfile
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -360,7 +361,8 @@ def by_command(*words: str) -> list[str]:
     from specan_cli.main import main as command
 
     try:
-        with np.errstate(all="ignore"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
             CliRunner().invoke(command, list(words), catch_exceptions=False, standalone_mode=False)
     except SpecanError as error:
         return [f"{' '.join(words)}: {error}"] if error.exit_code == 4 else []

@@ -22,6 +22,7 @@ from pathlib import Path
 import click
 import fuzz
 import numpy as np
+import scipy.signal
 
 ODD = (
     "", " ", "nan", "inf", "-1", "0", "1e300", "1e-300", "x", "ä=β", "a,b,c", "1:2:3", "/", "9" * 400, "=", "1=nan",
@@ -49,6 +50,47 @@ MODEL = Model(
 )
 '''
 RIG = "[uncertainty]\nforce_N = 0.01\n"
+RATES = '''"""A mass on a spring."""
+from specan.models import Model, Parameter, Signal, State, effect
+
+@effect("cubic-spring", adds_to="spring", neutral={"size": 0.0})
+def cubic(x, *, size=Parameter(1e7, "N/m^3", min=1e5, max=1e9, lower=-1e10, upper=1e10)):
+    """A spring that hardens."""
+    return size * x**3
+
+def spring(x, stiffness): return stiffness * x
+def dx(v): return v
+def dv(force, spring, v, damping): return force - spring - damping * v
+
+model = Model.from_rates(
+    dx, dv, spring, states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"},
+    observables={"x": Signal("mm", 1.0)},
+    parameters={"stiffness": (1e4, 1e3, 1e5, "N/m"), "damping": (20, 1, 200, "N*s/m")}, units={"spring": "N"},
+    effects=[cubic],
+)
+'''
+SIX = '''"""A load of six travels."""
+from specan.models import Condition, Model, Parameter, effect
+
+@effect("square", adds_to="load", neutral={"size": 0.0})
+def square(u, *, size=Parameter(0.1, "N/mm^2", min=0, max=1)):
+    """A square."""
+    return size * u**2
+
+def load(u, v, w, x, y, z, rate): return rate * (u + v + w + x + y + z)
+
+model = Model.from_function(
+    load, conditions={n: Condition(n, "mm", n, n, "mm") for n in "uvwxyz"}, observables={"load": ("N", 0.1)},
+    parameters={"rate": (2.0, 0.5, 5, "N/mm")}, effects=[square],
+)
+'''
+SIX_RIG = "[limits]\n" + "".join(f"{name} = [0, 10]\n" for name in "uvwxyz")
+# A study of each kind, by its directory: what it is made of, and an effect of its model.
+STUDIES = {
+    "s": ("--model spring.py --rig rig.toml --measurement t.csv", "stiffening"),
+    "r": ("--model rates.py --measurement force.csv", "cubic-spring"),
+    "c": ("--model six.py --rig six.toml --measurement six.csv", "square"),
+}
 
 
 def made(place: Path) -> None:
@@ -57,19 +99,33 @@ def made(place: Path) -> None:
         (place / name).write_bytes(data)
     (place / "spring.py").write_text(MODEL, encoding="utf-8")
     (place / "rig.toml").write_text(RIG, encoding="utf-8")
+    (place / "rates.py").write_text(RATES, encoding="utf-8")
+    (place / "six.py").write_text(SIX, encoding="utf-8")
+    (place / "six.toml").write_text(SIX_RIG, encoding="utf-8")
+    rng = np.random.default_rng(1)
     travel = np.repeat(np.linspace(0.1, 1.0, 10), 2)
-    force = 2 * travel + 0.4 * travel**3 + 0.01 * np.random.default_rng(1).standard_normal(20)
-    np.savetxt(
-        place / "t.csv",
-        np.column_stack([travel, force, np.tile([1, 2], 10)]),
-        "%.6g",
-        ",",
-        header="travel_m,force_N,repeat",
-        comments="",
-    )
+    force = 2 * travel + 0.4 * travel**3 + 0.01 * rng.standard_normal(20)
+    table(place / "t.csv", "travel_m,force_N,repeat", travel, force, np.tile([1, 2], 10))
+    time, drive = np.arange(400) / 500, 30 * rng.standard_normal(400)
+    answer = 1e3 * scipy.signal.lsim(([1.0], [1.0, 20.0, 1e4]), drive, time)[1]
+    table(place / "force.csv", "time [s],force [N],x [mm]", time, drive, answer + rng.standard_normal(400))
+    six = rng.uniform(1, 10, (6, 40))
+    load = 2 * six.sum(axis=0) + 0.1 * six[0] ** 2 + 0.1 * rng.standard_normal(40)
+    table(place / "six.csv", "u,v,w,x,y,z,load", *six, load)
     for name in RIGS:
         (place / f"{name}.toml").write_text(printed("model", "rig", name), encoding="utf-8")
-    printed(*NEW, "good")
+    for name in STUDIES:
+        printed(*new(name), name)
+
+
+def table(path: Path, head: str, *columns: np.ndarray) -> None:
+    """Columns as CSV."""
+    np.savetxt(path, np.column_stack(columns), "%.6g", ",", header=head, comments="")
+
+
+def new(study: str) -> tuple[str, ...]:
+    """The command that makes a study, but for its directory."""
+    return ("study", "new", *STUDIES[study][0].split(), "-q")
 
 
 def printed(*words: str) -> str:
@@ -84,8 +140,7 @@ def printed(*words: str) -> str:
 
 
 RIGS = ("worm-gear", "room", "planetary-gear")
-NEW = ("study", "new", "--model", "spring.py", "--rig", "rig.toml", "--measurement", "t.csv", "-q")
-# What each command is given beside the option that is tried; commands on studies get a copy of the good one.
+# What each command is given beside the option that is tried; `model` and `study` also of the other kinds.
 ARGUMENTS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(
         ("info", "octave", "fft", "frf", "tones", "impulse", "rms", "srs", "decay"), ("noise.tdms",)
@@ -102,7 +157,7 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     "simulate worm-gear": ("worm-gear.toml", "-o", "simulated.csv"),
     "simulate room": ("room.toml", "-o", "room.tdms", "--duration", "0.2"),
     "simulate planetary-gear": ("planetary-gear.toml", "-o", "gear.tdms", "--duration", "0.1"),
-    "study new": (*NEW[2:], "s"),
+    "study new": (*new("s")[2:], "n"),
     "study add": ("s", "stiffening"),
     "study drop": ("s", "stiffening"),
     **{
@@ -126,12 +181,25 @@ def commands(group: click.Group, path: tuple[str, ...] = ()) -> Iterator[tuple[s
             yield " ".join((*path, name)), command
 
 
+def beginnings(main: click.Group) -> Iterator[tuple[str, click.Command, tuple[str, ...]]]:
+    """Every command with its arguments: those of models and studies with a table, rates and six conditions."""
+    for path, command in commands(main):
+        given = ARGUMENTS[path]
+        yield path, command, given
+        for study, (_, effect) in list(STUDIES.items())[1:]:
+            other = {"s": study, "stiffening": effect, "spring.py": {"r": "rates.py", "c": "six.py"}[study]}
+            if path == "study new":
+                yield path, command, (*new(study)[2:], "n")
+            elif other.keys() & set(given):
+                yield path, command, tuple(other.get(word, word) for word in given)
+
+
 def tried(values: int, rng: np.random.Generator) -> Iterator[tuple[str, ...]]:
     """Words of a command line each: every flag; every option that takes a value, with some odd ones; every argument."""
     from specan_cli.main import main
 
-    for path, command in commands(main):
-        words = (*path.split(), *ARGUMENTS[path])
+    for path, command, given in beginnings(main):
+        words = (*path.split(), *given)
         for parameter in command.params:
             if isinstance(parameter, click.Option) and (parameter.is_flag or parameter.count):
                 yield (*words, parameter.opts[-1])
@@ -140,7 +208,7 @@ def tried(values: int, rng: np.random.Generator) -> Iterator[tuple[str, ...]]:
                 if isinstance(parameter, click.Argument):
                     if ODD[k] == "/":  # all that is on the machine takes its time
                         continue
-                    yield (*path.split(), ODD[k], *ARGUMENTS[path][1:])
+                    yield (*path.split(), ODD[k], *given[1:])
                 else:
                     yield (*words, parameter.opts[-1], ODD[k])
 
@@ -175,22 +243,24 @@ def on_copies(good: Path, words: tuple[str, ...], change: dict[str, bytes] | Non
         shutil.copytree(good, place)
         for file, data in (change or {}).items():
             (place / file).write_bytes(data)
-        if words[:1] == ("study",) and words[1] != "new":
-            shutil.copytree(place / "good", place / "s")
         before = hashes(place)
         with contextlib.chdir(place):
             faults = in_time(words)
         after = hashes(place)
+        own = tuple(f"{name}/" for name in STUDIES if words[:1] == ("study",) and name in words)
         touched = [
-            file for file, was in before.items() if after.get(file) != was and not file.startswith("s/")
+            file for file, was in before.items() if after.get(file) != was and not file.startswith(own)
         ]
         return faults + [f"{' '.join(words)}: {file} was changed" for file in touched]
 
 
 def options(good: Path, values: int, seed: int) -> Iterator[str]:
     """What is wrong with any option of any command."""
-    for words in tried(values, np.random.default_rng(seed)):
-        yield from on_copies(good, words)
+    lines = list(tried(values, np.random.default_rng(seed)))
+    for k in np.random.default_rng([seed, 8]).permutation(
+        len(lines)
+    ):  # a run that is ended has tried all verbs
+        yield from on_copies(good, lines[k])
 
 
 VERBS_OF_STUDIES = ("compare", "diagnose", "propose", "history", "next", "report")
@@ -200,14 +270,16 @@ def studies(good: Path, count: int, seed: int) -> Iterator[str]:
     """What is wrong with studies of damaged tables, rig files and models, and with damaged studies."""
     rng = np.random.default_rng([seed, 9])
     for number in range(count):
-        file = ("t.csv", "rig.toml", "spring.py")[number % 3]
+        study = list(STUDIES)[number // 3 % 3]
+        of = [word for word in STUDIES[study][0].split() if "." in word]
+        file = of[number % len(of)]
         damaged = fuzz.mutant(rng, (good / file).read_bytes(), 1 << 20, text=True)
-        yield from on_copies(good, (*NEW, "s"), {file: damaged})
-        file = ("good/study.toml", "good/history.jsonl", "t.csv")[number % 3]
+        yield from on_copies(good, (*new(study), "n"), {file: damaged})
+        file = (f"{study}/study.toml", f"{study}/history.jsonl", of[-1])[number % 3]
         damaged = fuzz.mutant(rng, (good / file).read_bytes(), 1 << 20, text=True)
         verb = VERBS_OF_STUDIES[number % len(VERBS_OF_STUDIES)]
         more = ("-o", "r.html") if verb == "report" else ()
-        yield from on_copies(good, ("study", verb, "s", *more), {file: damaged})
+        yield from on_copies(good, ("study", verb, study, *more), {file: damaged})
 
 
 def main() -> int:

@@ -10,7 +10,14 @@ import numpy as np
 from pydantic import Field
 
 from specan.analysis.accumulator import READ_BLOCK, read_through
-from specan.analysis.section import SectionSettings, channel_named, compared, responses_to, section
+from specan.analysis.section import (
+    SectionSettings,
+    channel_named,
+    compared,
+    responses_to,
+    section,
+    slow_part,
+)  # fmt: skip
 from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
@@ -131,6 +138,19 @@ class TransferFunctionAccumulator:
             references=[0] if self.instrument is None else [0, 1],
             shifts=self.shifts,
         )
+        self._silence = self._around(self.channels, self.settings.block)
+        self._spectra.add(self._silence)
+
+    def _around(self, channels: Sequence[Channel], length: int) -> Real:
+        """What blocks that reach over the ends of the section hold beyond them, where the reference passes once.
+
+        Without these, what drives a line at an end is on the flank of a window, and the response to it on another part.
+        """
+        mean = np.zeros((len(channels), 1))
+        if not self._passes_once:
+            return mean[:, :0]
+        mean[:, 0] = slow_part(self.recording, channels, self.start, self.stop).constant
+        return np.repeat(mean, length, axis=1)
 
     def _average(self, **more: Any) -> CrossSpectra:
         """An empty average in the blocks of the analysis."""
@@ -187,8 +207,11 @@ class TransferFunctionAccumulator:
         read = [*self.channels, *generators]
         spectra = CrossSpectra(rate, longest, how.window, how.overlap, n_channels=len(read), references=[0])
         until = stop if self._passes_once else min(stop, start + _LOOK_BLOCKS * block)
+        silence = self._around(read, longest)
+        spectra.add(silence)
         for samples in self.recording.blocks(read, READ_BLOCK, start, until):
             spectra.add(samples)
+        spectra.add(silence)
         seen = spectra.result()
         first = estimate("H1", seen.auto[0], seen.auto, seen.cross[0], seen.n_effective)
         # Lines without coherence would drown the peak; 2/n is what chance gives.
@@ -220,6 +243,7 @@ class TransferFunctionAccumulator:
 
     def result(self) -> FrequencyResponse:
         """Transfer functions from what was added so far; from all of a section that the first look took in."""
+        self._spectra.add(self._silence)
         spectra = self._spectra.result() if self._whole is None else self._whole
         spectra = spectra.part(len(self.channels), self.settings.n_lines)
         found = self._estimate(spectra)
@@ -235,7 +259,7 @@ class TransferFunctionAccumulator:
         seen = None if self._longer is None else self._longer.bias(settings.block, first)
         lost = leakage(found.response, found.u_relative, settings.block, settings.window, shifts, seen)
         cut = self._cut(spectra) if self._passes_once else np.zeros(1)
-        u_leakage = np.hypot(lost, np.minimum(cut, np.sqrt(cut)))
+        u_leakage = np.hypot(lost, cut)
         u_relative = np.hypot(found.u_relative, u_leakage)
         step = self.reference.sampling_rate / settings.block
         notes = (*self.notes, *self._remarks(found, lost, cut, spectra.auto[0]))
@@ -266,21 +290,23 @@ class TransferFunctionAccumulator:
         )
 
     def _cut(self, spectra: SpectralMatrix) -> Real:
-        """What drives each line in blocks that reach over the ends of the section, over what does within it.
+        """What the ends of the section cut from a line's response, over all of it.
 
-        A sweep that begins or ends there is on the flank of a window, and its response on another part of it: by so
-        much of itself H1 may be wrong.
+        By so much of what is left H1 may be wrong. A response that dies out by 60 dB in a quarter of a block, for which
+        blocks are chosen, goes on beyond the end with `ringing`, and into the section from what drove it before.
         """
-        block, hop = self.settings.block, hop_of(self.settings.block, self.settings.overlap)
-        past, beyond = self.start + spectra.n_blocks * hop, np.zeros(self.settings.n_lines)
-        ends = ((self.start, self.start + block - hop, (block - hop, 0)), (past, self.stop, (0, block)))
-        for first, last, silence in ends:
-            samples = self.recording.read([self.reference], first, last)
-            grid = self._average(n_channels=1)
-            grid.add(np.pad(samples - samples.mean(), ((0, 0), silence)))
-            beyond += grid.n_blocks * grid.result().auto[0, 1:]
+        block, cut = self.settings.block, np.zeros(self.settings.n_lines)
+        away = np.arange(block) / block
+        ringing, bell = 10 ** (-12 * away), 0.5 + 0.5 * np.cos(np.pi * away)
+        for first, step in ((self.start, 1), (self.stop - block, -1)):
+            samples = self.recording.read([self.reference], first, first + block) - self._silence[0, 0]
+            both = samples[:, ::step] * [ringing, bell]
+            lost, driven = np.abs(np.fft.rfft(both))[:, 1 : len(cut) + 1]
+            cut += lost * driven
+        hop = hop_of(block, self.settings.overlap)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return beyond / (spectra.n_blocks * spectra.auto[0])
+            cut /= spectra.n_blocks * hop * self.reference.sampling_rate / 2 * spectra.auto[0]
+            return cut / np.maximum(1 - cut, 0)
 
     def _estimate(self, spectra: SpectralMatrix) -> Estimate:
         first = len(self.channels) - len(self.responses)

@@ -248,5 +248,5 @@ def lines_between(frequency_hz: Real, fmin: float, fmax: float) -> Flags:
 def leaking(u_leakage_percent: Real, u_magnitude_percent: Real) -> Flags:
     """Lines whose leakage exceeds 1 % and what noise makes uncertain."""
     with np.errstate(invalid="ignore"):
-        found = (u_leakage_percent > LEAKAGE_PERCENT) & (2 * u_leakage_percent**2 > u_magnitude_percent**2)
+        found = (u_leakage_percent > LEAKAGE_PERCENT) & (2 * u_leakage_percent**2 >= u_magnitude_percent**2)
     return np.asarray(found)
