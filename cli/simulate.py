@@ -70,8 +70,8 @@ def _simulate(
     model = load_model(model_name, override(said, settings))
     for file in effect_files:
         model = model.with_effect(*effects_from_file(file))
-    if options["noise"] < 0:
-        raise RequestError(f"--noise is {options['noise']}", expected="a standard deviation, not below zero")
+    if not 0 <= options["noise"] <= 1e30:  # far above it single precision overflows
+        raise RequestError(f"--noise is {options['noise']}", expected="a standard deviation from 0 to 1e30")
     run(model, options)
 
 

@@ -50,7 +50,7 @@ def steps(directory: Path) -> Iterator[tuple[str, Study]]:
 
 
 def numbers() -> dict[str, Any]:
-    """Everything that is drawn: torques in N m, residuals (model - measured) in mN m, speeds in rpm.
+    """Everything that is drawn: torques in N m, residuals (measured - model) in mN m, speeds in rpm.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def numbers() -> dict[str, Any]:
         "temperature_C": observation.labels["oil_temperature_C"].tolist(),
         "measured_N_m": observation.measured.tolist(),
         "predicted_N_m": predicted[0].tolist(),
-        "residual_mN_m": [(1e3 * (p - observation.measured)).tolist() for p in predicted],
+        "residual_mN_m": [(1e3 * (observation.measured - p)).tolist() for p in predicted],
     }
 
 
@@ -102,7 +102,7 @@ def draw(drawn: dict[str, Any], path: Path) -> None:
                 speed[mine] + shift, np.array(residual)[mine], "o", ms=3, color=colour, label=f"{level:g}"
             )
         axes.set(xlabel="speed / rpm\n(temperatures side by side)", ylim=(-span, span), title=title)
-    first.set_ylabel("model - measured / mN m")
+    first.set_ylabel("measured - model / mN m")
     second.legend(
         title="oil temperature / °C",
         fontsize="small",

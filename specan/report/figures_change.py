@@ -70,7 +70,7 @@ def _residuals(axes: Axes, study: Study, legend: bool) -> float:
         f, errors = found.frequency_hz[used], found.error_dB[:, used]
         named = zip(found.channels, errors, strict=True)
         curves = tuple(Curve(name, f, error) for name, error in named if np.isfinite(error).any())
-        panel = Panel("Model - measured level / dB", curves, marks=(0.0,))
+        panel = Panel("Measured - model level / dB", curves, marks=(0.0,))
         octave_axis(axes, float(f[0]), float(f[-1]))
         axes.set_xlabel("Frequency / Hz")
         reach = float(np.clip(np.nanquantile(np.abs(errors), 0.995), 1.0, 20.0))

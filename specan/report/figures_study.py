@@ -90,7 +90,7 @@ def figure_comparison(found: Comparison, channel: str | None = None) -> Figure:
         if line:
             legend_below(figure, same[0][0], MOST_LINES, title=axis_text(line, observation.variables))
     figure.align_ylabels(grid[:, 0])
-    grid[1, 0].set_ylabel("(Model - measured)\n/ sigma" if study.data.known else "Relative to 1 %")
+    grid[1, 0].set_ylabel("(Measured - model)\n/ sigma" if study.data.known else "Relative to 1 %")
     bars = " with two standard uncertainties" if study.data.known else ""
     band = " Grey band: two standard uncertainties." if study.data.known else ""
     explained = f"Points: measured{bars}. Lines: model.{band}"
@@ -127,7 +127,7 @@ def _draw(
     x = readings(study.model, observation, panel.x)
     at_level = _predict(study, observation, _at_levels(study, observation, panel.x))
     shown = observation.measured - predicted + at_level
-    z = (predicted - observation.measured) / observation.sigma
+    z = (observation.measured - predicted) / observation.sigma
     bottom.axhspan(-2, 2, color="0.92", lw=0)
     bottom.axhline(0, color="0.5", lw=0.8)
     for text, colour, mine in _lines(observation, panel):

@@ -105,7 +105,7 @@ def response_drawing(
     panels = (
         Panel(f"Magnitude / dB re 1 {printed_unit(unit)}", tuple(levels), level_limits(level, _DYNAMICS_DB)),
         Panel("Phase / degrees", tuple(phases), share=2, leads=False, phase=True),
-        Panel("Error / dB", tuple(errors), (-end, end), share=2, leads=False),
+        Panel("Measured - model / dB", tuple(errors), (-end, end), share=2, leads=False),
     )
     ends = float(used.min()), float(used.max())
     return Drawing(found.name, ("",), "Frequency / Hz", panels, hertz=True, x_limits=ends)
@@ -142,8 +142,8 @@ class MeasuredTransfer:
 
     @property
     def error_dB(self) -> Real:
-        """Level of the model less that of the measurement."""
-        return np.asarray(level_dB(self.model) - level_dB(self.measured))
+        """Level of the measurement less that of the model."""
+        return np.asarray(level_dB(self.measured) - level_dB(self.model))
 
     def by_misfit(self) -> list[int]:
         """Numbers of the channels in use, that with the largest error in units of the uncertainty first."""

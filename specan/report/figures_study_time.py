@@ -46,7 +46,7 @@ def figure_compare_time(study: Study, channel: str | None = None) -> Figure:
     rows = max(o.chains[name], key=len)
     time, measured = o.conditions[TIME][rows], o.measured[rows]
     predicted = study.problem.plain(study.shown.theta)[0][rows]
-    gap, unit = predicted - measured, study.model.observables[name].unit
+    gap, unit = measured - predicted, study.model.observables[name].unit
     figure = new_figure(7.0, 7.6)
     top, middle, bottom = figure.subplots(3, 1)
     first = int(np.clip(np.argmax(np.abs(gap)) - SHOWN // 2, 0, max(rows.size - SHOWN, 0)))
@@ -56,12 +56,12 @@ def figure_compare_time(study: Study, channel: str | None = None) -> Figure:
     top.set(ylabel=axis_label(name, unit))
     top.legend(loc="upper right", ncols=2)
     middle.plot(time, gap, color=COLOURS[1], lw=0.5)
-    middle.set(xlabel="Time / s", ylabel=axis_label("Model - measured", unit))
+    middle.set(xlabel="Time / s", ylabel=axis_label("Measured - model", unit))
     rate, size = 1 / float(time[1] - time[0]), max(2 * rows.size // (SEGMENTS + 1), 8)
     f, of_measured = welch(measured - measured.mean(), rate, nperseg=size)
     left = welch(gap, rate, nperseg=size)[1]
     bottom.loglog(f[1:], np.sqrt(of_measured[1:]), color="0.5", lw=1, label="measured")
-    bottom.loglog(f[1:], np.sqrt(left[1:]), color=COLOURS[1], lw=1, label="model - measured")
+    bottom.loglog(f[1:], np.sqrt(left[1:]), color=COLOURS[1], lw=1, label="measured - model")
     for word, column in (study.model.rates.inputs if study.model.rates else {}).items():
         given = o.conditions[column][rows]
         if np.ptp(given):

@@ -59,18 +59,18 @@ class Rows:
         `kind` is ``z``, in standard uncertainties, ``residual``, or ``pair``: what the model says.
         """
         frame, first = self.frame, str(self.frame["observable"].iloc[0])
-        left = frame["model"] - frame["measured"]
+        left = frame["measured"] - frame["model"]
         reach = 2 * float(frame["u"].median()) if self.known else 0.0
         values, marks, label = {
             "z": (
                 left / frame["u"],
                 (-2.0, 0.0, 2.0),
-                f"(Model - measured) / {'sigma' if self.known else '1 % of it'}",
+                f"(Measured - model) / {'sigma' if self.known else '1 % of it'}",
             ),
             "residual": (
                 left,
                 tuple({-reach, 0.0, reach}),
-                axis_label(f"Model - measured {first}", self.units[first]),
+                axis_label(f"Measured - model {first}", self.units[first]),
             ),
             "pair": (frame["model"], (), axis_label(first.capitalize(), self.units[first])),
         }[kind]

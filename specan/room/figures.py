@@ -106,14 +106,14 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     clear = np.abs(errors.level_dB) > 2 * errors.u_level_dB
     reach = max(_LEAST_SCALE_DB, float(np.nanquantile(np.abs(errors.level_dB), 0.98)))
     axes = panels["map"]
-    image = axes.imshow(errors.level_dB, cmap="PuOr_r", vmin=-reach, vmax=reach, aspect="auto")
+    image = axes.imshow(-errors.level_dB, cmap="PuOr_r", vmin=-reach, vmax=reach, aspect="auto")
     mic, third = np.nonzero(clear)
     axes.plot(third, mic, ".", color="k", ms=3)
     axes.grid(False)
     axes.set_yticks(range(len(errors.channels)), errors.channels)
     axes.set_xticks(range(len(errors.bands)), errors.band_texts, rotation=60)
     axes.set(xlabel=axis_text("third", {"third": errors.third}))
-    figure.colorbar(image, ax=axes, label="Model - measured / dB")
+    figure.colorbar(image, ax=axes, label="Measured - model / dB")
     band = errors.worst_band
     receivers = receivers_of(study.model)
     places = receivers.positions_m
@@ -122,7 +122,7 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     for name, seen in (("plan", [0, 1]), ("side", [0, 2])):
         axes = panels[name]
         across, up = places[:, seen].T
-        axes.scatter(across, up, c=errors.level_dB[:, band], s=60, **colours)
+        axes.scatter(across, up, c=-errors.level_dB[:, band], s=60, **colours)
         axes.plot(across[shown], up[shown], "s", ms=13, mfc="none", color="k")
         axes.set(xlim=(0, dims[seen[0]]), ylim=(0, dims[seen[1]]), aspect="equal")
         axes.set(xlabel=f"{'xyz'[seen[0]]} / m", ylabel=f"{'xyz'[seen[1]]} / m")

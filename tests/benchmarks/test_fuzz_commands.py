@@ -57,6 +57,7 @@ def test_the_fuzz_sees_a_file_that_is_changed_and_an_internal_error(good, monkey
     "words",
     [
         "simulate worm-gear worm-gear.toml -o a.csv --seed -1",
+        "simulate planetary-gear planetary-gear.toml -o a.tdms --duration 0.1 --noise 1e300",
         "study next s --effect /",
         f"study propose s --effect {400 * '9'}",
         "study report s -o /",

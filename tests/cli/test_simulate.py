@@ -135,7 +135,7 @@ def test_rows_outside_the_validity_are_told(tmp_path):
         (("--grid", "speed=1"), "did you mean 'speed_rpm'"),
         (("--grid", "speed_rpm=fast"), "cannot be read"),
         (("-o", "no/such/place.csv"), "cannot be written"),
-        (("--noise", "-1"), "not below zero"),
+        (("--noise", "-1"), "from 0 to 1e30"),
     ],
 )
 def test_requests_that_cannot_be_carried_out(arguments, message):

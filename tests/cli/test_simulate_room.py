@@ -171,7 +171,7 @@ def test_a_picture_of_the_field(rig, tmp_path):
         (("-o", "rec.tdms", "-e", "leek@y1"), "did you mean 'leak'"),
         (("-o", "rec.tdms", "-e", "wall-impedance@z3"), "z3"),
         (("-o", "rec.tdms", "--duration", "0"), "0.1 to 120 s"),
-        (("-o", "rec.tdms", "--noise", "-1"), "not below zero"),
+        (("-o", "rec.tdms", "--noise", "-1"), "from 0 to 1e30"),
         (("-o", "rec.tdms", "--frequency", "900"), "f_max_hz, 250 Hz"),
         (("-o", "rec.csv"), "ends in .tdms"),
         (("-o", "no/such/place.tdms"), "does not exist"),

@@ -290,9 +290,9 @@ def test_a_tried_effect_stands_beside_the_model_as_it_is_and_the_measurement():
     view.show(Tried(problem, stacked([1.0, 1.0]), ("leak@x0",)))
     assert names()[1:] == ["Mic <b>2</b> model", "Mic <b>2</b> model before"]
     assert error.source.data["y"][1] == pytest.approx(np.zeros(40), abs=1e-12)
-    assert error.source.data["y"][2] == pytest.approx(20 * np.log10(2) * np.ones(40))
+    assert error.source.data["y"][2] == pytest.approx(-20 * np.log10(2) * np.ones(40))
     view.show(Tried(problem, stacked([1.0, 3.0]), ("scatterer",)))  # before is still the model as it is
-    assert error.source.data["y"][2] == pytest.approx(20 * np.log10(2) * np.ones(40))
+    assert error.source.data["y"][2] == pytest.approx(-20 * np.log10(2) * np.ones(40))
     view.microphones.value = ["0/Mic 1", "0/Mic <b>2</b>"]
     assert len(names()) == 6
     view.show(Tried(problem, stacked([1.0, 1.0])))

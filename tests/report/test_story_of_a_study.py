@@ -53,7 +53,7 @@ def test_a_change_is_drawn_before_and_after(story, heading_text):
     for axes, one in ((before, study), (after, change.study)):
         points = [line for line in axes.lines if line.get_marker() == "."]  # not the lines across
         drawn = np.concatenate([line.get_ydata() for line in points])
-        residual = one.problem.predictions(one.shown.theta)[0] - one.problem.observations[0].measured
+        residual = one.problem.observations[0].measured - one.problem.predictions(one.shown.theta)[0]
         np.testing.assert_allclose(np.sort(drawn), np.sort(residual))
         at = np.concatenate([line.get_xdata() for line in points])
         # where they were read, not at the mean of a level

@@ -91,9 +91,10 @@ def simulated_recording(
 
 def check_frequency(frequency_hz: float, highest: float) -> None:
     """Refuse a frequency beyond the band of the rig file."""
-    if not 0.0 < frequency_hz <= highest:
+    if not 1e-3 <= frequency_hz <= highest:
         raise RequestError(
-            f"{frequency_hz:g} Hz is requested", expected=f"a frequency up to [band] f_max_hz, {highest:g} Hz"
+            f"{frequency_hz:g} Hz is requested",
+            expected=f"a frequency from 0.001 Hz up to [band] f_max_hz, {highest:g} Hz",
         )
 
 
