@@ -8,15 +8,13 @@ import re
 import time
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from bokeh.document import Document
 from bokeh.models import CustomJS, Div, TextInput, Toggle
 from bokeh.themes import Theme
 
 from specan.report.figure_style import COLOURS as PRINTED
-
-if TYPE_CHECKING:
-    from bokeh.document import Document
 
 # Black and white would vanish on one of the two backgrounds: grey in the place of black.
 COLOURS = (*PRINTED[:6], "#8b8f98")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from html import escape
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+from bokeh.document import Document
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, InlineStyleSheet, LayoutDOM, Plot, Spacer
 
@@ -14,9 +15,6 @@ from specan.errors import RequestError, SpecanError
 from specan.inspect.look import TEMPLATE, THEMES, WIDGETS, BrowserLink, Busy, dark_toggle
 from specan.inspect.view import InAddress
 from specan.inspect.work import Work
-
-if TYPE_CHECKING:
-    from bokeh.document import Document
 
 LABELS = {"txt": "Save numbers", "png": "PNG", "svg": "SVG"}
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from bokeh.document import Document
 from bokeh.layouts import column, row
 from bokeh.models import (
     Checkbox,
@@ -37,9 +38,6 @@ from specan.report.html_page import table
 from specan.report.panels import Panel
 from specan.report.waveform import read_overviews
 from specan.result import RecordingResult
-
-if TYPE_CHECKING:
-    from bokeh.document import Document
 
 TABS = (OctaveTab, FftTab, FrfTab, LevelsTab, SpectrogramTab, OrdersTab, InfoTab)
 FIRST_CHANNELS = 4  # on screen when nothing else is said

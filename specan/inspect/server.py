@@ -8,22 +8,20 @@ import secrets
 import socket
 import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
+from bokeh.document import Document
 from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
 from bokeh.server.util import bind_sockets
 from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPHeaders, HTTPServerRequest
 from tornado.ioloop import IOLoop
 from tornado.web import OutputTransform, RedirectHandler, RequestHandler
 
 from specan.errors import RequestError
-
-if TYPE_CHECKING:
-    from bokeh.document import Document
-    from tornado.httputil import HTTPHeaders, HTTPServerRequest
 
 LOOPBACK = "127.0.0.1"
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from bokeh.document import Document
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, ScrollBox, TextInput
 
@@ -26,9 +27,6 @@ from specan.report.residual_map import failing_map
 from specan.study.edit import Change, add_effect
 from specan.study.selection.candidates import candidates
 from specan.study.verdict import Diagnosis, headline, reason
-
-if TYPE_CHECKING:
-    from bokeh.document import Document
 
 _SIDE = 350  # px
 _AS_IT_IS = 112  # px: what the words "Discard trial" take

@@ -7,15 +7,14 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from bokeh.document import Document
 
 from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import SpecanError, unforeseen
-
-if TYPE_CHECKING:
-    from bokeh.document import Document
 
 _TELL_S = 0.25
 

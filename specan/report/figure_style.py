@@ -7,16 +7,17 @@ import io
 import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation, Text
+from matplotlib.ticker import NullLocator
 
 from specan.arrays import Real
 from specan.errors import RequestError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 # Okabe and Ito, Color Universal Design (2008): distinguished by every kind of colour vision. Their yellow is left out:
 # it is too light for a line on white.
@@ -35,8 +36,6 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
     @functools.wraps(draw)
     def drawn(*args: Any, **kwargs: Any) -> Figure:
-        import matplotlib as mpl
-
         with mpl.rc_context(fname=STYLE):
             return draw(*args, **kwargs)
 
@@ -45,15 +44,11 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
     """An empty figure of some inches, without a window and without pyplot's global state."""
-    from matplotlib.figure import Figure
-
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def heading(figure: Any, title: str, *facts: str) -> None:
     """Title at the top left in bold; settings and result below it in grey, folded to the figure's width."""
-    from matplotlib.text import Annotation
-
     width = float(figure.get_size_inches()[0])
     bold = textwrap.wrap(title, int(12.5 * width)) or [""]
     plain = [line for fact in facts if fact for line in textwrap.wrap(fact, int(15.5 * width))]
@@ -152,8 +147,6 @@ def style_of(number: int, full: bool = False) -> dict[str, Any]:
 
 def octave_axis(axes: Axes, low_hz: float, high_hz: float, which: Literal["x", "y"] = "x") -> None:
     """Logarithmic frequency axis with a tick at each octave."""
-    from matplotlib.ticker import NullLocator
-
     axes.set(**{f"{which}scale": "log", f"{which}lim": (low_hz, high_hz)})
     shown = [(f, text) for f, text in zip(OCTAVES, OCTAVE_NAMES, strict=True) if low_hz <= f <= high_hz]
     axis = axes.xaxis if which == "x" else axes.yaxis
@@ -240,9 +233,6 @@ def save_figure(figure: Figure, path: Path) -> None:
     RequestError
         The suffix is unknown, or the file cannot be written.
     """
-    import matplotlib as mpl
-    from matplotlib.text import Text
-
     from specan import __version__
     from specan.io.output_file import whole_file
 

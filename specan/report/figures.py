@@ -6,14 +6,13 @@ import importlib
 from collections.abc import Callable
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from specan.errors import RequestError
 from specan.report import figure_style
 from specan.report.panels import Drawing, figure_of_panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # Of installed packages: class = function, or class.view, of a comparison with a model class.model.
 ENTRY_POINTS = "specan.figures"

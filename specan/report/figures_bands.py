@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from specan.arrays import Real
 from specan.data.band_levels import BandLevels, LevelHistory
 from specan.data.decay import DecayTimes
 from specan.data.levels import SignalLevels
+from specan.data.limits import LimitCurve
 from specan.divisions import division_name
 from specan.errors import RequestError
 from specan.report.figure_style import (
@@ -38,12 +40,6 @@ from specan.report.panels import (
     numbered,
     with_bounds,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from specan.data.limits import LimitCurve
 
 _DYNAMICS_DB = 90.0  # that a figure shows at most
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from specan.data.calibration import Calibration
 from specan.report.figure_style import COLOURS, heading, legend_below, name_rows, new_figure, styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _MARKS = {"good": ("o", COLOURS[0]), "doubtful": ("s", COLOURS[5]), "failed": ("x", COLOURS[1])}
 

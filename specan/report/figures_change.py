@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, GREY, heading, legend_above, new_figure, octave_axis, styled
@@ -15,17 +16,12 @@ from specan.report.panels import Curve, Panel, draw_panels
 from specan.report.residual_map import axis_text
 from specan.report.study_rows import table_rows
 from specan.report.study_words import falls, state_of
+from specan.study.edit import Change
 from specan.study.history import History, Step
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.table import TableObservation
+from specan.study.study import Study
 from specan.units import axis_label
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from specan.study.edit import Change
-    from specan.study.study import Study
 
 
 @styled

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from matplotlib.figure import Figure
 
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, heading, name_rows, new_figure, styled
 from specan.study.verdict import Diagnosis, NextMeasurements, Ranked, headline, percent
 from specan.units import axis_label
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MOST_ROWS = 16
 

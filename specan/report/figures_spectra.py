@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from specan.arrays import Real
 from specan.data.frequency_response import FrequencyResponse
+from specan.data.limits import LimitCurve
 from specan.data.orders import OrderSpectrum
 from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum
 from specan.report.figure_style import band_about, level_label, micro, with_gaps
 from specan.report.panels import Curve, Drawing, Panel, Picture, grouped, level_panels, with_bounds
 from specan.result import counted
 from specan.units import level_reference
-
-if TYPE_CHECKING:
-    from specan.data.limits import LimitCurve
 
 _DYNAMICS_DB = 100.0  # that a figure shows at most
 _PICTURE_DB = 60.0  # that colours show: more would hide what differs by a few

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from specan.arrays import Flags, Real
 from specan.errors import RequestError
@@ -16,17 +17,11 @@ from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.figures_study_time import figure_compare_time
 from specan.report.residual_map import axis_text, plot_axes
 from specan.report.study_words import state_of
-from specan.study.comparison import readings
+from specan.study.comparison import Comparison, readings
 from specan.study.observation import variable_named
 from specan.study.observation.table import TableObservation
+from specan.study.study import Study
 from specan.units import axis_label, convert
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from specan.study.comparison import Comparison
-    from specan.study.study import Study
 
 MOST_PANELS = 4
 MOST_LINES = 7

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from specan.arrays import Complex, Real
 from specan.dsp.transfer_function import phase_deg
@@ -23,12 +23,8 @@ from specan.report.figure_style import (
 from specan.report.panels import Curve, Drawing, Panel, draw_panels, joined
 from specan.report.study_words import state_of
 from specan.study.observation.frf import FrfObservation
+from specan.study.study import Study
 from specan.units import printed_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from specan.study.study import Study
 
 MOST_CHANNELS = 3  # columns of the figure: those that the model misses most
 _DYNAMICS_DB = 70.0

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.signal import csd, welch
 
 from specan.errors import RequestError, nearest
@@ -12,12 +11,8 @@ from specan.models.rates import TIME
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.report.study_words import state_of
 from specan.study.observation.time import TimeObservation
+from specan.study.study import Study
 from specan.units import axis_label
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from specan.study.study import Study
 
 SHOWN = 500  # samples of the first panel, about the largest error
 SEGMENTS = 16

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from specan.data.channel import Channel
+from specan.data.decay import ImpulseResponses
 from specan.data.recording import Recording
 from specan.report.figure_style import COLOURS, heading, micro, new_figure, remark, styled
 from specan.report.panels import Drawing, level_panels
 from specan.report.waveform import COLUMNS, Waveform, common_reach, read_overviews
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from specan.data.decay import ImpulseResponses
 
 MOST_CHANNELS = 32
 _DYNAMICS_DB = 80.0  # that the figure of impulse responses shows at most

@@ -7,15 +7,13 @@ import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from specan import __version__
 from specan.report.figure_style import image
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from specan.result import Sheet
+from specan.result import Sheet
 
 STYLE = Path(__file__).with_name("page.css").read_text(encoding="utf-8")
 

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from specan.arrays import Real
 from specan.report.figure_style import (
@@ -24,10 +26,6 @@ from specan.report.figure_style import (
     styled,
 )
 from specan.result import gathered
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 FEW = 8  # channels that are drawn each in its own colour
 APART = 3  # of many: those that are drawn over the range

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from specan import __version__
 from specan.io.output_file import check_directory, text_file
@@ -21,14 +21,11 @@ from specan.report.figures_study import figure_comparison
 from specan.report.html_page import bullets, page, picture, shown, table
 from specan.report.residual_map import failing_map, residual_map
 from specan.report.study_words import allowed_for, fall_text
+from specan.study.comparison import Comparison
 from specan.study.history import History, Step, error_pairs
+from specan.study.study import Study
 from specan.study.study_file import NAME
-from specan.study.verdict import headline, headline_of, reason
-
-if TYPE_CHECKING:
-    from specan.study.comparison import Comparison
-    from specan.study.study import Study
-    from specan.study.verdict import Diagnosis
+from specan.study.verdict import Diagnosis, headline, headline_of, reason
 
 MOST_RIVALS = 5  # candidates that a step names beside the one that was added
 MOST_REJECTED = 30

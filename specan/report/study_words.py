@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from specan.study.history import error_pairs
+from specan.study.history import Step, error_pairs
+from specan.study.study import Study
 from specan.units import printed_unit
-
-if TYPE_CHECKING:
-    from specan.study.history import Step
-    from specan.study.study import Study
 
 
 def state_of(study: Study) -> list[str]:

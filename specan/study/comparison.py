@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
+from specan.models import Model
 from specan.result import Result, picked
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.prediction_error import ObservableError
 from specan.study.localisation.localise import Localisation
+from specan.study.observation import Observation
 from specan.units import convert
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from numpy.typing import NDArray
-
-    from specan.models import Model
-    from specan.study.observation import Observation
 
 
 def readings(model: Model, observation: Observation, column: str) -> NDArray[Any]:
@@ -80,8 +77,6 @@ class Comparison(Result):
             The conditions of each value, ``measured``, ``model``, ``residual`` (measured less model) and its standard
             uncertainty ``u`` in ``unit``; ``data`` says whether it was fitted or held out.
         """
-        import pandas as pd
-
         study, problem = self.study, self.study.problem
         seen = zip(problem.observations, problem.plain(study.shown.theta), strict=True)
         parts = [("fitted", one, predicted) for one, predicted in seen]

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -38,8 +38,10 @@ from specan.study.history import (
     line_of,
     recover,
 )
+from specan.study.localisation.frf_errors import FrfErrors
 from specan.study.localisation.localise import MistakenSetUp, curve_errors, localise, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles, brought, kind_named, together
+from specan.study.progress import Progress
 from specan.study.selection.candidates import grouped_by
 from specan.study.selection.refits import POOR_FIT
 from specan.study.selection.starting_values import kept_values, starting_values
@@ -61,10 +63,6 @@ from specan.study.user_effects import (
     with_own_effects,
 )
 from specan.study.verdict import Diagnosis, Ranked, parameter_table
-
-if TYPE_CHECKING:
-    from specan.study.localisation.frf_errors import FrfErrors
-    from specan.study.progress import Progress
 
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 PREDICTED = 0.01  # probability of chi-square from which data are predicted as well as they can be
