@@ -87,6 +87,21 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return "known are " + ", ".join(known) if known else "none is known here"
 
 
+def require_known(
+    name: str, known: Iterable[str], found: str, *, expected: str = "", kind: type[SpecanError] = RequestError
+) -> None:
+    """Refuse a name that is not one of those known, with the nearest of them.
+
+    Raises
+    ------
+    SpecanError
+        Of this kind, which says what was `found`.
+    """
+    known = list(known)
+    if name not in known:
+        raise kind(found, expected=expected, remedy=nearest(name, known))
+
+
 def library(name: str, extra: str) -> Any:
     """A library that only some users need."""
     try:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import RequestError, library, nearest
+from specan.errors import RequestError, library, require_known
 from specan.fmu.process import FmuProcess
 from specan.fmu.settings import EffectEntry, FmuSettings, Variable, read_settings
 from specan.models.effect import Effect, Parameter, effect
@@ -160,10 +160,7 @@ class _Simulations:
     def variable(self, name: str, entry: Variable) -> Variable:
         """The entry with its variable and unit filled in."""
         variable, file = entry.variable or name, self.path.with_suffix(".toml")
-        if variable not in self._known:
-            raise RequestError(
-                f"{file}: the FMU has no variable {variable!r}", remedy=nearest(variable, self._known)
-            )
+        require_known(variable, self._known, f"{file}: the FMU has no variable {variable!r}")
         known = Variable(variable=variable, unit=entry.unit or _unit(self._known[variable].unit) or "1")
         try:
             base_unit(known.unit)

@@ -8,7 +8,7 @@ import numpy as np
 
 from specan.csv_rows import csv_rows
 from specan.data.limits import LimitCurve
-from specan.errors import InputError, nearest
+from specan.errors import InputError, require_known
 
 FREQUENCY, LOWER, UPPER = ("band_hz", "frequency_hz"), "lower_dB", "upper_dB"
 _TOTAL = "total-"
@@ -30,8 +30,7 @@ def read_limits(path: Path) -> LimitCurve:
         raise InputError(f"{path} is empty", expected=f"a header such as band_hz,{UPPER}")
     known = (*FREQUENCY, LOWER, UPPER)
     for name in names:
-        if name not in known:
-            raise InputError(f"{path}: unknown column '{name}'", remedy=nearest(name, known))
+        require_known(name, known, f"{path}: unknown column '{name}'", kind=InputError)
     if not set(FREQUENCY) & set(names) or not {LOWER, UPPER} & set(names):
         raise InputError(
             f"{path} has the columns {', '.join(names)}", expected=f"band_hz, and {UPPER} or {LOWER}"

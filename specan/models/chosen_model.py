@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, require_known
 from specan.models.effect import Use
 from specan.models.model import Assembly, Model
 from specan.units import convert
@@ -52,10 +52,7 @@ def choose_model(model: Model, effects: Iterable[str] = (), without: Iterable[st
     asked = [_split(model, text) for text in effects]
     dropped = set(without)
     for name in dropped:
-        if name not in model.base_effects:
-            raise RequestError(
-                f"{name!r} is not an effect of the base model", remedy=nearest(name, model.base_effects)
-            )
+        require_known(name, model.base_effects, f"{name!r} is not an effect of the base model")
     uses = {Use(name) for name in model.base_effects if name not in dropped} | {use for use, _, _ in asked}
     assembly = model.assemble(uses)
     values = {}
@@ -108,8 +105,7 @@ def _split(model: Model, text: str) -> tuple[Use, str, str | None]:
 
 def _value(assembly: Assembly, full: str, text: str) -> float:
     """SI value of a parameter from a number, or a number and a unit."""
-    if full not in assembly.parameters:
-        raise RequestError(f"there is no parameter {full!r}", remedy=nearest(full, assembly.parameters))
+    require_known(full, assembly.parameters, f"there is no parameter {full!r}")
     parameter = assembly.parameters[full]
     number, _, unit = text.partition(" ")
     try:
@@ -142,8 +138,7 @@ def grid(model: Model, axes: Mapping[str, Sequence[float]]) -> Columns:
     """
     known = {c.column for c in model.conditions.values()}
     for column in axes:
-        if column not in known:
-            raise RequestError(f"{model.name} has no condition {column!r}", remedy=nearest(column, known))
+        require_known(column, known, f"{model.name} has no condition {column!r}")
     rows = np.array(list(product(*axes.values())), dtype=float).T
     return dict(zip(axes, rows, strict=True))
 

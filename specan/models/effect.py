@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic_core import core_schema
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, require_known
 from specan.units import base_unit, convert
 
 
@@ -371,11 +371,11 @@ def _check_declaration(made: Effect) -> None:
             f"the effect {made.name!r} does not state its neutral values", remedy="give neutral={...}"
         )
     for parameter, value in made.neutral.items():
-        if parameter not in made.parameters:
-            raise RequestError(
-                f"the effect {made.name!r} is neutral in {parameter!r}, which is not one of its parameters",
-                remedy=nearest(parameter, made.parameters),
-            )
+        require_known(
+            parameter,
+            made.parameters,
+            f"the effect {made.name!r} is neutral in {parameter!r}, which is not one of its parameters",
+        )
         low, high = made.parameters[parameter].domain
         if not low <= value <= high:
             raise RequestError(

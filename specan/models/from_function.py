@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, require_known
 from specan.models.effect import Effect, Parameter, check_function
 from specan.models.quantity import (
     KIND,
@@ -78,12 +78,12 @@ def _check_reads(
     function: Callable[..., Any], name: str, reads: tuple[str, ...], known: Sequence[str]
 ) -> None:
     for argument in reads:
-        if argument not in known:
-            raise RequestError(
-                f"{place_of(function)}: {name!r} reads {argument!r}, which is not a condition and no parameter",
-                expected="each argument in conditions=, in parameters=, or a function of that name",
-                remedy=nearest(argument, known),
-            )
+        require_known(
+            argument,
+            known,
+            f"{place_of(function)}: {name!r} reads {argument!r}, which is not a condition and no parameter",
+            expected="each argument in conditions=, in parameters=, or a function of that name",
+        )
 
 
 def _by_name(function: Callable[..., Any], reads: tuple[str, ...]) -> Instead:
@@ -179,11 +179,11 @@ def _discrepancies(observables: Mapping[str, Any], named: Mapping[str, Any]) -> 
     """How wrong the model itself may be, of the observables that say it."""
     stated = {n: g.discrepancy for n, g in observables.items() if isinstance(g, Reading) and g.discrepancy}
     for name, (quantity, _) in stated.items():
-        if quantity not in named:
-            raise RequestError(
-                f"the discrepancy of {name!r} is one of {quantity!r}, which is no function of the model",
-                remedy=nearest(quantity, named),
-            )
+        require_known(
+            quantity,
+            named,
+            f"the discrepancy of {name!r} is one of {quantity!r}, which is no function of the model",
+        )
     return stated
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING, Any
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, require_known
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Assembly
 from specan.models.from_function import PREFIX, as_declared, fields_from_functions, name_of, title_of
@@ -138,11 +138,11 @@ class Model:
             of_states = [r for state in effect.states.values() for r in state.reads]
             _require_known(effect.name, (*effect.reads, *of_states), known | set(effect.states))
             _require_known(effect.name, effect.changes, set(self.quantities))
-            if effect.at and effect.at not in self.axes:
-                raise RequestError(
-                    f"the effect {effect.name!r} acts at one {effect.at}, an axis that {self.name} lacks",
-                    remedy=nearest(effect.at, self.axes),
+            if effect.at:
+                lacking = (
+                    f"the effect {effect.name!r} acts at one {effect.at}, an axis that {self.name} lacks"
                 )
+                require_known(effect.at, self.axes, lacking)
         self.base_order  # noqa: B018 - says which quantities depend on each other in a loop
         for observable in self.observables.values():
             _require_known(observable.name, (observable.quantity,), set(self.quantities))
@@ -413,13 +413,10 @@ class Model:
         """
         parsed = {Use.parse(u) if isinstance(u, str) else u for u in uses}
         for use in parsed:
-            effect = self.effects.get(use.name)
             if use.name in self.unsuited:
                 raise RequestError(f"{use.name} is not an effect of this rig: {self.unsuited[use.name]}")
-            if effect is None:
-                raise RequestError(
-                    f"{self.name} has no effect {use.name!r}", remedy=nearest(use.name, self.effects)
-                )
+            require_known(use.name, self.effects, f"{self.name} has no effect {use.name!r}")
+            effect = self.effects[use.name]
             if effect.at and use.at not in self.axes[effect.at]:
                 raise RequestError(
                     f"{use} names no {effect.at} of this rig",
@@ -508,7 +505,4 @@ class Model:
 
 def _require_known(owner: str, names: Iterable[str], known: set[str]) -> None:
     for name in names:
-        if name not in known:
-            raise RequestError(
-                f"{owner!r} names the quantity {name!r}, which does not exist", remedy=nearest(name, known)
-            )
+        require_known(name, known, f"{owner!r} names the quantity {name!r}, which does not exist")

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, nearest, require_known
 from specan.models.effect import Parameter, signature_of
 from specan.units import base_unit, convert, scale_to
 
@@ -433,10 +433,7 @@ def rig_statement(
     known: dict[str, Condition | Observable] = {**settable, **{o.header: o for o in observables}}
     limits: dict[str, tuple[float, float]] = {}
     for key, ends in dict(rig.get("limits", {})).items():
-        if key not in settable:
-            raise RequestError(
-                f"[limits] names {key!r}, which is not a condition", remedy=nearest(key, settable)
-            )
+        require_known(key, settable, f"[limits] names {key!r}, which is not a condition")
         node = settable[key]
         low, high = (float(convert(float(end), node.column_unit, node.unit)) for end in ends)
         limits[node.name] = (low, high)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from specan.arrays import Complex, Real
 from specan.dsp.transfer_function import phase_deg
-from specan.errors import RequestError, nearest
+from specan.errors import require_known
 from specan.report.figure_style import (
     band_about,
     heading,
@@ -70,8 +70,7 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
 
 
 def _number(found: MeasuredTransfer, channel: str) -> int:
-    if channel not in found.channels:
-        raise RequestError(f"there is no channel {channel!r}", remedy=nearest(channel, found.channels))
+    require_known(channel, found.channels, f"there is no channel {channel!r}")
     return found.channels.index(channel)
 
 

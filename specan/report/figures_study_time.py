@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import csd, welch
 
-from specan.errors import RequestError, nearest
+from specan.errors import require_known
 from specan.models.rates import TIME
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.report.study_words import state_of
@@ -36,8 +36,7 @@ def figure_compare_time(study: Study, channel: str | None = None) -> Figure:
     o = study.problem.observations[0]
     assert isinstance(o, TimeObservation)
     name = channel or next(iter(o.chains))
-    if name not in o.chains:
-        raise RequestError(f"no channel {name!r}", remedy=nearest(name, o.chains))
+    require_known(name, o.chains, f"no channel {name!r}")
     rows = max(o.chains[name], key=len)
     time, measured = o.conditions[TIME][rows], o.measured[rows]
     predicted = study.problem.plain(study.shown.theta)[0][rows]

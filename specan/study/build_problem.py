@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, require_known
 from specan.models import Model, Parameter, Use, varying
 from specan.models.effect import ParameterName
 from specan.study.estimation.problem import Problem
@@ -29,10 +29,7 @@ def assemble(model: Model, content: StudyFile, observations: Sequence[Observatio
     """
     model = grouped_by(model, observations)
     for entry in content.effect:
-        if entry.use.name not in model.effects:
-            raise RequestError(
-                f"study.toml names the effect {entry.name!r}", remedy=nearest(entry.use.name, model.effects)
-            )
+        require_known(entry.use.name, model.effects, f"study.toml names the effect {entry.name!r}")
     model = _with_axes(model, content)
     assembly = model.assemble(entry.use for entry in content.effect)
     said = dict(content.parameters)
@@ -40,8 +37,7 @@ def assemble(model: Model, content: StudyFile, observations: Sequence[Observatio
         said |= {ParameterName.of(effect.use, name): entry for name, entry in effect.parameters.items()}
     known = assembly.parameters
     for name in said:
-        if name not in known:
-            raise RequestError(f"study.toml names the parameter {name!r}", remedy=nearest(name, known))
+        require_known(name, known, f"study.toml names the parameter {name!r}")
     nuisances = {entry.use: entry for entry in content.effect if entry.role == "nuisance"}
     priors = _priors(model, nuisances)
     values, domains, links = _said(said, known)
@@ -74,11 +70,10 @@ def _with_axes(model: Model, content: StudyFile) -> Model:
             known = model.effects[effect.use.name]
             if entry.per is None or name not in known.parameters:
                 continue
-            if entry.per not in ("", "recording", *model.axes):
-                raise RequestError(
-                    f"study.toml: {effect.name}.{name} is per {entry.per!r}",
-                    remedy=nearest(entry.per, ["recording", *model.axes]),
-                )
+            axes = ["recording", *model.axes]
+            require_known(
+                entry.per or "recording", axes, f"study.toml: {effect.name}.{name} is per {entry.per!r}"
+            )
             changed = {**known.parameters, name: replace(known.parameters[name], per=entry.per)}
             model = model.with_effect(replace(known, parameters=changed))
     return model
@@ -102,11 +97,9 @@ def _priors(model: Model, nuisances: Mapping[Use, EffectEntry]) -> dict[str, tup
                 f"study.toml: the nuisance {entry.name} has no prior_sd", remedy='give one, or role = "model"'
             )
         for name, sd in given.items():
-            if name not in effect.neutral:
-                raise RequestError(
-                    f"study.toml: {entry.name}.{name} has no neutral value to hold it at",
-                    remedy=nearest(name, effect.neutral),
-                )
+            require_known(
+                name, effect.neutral, f"study.toml: {entry.name}.{name} has no neutral value to hold it at"
+            )
             parameter = effect.parameters[name]
             unit = entry.parameters[name].unit if name in entry.parameters else None
             width = sd * scale_to(unit or parameter.unit, parameter.unit)
@@ -138,10 +131,8 @@ def _said(
                 )
             domains[name] = (low, high)
         if entry.link is not None:
-            if entry.link not in known or entry.link == name:
-                raise RequestError(
-                    f"study.toml: {name} is linked to {entry.link!r}", remedy=nearest(entry.link, known)
-                )
+            others = [other for other in known if other != name]
+            require_known(entry.link, others, f"study.toml: {name} is linked to {entry.link!r}")
             links[name] = entry.link
     for name in links:
         if links[name] in links:

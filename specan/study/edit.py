@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from specan.errors import RequestError, SpecanError, nearest
+from specan.errors import RequestError, SpecanError, nearest, require_known
 from specan.models import Use
 from specan.models.catalogue import effects_from_file
 from specan.result import Result
@@ -217,10 +217,7 @@ def _own_file(study: Study, path: Path) -> tuple[Study, str]:
 
 def _check_addable(study: Study, use: Use) -> None:
     model = study.model
-    if use.name not in model.effects:
-        raise RequestError(
-            f"{model.name} has no effect {use.name!r}", remedy=nearest(use.name, model.effects)
-        )
+    require_known(use.name, model.effects, f"{model.name} has no effect {use.name!r}")
     model.assemble([use])
     if str(use) in study.model_effects:
         raise RequestError(

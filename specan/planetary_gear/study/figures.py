@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from specan.errors import RequestError, nearest
+from specan.errors import require_known
 from specan.planetary_gear.study.order_lines import OrderLinesObservation
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.report.study_words import state_of
@@ -96,11 +96,7 @@ def _row(observation: OrderLinesObservation, model: np.ndarray, channel: str | N
     used = observation.kept.any(axis=1)
     names = np.array(observation.channels)
     if channel is not None:
-        if channel not in names[used]:
-            raise RequestError(
-                f"{channel!r} is not a channel that is fitted",
-                remedy=nearest(channel, sorted(set(names[used]))),
-            )
+        require_known(channel, names[used], f"{channel!r} is not a channel that is fitted")
         used &= names == channel
     gap, size = (
         np.sum(np.where(observation.kept, np.abs(lines) ** 2, 0.0), axis=1)

@@ -22,7 +22,7 @@ import numpy as np
 
 from specan.arrays import Complex
 from specan.dsp.bands import band_at, nominal_frequency
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, require_known
 from specan.models.effect import ParameterName
 from specan.result import Result, counted, gathered
 from specan.room.model.absorption import diffuse_absorption, normal_absorption
@@ -164,8 +164,7 @@ class Impedance(Result):
         RequestError
             There is none of that name.
         """
-        if wall not in self.walls:
-            raise RequestError(f"the room has no wall {wall!r}", remedy=nearest(wall, self.walls))
+        require_known(wall, self.walls, f"the room has no wall {wall!r}")
         return Impedance(tuple(self.of(wall)), self.accuracy, self.fit)
 
     def sentences(self) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, require_known
 from specan.models import Condition
 from specan.study.observation import MeasuredFiles
 from specan.units import convert, is_compatible, printed_unit
@@ -156,8 +156,7 @@ def put_aside(
     """
     aside = np.zeros(recording.size, dtype=bool) if unseen is None else unseen
     for file, where in wanted.hold_out:
-        if file is not None and file not in files:
-            raise RequestError(f"no measurement {file!r}", remedy=nearest(file, files))
+        require_known(file or files[0], files, f"no measurement {file!r}")
         aside = aside | chosen(columns, where) & ((file is None) | (np.array(files)[recording] == file))
     if np.all(aside):
         raise RequestError("everything that was measured is held out", remedy="hold out less")

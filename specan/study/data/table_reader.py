@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from specan.errors import InputError, RequestError, nearest
+from specan.errors import InputError, RequestError, nearest, require_known
 from specan.models import Condition, Model, Observable, TableFault
 from specan.study.data.table_file import Table, read_table
 from specan.study.observation import DataFile
@@ -112,8 +112,7 @@ def _check_columns(
 
 def _add_constants(table: Table, constants: Mapping[str, Any], known: Mapping[str, Condition]) -> None:
     for column, value in constants.items():
-        if column not in known:
-            raise InputError(f"{table.path}: unknown condition {column!r}", remedy=nearest(column, known))
+        require_known(column, known, f"{table.path}: unknown condition {column!r}", kind=InputError)
         if column in table.frame:
             raise InputError(
                 f"{table.path} holds the column {column!r}, and the study gives it as a constant too",
@@ -239,11 +238,8 @@ class ColumnNames:
             title, unit = name_and_unit(header)
             if header not in headers and title in headers:
                 header = title  # the user says the unit that the table does not
-            if header not in headers:
-                raise InputError(
-                    f"{self.path} has no column {header!r}, for the column {name!r}",
-                    remedy=nearest(header, headers),
-                )
+            lacking = f"{self.path} has no column {header!r}, for the column {name!r}"
+            require_known(header, headers, lacking, kind=InputError)
             found[header] = (column, unit)
         return found
 

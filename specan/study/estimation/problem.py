@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import RequestError, nearest
+from specan.errors import require_known
 from specan.models import Assembly, Use, varying
 from specan.models.effect import ParameterName
 from specan.study.estimation.linear import STEP, stencil
@@ -139,8 +139,7 @@ class Problem:
     def __post_init__(self) -> None:
         known, links = self.assembly.parameters, self.links
         for name in (*self.free, *self.values, *self.priors, *self.domains, *links, *links.values()):
-            if name not in known:
-                raise RequestError(f"the model has no parameter {name!r}", remedy=nearest(name, known))
+            require_known(name, known, f"the model has no parameter {name!r}")
 
     # --- names and sizes ----------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Complex
-from specan.errors import RequestError, nearest
+from specan.errors import require_known
 from specan.study.observation import Array, Variable
 from specan.study.observation.frf import FrfObservation
 
@@ -121,8 +121,7 @@ class FrfErrors:
         if channel is None:
             clear = np.nan_to_num(np.abs(self.level_dB) / self.u_level_dB).max(axis=1)
             return int(np.argmax(clear))
-        if channel not in used:
-            raise RequestError(f"{channel!r} is not a channel that is fitted", remedy=nearest(channel, used))
+        require_known(channel, used, f"{channel!r} is not a channel that is fitted")
         return self.channels.index(channel)
 
     def as_dict(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from specan.errors import RequestError, nearest
+from specan.errors import require_known
 from specan.models import Effect, Model, Parameter, Use, varying
 from specan.models.effect import ParameterName
 from specan.models.groups import grouped
@@ -51,10 +51,7 @@ def grouped_by(model: Model, observations: Iterable[Observation]) -> Model:
 def without(problem: Problem, use: Use | str) -> Problem:
     """Take an effect out; an instrument error gets its prior back."""
     use = Use.parse(use) if isinstance(use, str) else use
-    if use not in problem.assembly.uses:
-        raise RequestError(
-            f"{use} is not in the model", remedy=nearest(str(use), map(str, problem.assembly.uses))
-        )
+    require_known(str(use), map(str, problem.assembly.uses), f"{use} is not in the model")
     model = problem.assembly.model
     own = {name for name in problem.assembly.parameters if ParameterName(name).owned_by([use])}
     out = replace(

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, require_known
 from specan.models.effect import Effect, Parameter
 from specan.schema import Settings, parse
 
@@ -87,11 +87,9 @@ def size_of(designation: str) -> str:
     '6009'
     """
     size = re.split(r"[\s\-/]", designation.strip(), maxsplit=1)[0]
-    if size not in SIZES:
-        raise RequestError(
-            f"the bearing {designation!r} is not in the table of deep groove ball bearings",
-            remedy=nearest(size, SIZES),
-        )
+    require_known(
+        size, SIZES, f"the bearing {designation!r} is not in the table of deep groove ball bearings"
+    )
     return size
 
 
