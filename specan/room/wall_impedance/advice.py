@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from specan.result import gathered
+from specan.result import gathered, picked
 from specan.room.model.places import free_places, with_microphones
 from specan.room.model.receivers import receivers_of
 from specan.room.study.field_observation import field_observations
@@ -65,14 +65,8 @@ class Advice:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "kind": self.kind,
-            "places_m": [list(p) for p in self.places_m],
-            "wall": self.wall,
-            "determines": [{"wall": w, "third_octave_hz": f} for w, f in self.determines],
-            "open": self.of,
-            "text": self.text,
-        }
+        found = picked(self, "kind places_m wall determines open=of text")
+        return found | {"determines": [{"wall": w, "third_octave_hz": f} for w, f in self.determines]}
 
 
 def _listed(found: tuple[tuple[str, float], ...]) -> str:

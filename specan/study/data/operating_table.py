@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -22,59 +22,42 @@ from specan.study.observation.table import TableObservation
 from specan.units import convert, often_mistaken_for, printed_unit, scale_to
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Rows(TableObservation):
     """Measured values of one or several tables, one a row: a line that holds several observables is several rows.
 
     Attributes
     ----------
-    conditions : dict
-        SI values by the model's names.
     levels : dict
         Of each condition, the value that a row was meant to be at.
     is_set : dict
         Whether a condition's column holds set values rather than readings.
     steps : dict
         Printed step of each condition, and under ``""`` that of the observable; SI.
-    replicate_group : array of int
-        Rows of one observable that were meant to be alike share a number.
     setup : array of int
         Rows that were read without setting anything in between share a number.
     setups_from : str
         How set-ups were distinguished: ``setup``, ``repeat`` or ``order``.
-    groups : mapping
-        Names of each group; the rows' conditions hold their numbers.
     units : mapping
         Units of the tables' own columns, of those conditions that all tables have in one unit.
     """
 
-    recordings: tuple[str, ...]
     recording: NDArray[np.intp]
     lines: NDArray[np.int_]
-    observable: NDArray[np.str_]
-    measured: Array
-    conditions: dict[str, Array]
+    replicate_group: NDArray[np.intp]
     levels: dict[str, Array]
     is_set: dict[str, bool]
     steps: dict[str, Array]
-    replicate_group: NDArray[np.intp]
     setup: NDArray[np.intp]
     setups_from: str
     notes: tuple[str, ...] = ()
-    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
 
-    @property
-    def n(self) -> int:
-        """Number of rows."""
-        return int(self.measured.size)
-
-    def take(self, mask: NDArray[np.bool_]) -> Rows:
-        """Keep some of the rows."""
-        kept: dict[str, Any] = {n: v[mask] for n, v in vars(self).items() if isinstance(v, np.ndarray)}
-        for name in ("conditions", "levels", "steps"):
-            kept[name] = {n: values[mask] for n, values in getattr(self, name).items()}
-        return replace(self, **kept)
+    def take(self, mask: NDArray[np.bool_]) -> Self:
+        """Keep some of the rows, as if there were no others."""
+        levels, steps = ({n: v[mask] for n, v in of.items()} for of in (self.levels, self.steps))
+        kept = super().take(mask)
+        return replace(kept, levels=levels, steps=steps, setup=self.setup[mask], series=None, position=None)
 
     def names_of_first(self, mask: NDArray[np.bool_]) -> Rows:
         """The same with groups that hold the names of some rows only; other names have numbers behind them."""
@@ -91,27 +74,16 @@ class Rows:
         """File and line of a row, for messages."""
         return f"{self.recordings[self.recording[row]]}, line {self.lines[row]}"
 
-    def observed(self, covariance: Array, conditions: Mapping[str, Array] | None = None) -> TableObservation:
-        """As an observation with some covariance, at other conditions if need be."""
-        return TableObservation(
-            name=", ".join(dict.fromkeys(self.recordings[k] for k in self.recording)),
-            observable=self.observable,
-            measured=self.measured,
-            conditions=self.conditions if conditions is None else conditions,
-            covariance=covariance,
-            recordings=self.recordings,
-            recording=self.recording,
-            groups=self.groups,
-            lines=self.lines,
-            replicate_group=self.replicate_group,
-        )
+    def observed(self, **known: Any) -> TableObservation:
+        """As an observation of which more is known."""
+        return TableObservation(**{f.name: getattr(self, f.name) for f in fields(TableObservation)} | known)
 
-    def variables(self, model: Model) -> dict[str, Variable]:
+    def variables_of(self, model: Model) -> dict[str, Variable]:
         """Words and unit of each label."""
         known = {c.column: Variable(c.words, printed_unit(c.column_unit)) for c in model.conditions.values()}
-        return {name: known.get(name, Variable(name)) for name in self.labels(model)}
+        return {name: known.get(name, Variable(name)) for name in self.labels_of(model)}
 
-    def labels(self, model: Model) -> dict[str, NDArray[Any]]:
+    def labels_of(self, model: Model) -> dict[str, NDArray[Any]]:
         """Levels of the operating variables that vary, in the units of their columns; where from."""
         found: dict[str, NDArray[Any]] = {}
         for name, level in self.levels.items():
@@ -154,6 +126,8 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
     row, observable, measured, printed = _measured(tables, frame, model)
     kinds = cells(observable)
     return Rows(
+        name=", ".join(dict.fromkeys(recordings)),
+        covariance=np.ones(row.size),
         recordings=recordings,
         recording=recording[row],
         lines=lines[row],

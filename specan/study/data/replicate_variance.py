@@ -14,7 +14,7 @@ compared.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -230,7 +230,7 @@ class Reference:
 
     def predict(self, rows: Rows, conditions: Mapping[str, Array] | None = None) -> Array:
         """What the reference expects in every row, at other conditions if need be."""
-        return rows.observed(np.ones(rows.n), conditions).predict(self.assembly, self.values)
+        return replace(rows, conditions=conditions or rows.conditions).predict(self.assembly, self.values)
 
     def slope(self, rows: Rows, condition: str) -> Array:
         """Derivative of the reading over one condition."""
@@ -264,7 +264,7 @@ def crude(rows: Rows) -> TableObservation:
     largest = {name: float(size[rows.observable == name].max()) for name in set(rows.observable.tolist())}
     # 0.01: relative weight of a row in the first fit
     weight = 0.01 * np.maximum(size, [0.01 * (largest[name] or 1.0) for name in rows.observable.tolist()])
-    return rows.observed(weight**2)
+    return replace(rows, covariance=weight**2)
 
 
 def reference(model: Model, rows: Rows) -> Reference:

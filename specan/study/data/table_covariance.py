@@ -88,10 +88,10 @@ class Uncertainty:
             part = np.where(rows.observable == name, own, part)
         part = np.where(np.isfinite(part), part, 0.0)
         covariance += np.outer(part, part) * self._discrepancy_correlation(rows)
-        return replace(
-            rows.observed(covariance),
-            labels=rows.labels(self.model),
-            variables=rows.variables(self.model),
+        return rows.observed(
+            covariance=covariance,
+            labels=rows.labels_of(self.model),
+            variables=rows.variables_of(self.model),
             noise_dof=self._dof(rows),
             pure_error_dof=sum(noise.pure_error_dof for noise in self.noise.values()),
             parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(part)},

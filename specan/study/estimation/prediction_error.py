@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.result import picked
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import chi2_beside, covariance_root, orthonormal
@@ -60,14 +61,11 @@ class ObservableError:
 
     def as_dict(self) -> Any:
         """Everything, for JSON."""
-        found = {
-            "observable": self.observable, "n": self.n, "rms": self.rms, "bias": self.bias,
-            "unit": self.unit, "relative_rms_percent": self.relative_rms,
-            "relative_max_percent": self.relative_max,
-        }  # fmt: skip
-        return (
-            found if self.level_dB is None else found | {"level_dB": self.level_dB, "level_of": self.level_of}
+        names = (
+            "observable n rms bias unit relative_rms_percent=relative_rms relative_max_percent=relative_max"
         )
+        levels = "" if self.level_dB is None else " level_dB level_of"
+        return picked(self, names + levels)
 
 
 def observable_errors(

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.result import picked
 from specan.study.estimation.distributions import discoveries
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.prediction_error import LeftOut
@@ -95,16 +96,8 @@ class Block:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        found = {
-            "where": dict(self.where), "observable": self.observable, "z": self.z, "p_value": self.p_value,
-            "error_percent": self.error_percent, "error": self.error, "unit": self.unit, "n": self.n, "text": self.text,
-        }  # fmt: skip
-        if self.level_dB is not None:
-            found |= {
-                "level_dB": self.level_dB, "phase_deg": self.phase_deg, "z_phase": self.z_phase,
-                "most_at": self.most_at, "place": self.place,
-            }  # fmt: skip
-        return found
+        levels = "" if self.level_dB is None else " level_dB phase_deg z_phase most_at place"
+        return picked(self, "where observable z p_value error_percent error unit n text" + levels)
 
 
 @dataclass(frozen=True)
