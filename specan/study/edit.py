@@ -13,7 +13,7 @@ import numpy as np
 from specan.errors import RequestError, SpecanError, nearest, require_known
 from specan.models import Use
 from specan.models.catalogue import effects_from_file
-from specan.result import Result
+from specan.result import Result, picked
 from specan.study.build_problem import undetermined
 from specan.study.create import effect_entry, hold_undetermined
 from specan.study.estimation.fit import fit
@@ -22,9 +22,6 @@ from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyText, read_study_file, use_of
 from specan.study.user_effects import rival_laws
-
-# What JSON says of the steps before and after a change.
-_OF_A_STEP = ("fit_error", "held_out_error", "errors", "reduced_chi2", "held_out_reduced_chi2", "p_value")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,9 +60,11 @@ class Change(Result):
         """What ``specan study add --json`` and ``drop --json`` print."""
         after = self.after
         return {
-            **{name: getattr(after, name) for name in ("step", "action", "effect", "model_effects")},
+            **picked(after, "step action effect model_effects"),
             **{
-                when: {name: getattr(step, name) for name in _OF_A_STEP}
+                when: picked(
+                    step, "fit_error held_out_error errors reduced_chi2 held_out_reduced_chi2 p_value"
+                )
                 for when, step in (("before", self.before), ("after", after))
             },
             "parameters": after.parameters,

@@ -21,7 +21,6 @@ from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.time import TimeObservation
 from specan.units import convert, is_compatible
 
-LEAST_PIECE = 20  # samples
 TITLE = "a recording (TDMS, WAV, CSV, MAT, HDF5, UFF)"
 
 
@@ -48,7 +47,8 @@ class _Part:
     def pieces(self, model: Model, seconds: float) -> list[_Part]:
         """Pieces of equal length, the last one with what remains if that is less than half of one."""
         time = self.conditions[TIME]
-        each = max(round(seconds / float(time[1])), LEAST_PIECE)
+        # 20: samples
+        each = max(round(seconds / float(time[1])), 20)
         begins = [*range(0, max(time.size - each // 2, 1), each)]
         spans = [slice(a, b) for a, b in zip(begins, [*begins[1:], time.size], strict=True)]
         return [

@@ -45,7 +45,7 @@ def quantile(chance: float, dof: float, noise_dof: float = math.inf) -> float:
     return noise_dof * (1 - share) / (dof * share) if share > 0 else math.inf
 
 
-def discoveries(p_values: Sequence[float], level: float) -> NDArray[np.bool_]:
+def discoveries(p_values: Sequence[float], level: float = 0.05) -> NDArray[np.bool_]:
     """Which hypotheses fall at a false discovery rate, whatever the dependence between them.
 
     The rule of Benjamini and Yekutieli (2001, Annals of Statistics 29:1165). What is not a number is not significant.

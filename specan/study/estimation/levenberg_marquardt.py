@@ -30,9 +30,6 @@ STEP_TOLERANCE = 1e-3  # chi-square that an exact Gauss-Newton step may still pr
 STALL_TOLERANCE = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
 MOST_JACOBIANS = 25  # of one descent, before it counts as not converged
 SCREENING_JACOBIANS = 3  # Jacobians that each of several starts is led by before the others are left
-# Damping of the first step, in units of the diagonal of J'J. In a valley of nearly collinear parameters 1e-4 shortens
-# every step; where an evaluation is expensive a step that fails costs more than that.
-FAR_START, LEAST_START = 1e-4, 1e-8
 
 ROUNDED = 1e-10  # share of chi-square below which rounding hides whether a step lowers it
 MOST_REFINING = 200  # of one refinement
@@ -177,7 +174,9 @@ class _Descent(_Place):
 
     @cached_property
     def damping(self) -> float:
-        return LEAST_START if self.problem.strategy.exact_minimum else FAR_START
+        # Of the first step, in units of the diagonal of J'J. In a valley of nearly collinear parameters 1e-4 shortens
+        # every step; where an evaluation is expensive a step that fails costs more than that.
+        return 1e-8 if self.problem.strategy.exact_minimum else 1e-4
 
     @property
     def little(self) -> float:

@@ -48,8 +48,6 @@ SETS = 0.7  # share of a diagnosis that is over when sets are fitted
 OF_THE_BEST = 1 / 30  # probability over that of the best set, from which a set is fitted, and named beside it
 WITHIN = -log(OF_THE_BEST)
 SLACK = 1.5  # ln by which a linear promise may fall short of a fit, or more where that of the best did
-# Likeliest effects whose pairs are all fitted where something else is likelier than every set; of integrated models.
-PAIRED, PAIRED_RATES = 8, 4
 STARTS = 2  # of another form of the base
 BESIDE = 4  # sets beside which something else is looked for
 
@@ -294,7 +292,8 @@ class Explanations:
             return False
         singles = [e for e in self.found if e.kind == "effects" and len(e.uses) == 1 and not e.form.parts]
         singles.sort(key=lambda e: -e.ln_joint)
-        likeliest = frozenset().union(*(e.uses for e in singles[: PAIRED_RATES if self._bends else PAIRED]))
+        # 4, 8: likeliest effects whose pairs are all fitted, of integrated models and of others
+        likeliest = frozenset().union(*(e.uses for e in singles[: 4 if self._bends else 8]))
         for (_, uses), (_, form, promise) in list(self._left.items()):
             if len(uses) == 2 and uses <= likeliest and not form.parts:
                 self._wait(np.inf, form, uses, promise)

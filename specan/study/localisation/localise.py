@@ -25,7 +25,6 @@ from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Variable, brought, variable_named
 
-LEVEL = 0.05  # false discovery rate
 CLEAR = 3.0  # |z| from which a mean error is named
 
 
@@ -253,7 +252,7 @@ def by_blocks(problem: Problem, best: Fit) -> Localisation:
 
 def tested(blocks: Sequence[Block]) -> list[Block]:
     """The blocks, told which of them are significant among all."""
-    passed = discoveries([b.p_value for b in blocks], LEVEL)
+    passed = discoveries([b.p_value for b in blocks])
     return [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
 
 
@@ -268,7 +267,7 @@ def trends_of(
         p = [misfit_p_value(b.z**2, 1.0, noise_dof) if b.z_phase is None else b.p_value for b in alone]
         if p:
             found[name] = min(1.0, len(p) * min(p))
-    passed = discoveries(list(found.values()), LEVEL)
+    passed = discoveries(list(found.values()))
     trends = [
         Trend(name, p, bool(ok), "", variable_named(name, variables).words)
         for (name, p), ok in zip(found.items(), passed, strict=True)

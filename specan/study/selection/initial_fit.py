@@ -17,7 +17,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.kept import each_anew
-from specan.study.estimation.continuation import about, continuation_fit, down_weighted
+from specan.study.estimation.continuation import JACOBIANS, about, continuation_fit, down_weighted
 from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.problem import Problem
@@ -31,9 +31,6 @@ from specan.study.selection.refits import (
     start_from,
 )
 from specan.study.selection.starting_values import scan_promising, scan_shapes
-
-REFITTED, PER_EFFECT = 6, 2  # candidates that promise most, and at most so many of one effect
-JACOBIANS = 3  # of all lines, from where a subsample leads
 
 Led = tuple[float, dict[str, Any]]  # chi-square with the price of the parameters, and SI values
 
@@ -108,7 +105,8 @@ def _singles(problem: Problem, progress: Callable[[str, float], None]) -> Refits
     counts: Counter[str] = Counter()
     for use in sorted(found, key=lambda use: base.promised(found[use][0])):
         counts[use.name] += 1
-        if counts[use.name] <= PER_EFFECT and len(refits.done) <= REFITTED:
+        # 6, 2: candidates that promise most, and at most so many of one effect
+        if counts[use.name] <= 2 and len(refits.done) <= 6:
             look(use)
     for use in _nearest(refits).uses:
         # What is easily taken for it, and the same elsewhere: opposite ends are alike from afar.

@@ -12,7 +12,6 @@ from specan.study.selection.refits import Refit
 # Standard deviations beyond which a fit holds only with a value that contradicts what is known: three, as for an
 # outlier of a normal law (p = 0.003).
 TOO_FAR = 3.0
-COVERAGE = 2.0  # standard uncertainties of a prior that its range is shown as (coverage factor 2)
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,8 @@ def _pull(refit: Refit, name: ParameterName) -> Pull:
     value = float(fit.theta[fit.names.index(name)])
     if plain in problem.priors:
         mean, sd = problem.priors[plain]
-        known, pull = (mean - COVERAGE * sd, mean + COVERAGE * sd), (value - mean) / sd
+        # coverage factor 2
+        known, pull = (mean - 2 * sd, mean + 2 * sd), (value - mean) / sd
     else:
         known, pull = problem.plausible(plain), problem.pulls(fit.theta)[name]
     outside = not known[0] <= value <= known[1]

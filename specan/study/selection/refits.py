@@ -33,10 +33,6 @@ EffectSet = frozenset[Use]
 
 POOR_FIT = 1.5  # reduced chi-square above which a base is too far from the data to set out from
 PRUNING_FACTOR = 3.0  # times the best chi-square so far, beyond what an equation may be off
-# Jacobians of all lines before a set is given up, each with the multiple of the best chi-square beyond which no more
-# are spent on it: windows that a subsample has from elsewhere change a response by some per cent, where the noise is
-# some tenths of one.
-HOPELESS = (0, 1000.0), (1, 100.0), (2, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +226,10 @@ class Refits:
         if self._best_within(uses).fit.chi2 <= min(others):
             return None
         theta = problem.start(near[0])
-        for jacobians, hopeless in HOPELESS:
+        # Jacobians of all lines before a set is given up, each with the multiple of the best chi-square beyond which no
+        # more are spent on it: windows that a subsample has from elsewhere change a response by some per cent, where
+        # the noise is some tenths of one.
+        for jacobians, hopeless in ((0, 1000.0), (1, 100.0), (2, 0.0)):
             theta = descend_steps(problem, theta, jacobians)
             chi2, best = float(np.sum(problem.residual(theta) ** 2)), min(others)
             # 0.2: share of its signature to which the equation of an effect is trusted

@@ -20,9 +20,6 @@ from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate, grid
 
 ROUNDS = 4  # of refinement of one shape
-# Evaluations for all candidates together: for a small table, and where there are very many rows.
-MOST_EVALUATIONS, LEAST_EVALUATIONS = 4000, 400
-ROWS = 175  # of a small table
 FEW = 10  # places below which sizes are not distinguished
 
 
@@ -244,7 +241,8 @@ def shape_grid(
     parameters of the base have taken out what they can. What is worked out for it is kept in `known`.
     """
     base = Projection.of(fit.residual, fit.jacobian)
-    allowed = max(LEAST_EVALUATIONS, min(MOST_EVALUATIONS, MOST_EVALUATIONS * ROWS // problem.n_data))
+    # 4000, 400: evaluations for all candidates together, of a small table (175 rows) and of very many rows
+    allowed = max(400, min(4000, 4000 * 175 // problem.n_data))
     # 60: places of its shapes that one candidate is tried at
     most = max(1, min(60, allowed // max(len(found), 1)))
     grids: dict[Use, list[Point]] = {}

@@ -33,7 +33,6 @@ STARTS = 3  # signatures of a candidate that lie apart
 # effects that are looked for at every place; places of an element; places from which a search goes on
 BEST = 2
 PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
-WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side of the best, and how often
 
 
 @dataclass(frozen=True)
@@ -210,7 +209,8 @@ def _coordinate_search(refit: Refit, candidate: Candidate, best: Scored, known: 
     if candidate.without_prior or not best.signature.shapes:
         return best
     tried = {name: _range_of(candidate, name) for name in best.signature.shapes}
-    for _ in range(ROUNDS):
+    # 3: rounds, each closer about the best
+    for _ in range(3):
         size = _promised_size(best)
         for name, values in tried.items():
             here = best.signature.shapes
@@ -237,7 +237,7 @@ def _symmetric_places(shapes: Mapping[str, float]) -> list[dict[str, float]]:
 def _range_of(candidate: Candidate, name: str) -> list[float]:
     """Values over a shape's plausible range; a resonance is narrow and must not fall between two."""
     # 45: 5 % apart over a decade
-    count = 45 if candidate.parameter(name).unit == "Hz" else WIDE
+    count = 45 if candidate.parameter(name).unit == "Hz" else 16
     return [float(value) for value in grid(*candidate.plausible(name), count)]
 
 
@@ -254,7 +254,8 @@ def _between(values: Sequence[float], best: float) -> list[float]:
     """Values about the best one, up to its neighbours."""
     below = max((v for v in values if v < best), default=best)
     above = min((v for v in values if v > best), default=best)
-    return [*np.linspace(below, best, NEAR + 1)[1:], *np.linspace(best, above, NEAR + 1)[1:-1]]
+    # three on either side
+    return [*np.linspace(below, best, 4)[1:], *np.linspace(best, above, 4)[1:-1]]
 
 
 def _scored(
