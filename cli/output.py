@@ -320,11 +320,14 @@ class Delivery:
     as_json: bool = False
     decimal: str = "."
 
-    def put_out(self, content: Any, show: Callable[[], object]) -> None:
-        """Print JSON; or what `show` prints, unless standard output is that of a file, and which files were written."""
+    def put_out(self, content: Result | Any, show: Callable[[], object]) -> None:
+        """Print JSON of a result or of plain values; else what `show` prints, and which files were written.
+
+        Nothing is printed where standard output is that of a file.
+        """
         targets = (self.plot, self.output)
         if self.as_json:
-            emit_json(content)
+            emit_json(content.to_dict() if hasattr(content, "to_dict") else content)
         elif _STANDARD_OUTPUT not in targets:
             show()
             for target in filter(None, targets):

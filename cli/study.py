@@ -8,7 +8,8 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -93,6 +94,21 @@ def open_study(directory: Path, effects: Sequence[Path] = (), accept_changes: bo
     return study
 
 
+def study_verb(name: str) -> Callable[[Any], click.Command]:
+    """Decorator above the own options of a verb for a study, which is handed to it opened."""
+
+    def make(function: Callable[..., None]) -> click.Command:
+        @wraps(function)
+        def opened(
+            directory: Path, effects: tuple[Path, ...], accept_changes: bool = False, **options: Any
+        ) -> None:
+            function(open_study(directory, effects, accept_changes), **options)
+
+        return verb(name)(study_options(opened))
+
+    return make
+
+
 LOGGED_S = 10.0  # between lines of progress in a log
 
 
@@ -174,10 +190,9 @@ def history(directory: Path, deliver: Delivery) -> None:
     deliver.put_out(steps, show)
 
 
-@verb("next")
-@study_options
+@study_verb("next")
 @plot_option("what each explanation predicts")
-def next_measurement(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> None:
+def next_measurement(study: Study, deliver: Delivery) -> None:
     """Propose the measurements, within the rig's limits, that best distinguish the possible explanations.
 
     For a room: microphone positions inside it, away from its walls and from the microphones in use.
@@ -185,7 +200,6 @@ def next_measurement(directory: Path, effects: tuple[Path, ...], deliver: Delive
     \b
     specan study next my_study
     """
-    study = open_study(directory, effects)
     study.require_uncertainty("next")
     found = study.diagnose(progress=told()).next()
 
@@ -195,15 +209,14 @@ def next_measurement(directory: Path, effects: tuple[Path, ...], deliver: Delive
             return
         click.echo(f"{found.summary()[:1].upper()}{found.summary()[1:]}.")
         if study.model.words.what_else:
-            click.echo(study.model.words.what_else.format(study=directory))
+            click.echo(study.model.words.what_else.format(study=study.directory))
 
-    deliver.draw_beside(found).put_out(found.to_dict(), show)
+    deliver.draw_beside(found).put_out(found, show)
 
 
-@verb("report")
-@study_options
+@study_verb("report")
 @opt("-o --output", OutputFile(".html", ".htm"), "HTML file to write.", required=True)
-def report(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> None:
+def report(study: Study, deliver: Delivery) -> None:
     """Write a report of DIR on one page: figures, verdict, history, assumptions.
 
     The page needs no network and no other file.
@@ -215,5 +228,5 @@ def report(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> Non
 
     output = deliver.output
     assert output is not None  # it is required
-    write_study_report(open_study(directory, effects), output)
+    write_study_report(study, output)
     deliver.put_out({"report": str(output)}, lambda: None)

@@ -9,25 +9,23 @@ import click
 
 from specan_cli.options import opt, together
 from specan_cli.output import Delivery, plot_option, show_sheets, verb
-from specan_cli.study import open_study, study_options
+from specan_cli.study import open_study, study_options, study_verb
 
 if TYPE_CHECKING:
     from specan.study.edit import Change
+    from specan.study.study import Study
 
 
 change_options = together(
-    study_options,
     click.argument("effect_name", metavar="EFFECT"),
     opt("--because", None, "Reason, kept in the history.", "TEXT", default=""),
     plot_option("measurement and changed model"),
 )
 
 
-@verb("add")
+@study_verb("add")
 @change_options
-def add(
-    directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, deliver: Delivery
-) -> None:
+def add(study: Study, effect_name: str, because: str, deliver: Delivery) -> None:
     """Add EFFECT to the model of DIR and refit: errors before and after, on fitted and on held-out data.
 
     EFFECT is a name (specan model show NAME lists them), with its place where it acts at one
@@ -38,10 +36,11 @@ def add(
     """
     from specan.study.edit import add_effect
 
-    _show(add_effect(open_study(directory, effects), effect_name, because), deliver)
+    _show(add_effect(study, effect_name, because), deliver)
 
 
 @verb("drop")
+@study_options
 @change_options
 def drop(
     directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, deliver: Delivery
@@ -66,7 +65,7 @@ def drop(
 def _show(change: Change, deliver: Delivery) -> None:
     """What the step did, and a figure where one was asked for."""
     deliver.draw(change)
-    deliver.put_out(change.to_dict() if deliver.as_json else {}, lambda: _print(change))
+    deliver.put_out(change, lambda: _print(change))
 
 
 def _print(change: Change) -> None:

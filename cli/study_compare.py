@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -16,9 +15,8 @@ from specan_cli.output import (
     plot_option,
     say,
     show_sheets,
-    verb,
 )
-from specan_cli.study import open_study, probability, study_options
+from specan_cli.study import probability, study_verb
 
 if TYPE_CHECKING:
     from specan.study.comparison import Comparison
@@ -31,16 +29,13 @@ FITS = 1e-3  # probability of a worse fit of a true model
 BLOCKS = 8  # of conditions where it fails
 
 
-@verb("compare")
-@study_options
+@study_verb("compare")
 @plot_option("measured and model")
 @opt("-o --output", OutputFile(*TABLES, ".json"), "Write every value: measured, model, residual.")
 @decimal_option()
 @opt("--channel", None, "Recordings: the channel whose curves --plot shows.", "NAME")
 @opt("--accept-changes", bool, "Continue although measured files have changed.")
-def command(
-    directory: Path, effects: tuple[Path, ...], deliver: Delivery, channel: str | None, accept_changes: bool
-) -> None:
+def command(study: Study, deliver: Delivery, channel: str | None) -> None:
     """Fit the parameters of DIR's model and show where it fails.
 
     Held-out data are not used.
@@ -49,7 +44,6 @@ def command(
     specan study compare my_study --plot compare.png -o rows.csv
     specan study compare my_room --plot mic_7.png --channel "Mic 7"
     """
-    study = open_study(directory, effects, accept_changes)
     found = study.compare()
     kept = study.record_changes()
     if kept is not None:
@@ -64,7 +58,7 @@ def command(
         _print(study, found)
         _print_bands(study)
 
-    deliver.put_out(found.to_dict() if deliver.as_json else {}, show)
+    deliver.put_out(found, show)
 
 
 def _print(study: Study, found: Comparison) -> None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.output import Delivery, plot_option, show_sheets, verb
-from specan_cli.study import open_study, probability, show_next, study_options, told
+from specan_cli.output import Delivery, plot_option, show_sheets
+from specan_cli.study import probability, show_next, study_verb, told
 
 if TYPE_CHECKING:
+    from specan.study.study import Study
     from specan.study.verdict import Diagnosis
 
 SHOWN = 10  # rows of the table of candidates
@@ -24,23 +24,19 @@ BY_PROBABILITY = (
 )
 
 
-@verb("diagnose")
-@study_options
+@study_verb("diagnose")
 @plot_option("the candidates in their order")
-def command(directory: Path, effects: tuple[Path, ...], deliver: Delivery) -> None:
+def command(study: Study, deliver: Delivery) -> None:
     """Find the effect that the model of DIR lacks. Held-out data are not used.
 
     \b
     specan study diagnose my_study --plot ranking.png
     """
-    study = open_study(directory, effects)
     found = study.diagnose(progress=told())
-    deliver.draw_beside(found).put_out(
-        found.to_dict() if deliver.as_json else {}, lambda: _print(found, directory)
-    )
+    deliver.draw_beside(found).put_out(found, lambda: _print(found, study))
 
 
-def _print(found: Diagnosis, directory: Path) -> None:
+def _print(found: Diagnosis, study: Study) -> None:
     from specan.report import study_sheets
     from specan.study.verdict import headline
 
@@ -64,9 +60,9 @@ def _print(found: Diagnosis, directory: Path) -> None:
         click.echo("")
         for use in found.ranking[0].names:
             shown = f'"{use}"' if " " in use else use
-            click.echo(f"Try it: specan study add {directory} {shown}")
+            click.echo(f"Try it: specan study add {study.directory} {shown}")
     if found.verdict == "unknown-effect" and found.residual_law is not None:
-        click.echo(f"\nSearch the residuals for a law: specan study propose {directory}")
+        click.echo(f"\nSearch the residuals for a law: specan study propose {study.directory}")
     _print_where(found)
     _print_statistics(found)
     _print_power(found)

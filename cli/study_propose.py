@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.output import Verb, emit_json, table
-from specan_cli.study import open_study, study_options
+from specan_cli.output import Delivery, table
+from specan_cli.study import study_verb
 
 if TYPE_CHECKING:
     from specan.study.propose import ProposedLaws
+    from specan.study.study import Study
 
 
-@click.command("propose", cls=Verb)
-@study_options
-def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
+@study_verb("propose")
+def command(study: Study, deliver: Delivery) -> None:
     """Search the residuals of DIR for laws, and write them as effect files.
 
     For an effect outside the catalogue: powers, exponentials and saturation of one operating variable, and
@@ -27,14 +26,11 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
     """
     from specan.study.propose import propose_laws
 
-    found = propose_laws(open_study(directory, effects))
-    if as_json:
-        emit_json(found.to_dict())
-    else:
-        show(found, directory)
+    found = propose_laws(study)
+    deliver.put_out(found, lambda: show(found, study))
 
 
-def show(found: ProposedLaws, directory: Path) -> None:
+def show(found: ProposedLaws, study: Study) -> None:
     """The laws, what they do to the error, and what would distinguish them."""
     from specan.report import study_sheets
     from specan.study.verdict import percent
@@ -71,4 +67,4 @@ def show(found: ProposedLaws, directory: Path) -> None:
     )
     for row in found.next_measurement:
         click.echo(f"To distinguish them: {row['text']}")
-    click.echo(f"\nTry it: specan study add {directory} {directory / found.laws[0].file}")
+    click.echo(f"\nTry it: specan study add {study.directory} {study.directory / found.laws[0].file}")

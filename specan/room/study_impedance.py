@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.output import Delivery, Verb, delivered, plot_option
-from specan_cli.study import study_options, told
+from specan_cli.output import Delivery, plot_option
+from specan_cli.study import study_verb, told
 
 if TYPE_CHECKING:
     from specan.room.wall_impedance.advice import Advice
     from specan.room.wall_impedance.surface_impedance import Impedance
+    from specan.study.study import Study
 
 
-@click.command("impedance", cls=Verb)
-@study_options
+@study_verb("impedance")
 @click.option("--wall", metavar="NAME", help="Show this wall only: x0, x1, y0 ...")
 @click.option("--accuracy", default=0.1, show_default=True, metavar="ALPHA",
               help="Half-width of the 95 % interval up to which absorption counts as determined.")  # fmt: skip
 @plot_option("impedance and absorption")
-@delivered
-def command(
-    directory: Path, effects: tuple[Path, ...], deliver: Delivery, wall: str | None, accuracy: float
-) -> None:
+def command(study: Study, deliver: Delivery, wall: str | None, accuracy: float) -> None:
     """Surface impedance and absorption of the walls of a room.
 
     All walls are estimated together in every third octave, with the errors of the instruments. The walls of the
@@ -36,14 +32,11 @@ def command(
     """
     from specan.room.wall_impedance.advice import advise
     from specan.room.wall_impedance.surface_impedance import study_impedance
-    from specan_cli.study import open_study
 
     progress = told()
-    study = open_study(directory, effects)
     whole = study_impedance(study, accuracy, progress)
     shown = whole if wall is None else whole.only(wall)
-    if progress:
-        progress("what would determine the rest")
+    progress("what would determine the rest")
     advice = advise(shown)
     deliver.draw(shown)
     content = {**shown.to_dict(), "advice": [one.as_dict() for one in advice]}
