@@ -15,7 +15,7 @@ import numpy as np
 
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.frf_errors import FrfErrors, curve_errors  # also offered to `localise`
+from specan.study.localisation.frf_errors import FrfErrors, curve_errors
 from specan.study.localisation.localise import CLEAR, Block, Localisation, level_and_phase, tested, trends_of
 from specan.study.observation import Array, Variable
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -274,16 +274,11 @@ class Observation:
         return self
 
 
-# kind -> module with `reads(path) -> bool`, `TITLE` and `open_data(model, wanted) -> OpenedData`
+# kind -> module with `reads(path) -> bool`, `TITLE`, `open_data(model, wanted) -> OpenedData`, and what `brought` lists
 KINDS = {
     "table": "specan.study.data.open_tables",
     "transfer": "specan.study.data.open_transfer",
     "time": "specan.study.data.open_time",
-}
-# kind that is built in -> module with what else is done in a way of its own; an installed kind's module holds both
-WAYS = {
-    "transfer": "specan.study.localisation.by_band_and_channel",
-    "time": "specan.study.localisation.by_frequency",
 }
 ENTRY_POINTS = "specan.measurement_kinds"  # of installed packages: name = such a module
 
@@ -356,12 +351,10 @@ def kind_named(kind: str) -> Any:
     RequestError
         There is none of that name.
     """
-    if kind in KINDS:
-        return importlib.import_module(KINDS[kind])
-    installed = _installed()
-    if kind in installed:
-        return installed[kind].load()
-    raise RequestError(f"a study reads no {kind!r}", remedy=nearest(kind, [*KINDS, *installed]))
+    if (module := _module(kind)) is None:
+        installed = [point.name for point in entry_points(group=ENTRY_POINTS)]
+        raise RequestError(f"a study reads no {kind!r}", remedy=nearest(kind, [*KINDS, *installed]))
+    return module
 
 
 def brought(observations: Sequence[Observation], name: str) -> Callable[..., Any] | None:
@@ -375,14 +368,14 @@ def brought(observations: Sequence[Observation], name: str) -> Callable[..., Any
     """
     kinds = {o.kind for o in observations}
     kind = kinds.pop() if len(kinds) == 1 else ""
-    if kind in WAYS:
-        return getattr(importlib.import_module(WAYS[kind]), name, None)
-    installed = _installed().get(kind)  # none for what somebody made without any file
-    return getattr(installed.load(), name, None) if installed else None
+    return getattr(_module(kind), name, None)
 
 
-def _installed() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+def _module(kind: str) -> Any:
+    """None for what somebody made without any file."""
+    if kind in KINDS:
+        return importlib.import_module(KINDS[kind])
+    return next((point.load() for point in entry_points(group=ENTRY_POINTS, name=kind)), None)
 
 
 def kind_of(path: Path, model: Model) -> str:
