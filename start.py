@@ -44,7 +44,8 @@ def demo() -> int:
 def test(everything: bool) -> int:
     """The tests, on two processes; those that are marked `long` only where everything is asked for."""
     install("[test]")
-    return run("-m", "pytest", "-n", "2", *([] if everything else ["-m", "not long"]))
+    # Each process takes one half first: tests of one file share what they compute.
+    return run("-m", "pytest", "-n", "2", "--dist", "worksteal", *([] if everything else ["-m", "not long"]))
 
 
 def install(extras: str) -> None:

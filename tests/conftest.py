@@ -1,12 +1,14 @@
 """Property tests look at new cases where a person runs them, and at the same ones in CI.
 
-Tests of a model, and those that take it as their example, are left out where its folder is.
+Tests of a model, and those that take it as their example, are left out where its folder is. Fits and diagnoses of a
+state of a study are computed by the first test that asks for them.
 
 scipy 1.17 took `sph_harm` away, and the library `acoustics`, beside which some results are set, still asks for it.
 """
 
 import os
 import re
+from copy import copy
 from pathlib import Path
 
 import pytest
@@ -31,6 +33,38 @@ USES = re.compile(
         rf"specan[./]{w}\b|import {w}\b|sample_data/{w}\b|[\"' ]{w.replace('_', '[-_]')}[\"' ]" for w in GONE
     )
 )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def computed_once(tmp_path_factory):
+    """What the studies of all tests keep is found by each: it is named by a hash of all that it depends on."""
+    from specan.study import history
+
+    place = tmp_path_factory.getbasetemp()
+    # Two processes share the directory above theirs.
+    shared = (place.parent if "PYTEST_XDIST_WORKER" in os.environ else place) / "kept"
+    find, keep = history.KeptResults.find, history.KeptResults.keep
+
+    def everywhere(kept):
+        kept = copy(kept)
+        kept._folder = shared
+        return kept
+
+    def found(self, name, kind):
+        result = find(self, name, kind)
+        if result is None and (result := find(everywhere(self), name, kind)) is not None:
+            keep(self, name, result)
+        return result
+
+    def kept(self, name, result):
+        keep(everywhere(self), name, result)
+        return keep(self, name, result)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(history, "MOST_FILES", 10_000)
+        patch.setattr(history.KeptResults, "find", found)
+        patch.setattr(history.KeptResults, "keep", kept)
+        yield
 
 
 def pytest_ignore_collect(collection_path):

@@ -43,14 +43,14 @@ def test_it_installs_once_for_each_state_of_the_project(start: ModuleType, monke
         assert start.main(["test"]) == 0
     installs = [call for call in calls if "pip" in call]
     assert [call[-1] for call in installs] == [".[test]"]
-    assert calls.count(("-m", "pytest", "-n", "2", "-m", "not long")) == 2
+    assert calls.count(("-m", "pytest", "-n", "2", "--dist", "worksteal", "-m", "not long")) == 2
 
 
 def test_all_leaves_nothing_out(start: ModuleType, monkeypatch) -> None:
     calls: list[tuple[str, ...]] = []
     monkeypatch.setattr(start, "run", lambda *arguments: calls.append(arguments) or 0)
     assert start.main(["test", "--all"]) == 0
-    assert calls[-1] == ("-m", "pytest", "-n", "2")
+    assert calls[-1] == ("-m", "pytest", "-n", "2", "--dist", "worksteal")
     assert start.main(["demo", "--all"]) == 2
 
 

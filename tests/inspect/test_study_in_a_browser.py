@@ -1,6 +1,7 @@
 """The page of a study as a person uses it, in a real browser."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -15,20 +16,26 @@ pytest.importorskip("bokeh")
 GEAR = Path(__file__).parents[2] / "sample_data" / "worm_gear"
 
 
-@pytest.fixture
-def study(tmp_path) -> Path:
-    place = tmp_path / "gear"
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory) -> Path:
+    place = tmp_path_factory.mktemp("begun") / "gear"
     arguments = ["--model", "worm-gear", "--rig", str(GEAR / "rig.toml")]
     arguments += ["--measurement", str(GEAR / "table_8_loaded.csv")]
     assert CliRunner().invoke(study_new, [str(place), *arguments]).exit_code == 0
     return place
 
 
+@pytest.fixture
+def study(begun, tmp_path) -> Path:
+    """A copy in a directory as deep, from which the table is found."""
+    return Path(shutil.copytree(begun, tmp_path / "gear"))
+
+
 def test_candidates_are_ranked_as_the_command_ranks_them(open_page, serve, study):
+    found = json.loads(CliRunner().invoke(study_diagnose, [str(study), "--json"]).stdout)
     page = open_page(serve(str(study)))
     page.wait(lambda: page.text("verdict").strip())
     page.wait(lambda: page.script("return document.documentElement.scrollHeight <= innerHeight"))
-    found = json.loads(CliRunner().invoke(study_diagnose, [str(study), "--json"]).stdout)
     assert found["verdict"] in ("effect", "group")
     assert "Missing:" in page.text("verdict")
     assert all(name in page.text("verdict") for name in found["effects"])
@@ -75,6 +82,9 @@ def test_a_tried_effect_is_put_back(open_page, serve, study):
 
 
 def test_an_effect_is_tried_accepted_and_in_the_history(open_page, serve, study):
+    CliRunner().invoke(
+        study_diagnose, [str(study)]
+    )  # else the page begins to search beside what is tried here
     before = (study / "history.jsonl").read_text()
     page = open_page(serve(str(study)))
     page.wait(lambda: "efficiency" in page.text("trial"))

@@ -1,7 +1,6 @@
 """The worked example: what docs/worm_gear_article.md says was reached with the article's tables."""
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,7 @@ from specan.study.edit import add_effect, drop_effect
 from specan.study.history import History
 from specan.study.selection.candidates import base_problem
 from specan.study.study import Study
+from tests.study.few import beside
 
 GEAR = Path(__file__).parents[2] / "sample_data" / "worm_gear"
 ARTICLE = {"table 8": (2.17, 6.25), "table 9": (2.88, 6.38)}  # its own simulation, RMS and largest, percent
@@ -36,15 +36,8 @@ def article(tmp_path_factory):
 
 
 def with_few_candidates(problem):
-    model, uses = problem.assembly.model, problem.assembly.uses
-    kept = {"torque-zero-error", "thermal-lag", *(use.name for use in uses)}
-    few = replace(
-        model,
-        effects={name: effect for name, effect in model.effects.items() if name in kept},
-        nuisances=tuple(n for n in model.nuisances if n.effect in kept),
-        other_forms={},
-    )
-    return base_problem(few, problem.observations, uses)
+    few = beside(problem.assembly.model, "torque-zero-error", "thermal-lag", "load-dependent-friction")
+    return base_problem(few, problem.observations, problem.assembly.uses)
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +66,7 @@ def test_the_last_model_beats_the_articles_simulation_on_data_that_it_has_not_se
         assert all(own < its for own, its in zip(percent(steps[3], where), ARTICLE[name], strict=True))
 
 
+@pytest.mark.long
 def test_what_an_instrument_error_gains_is_what_it_does_to_the_table(article):
     """Its refit starts in a valley of wrong torques: from there it ended far above the model without it."""
     found = article[1]
@@ -82,6 +76,7 @@ def test_what_an_instrument_error_gains_is_what_it_does_to_the_table(article):
     assert zero.parameters["torque-zero-error.output"]["value"] == pytest.approx(3.0, abs=0.3)
 
 
+@pytest.mark.long
 def test_the_exponent_is_one_that_films_have_once_idle_runs_are_told_apart(steps):
     exponents = [step.parameters["load-dependent-friction.exponent"] for step in steps[1:]]
     assert [e["plausible"] for e in exponents] == [True, False, True]

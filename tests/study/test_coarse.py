@@ -25,6 +25,7 @@ from specan.study.selection.starting_values import (
     scan_shapes,
     starting_values,
 )
+from tests.study.few import beside
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},
@@ -322,7 +323,8 @@ def test_a_certificate_that_a_lining_contradicts_is_part_of_the_verdict(model):
     }
     warmer = -3.0
     true = {**lining, "temperature.offset": warmer}
-    found = diagnose(base_problem(model, [recorded(model, ["wall-impedance@y1", "temperature"], true)]))
+    measured = recorded(model, ["wall-impedance@y1", "temperature"], true)
+    found = diagnose(base_problem(beside(model, "wall-impedance", "flanking-source"), [measured]))
     assert found.alternatives[0] == ("temperature", "wall-impedance")
     assert found.at == {"wall-impedance": ("y1",)}
     offset = found.ranking[0].parameters["temperature.offset"]
@@ -333,7 +335,8 @@ def test_a_certificate_that_a_lining_contradicts_is_part_of_the_verdict(model):
 def test_an_edge_far_off_its_drawing_is_named(model):
     """The base fits with it, but only against its tolerance: what is wrong is the drawing."""
     true = {"dimension-error@z.error": -0.0076}
-    found = diagnose(base_problem(model, [recorded(model, ["dimension-error@z"], true)]))
+    measured = recorded(model, ["dimension-error@z"], true)
+    found = diagnose(base_problem(beside(model, "wall-impedance", "microphone-position"), [measured]))
     assert found.verdict == "effect"
     assert found.alternatives == (("dimension-error",),)
     assert found.ranking[0].parameters["dimension-error@z.error"]["value"] == pytest.approx(-0.0076, abs=2e-4)
@@ -342,9 +345,8 @@ def test_an_edge_far_off_its_drawing_is_named(model):
 @pytest.mark.long
 def test_an_edge_that_its_certificate_hardly_admits_is_said(model):
     """Between what is known and what is named: the sentence says that it is likelier, and the value in percent."""
-    found = diagnose(
-        base_problem(model, [recorded(model, ["dimension-error@z"], {"dimension-error@z.error": 0.0036})])
-    )
+    measured = recorded(model, ["dimension-error@z"], {"dimension-error@z.error": 0.0036})
+    found = diagnose(base_problem(beside(model, "wall-impedance", "microphone-position"), [measured]))
     assert found.verdict == "nothing-missing"
     assert "dimension-error@z is likelier" in found.reason
     assert found.pulls[0].text.startswith("dimension-error@z.error = 0.36 %, known -0.2 to 0.2 %")
@@ -370,6 +372,7 @@ def test_nothing_is_named_beside_a_lining_that_is_all(model):
         "wall-impedance@y1.mass": 0.2,
         "wall-impedance@y1.stiffness": 4e5,
     }
-    found = diagnose(base_problem(model, [recorded(model, ["wall-impedance@y1"], lining)]))
+    few = beside(model, "wall-impedance", "flanking-source", "microphone-position")
+    found = diagnose(base_problem(few, [recorded(model, ["wall-impedance@y1"], lining)]))
     assert found.alternatives[0] == ("wall-impedance",)
     assert all(len(names) == 1 for names in found.alternatives)

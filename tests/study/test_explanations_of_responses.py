@@ -14,6 +14,7 @@ from specan.study.evidence.of_responses import OfResponses
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.initial_fit import InitialFit
 from specan.study.selection.refits import Refit
+from tests.study.few import beside
 from tests.study.test_coarse import RIG, recorded
 
 
@@ -27,10 +28,7 @@ def lined(wrong=0.0):
     change *= wrong * np.exp(-(((measured.frequency_hz - 260.0) / 20.0) ** 2))
     change[[0, 2, 3]] = 0.0
     measured = replace(measured, response=measured.response + change)
-    base = {n.effect.partition("@")[0] for n in model.nuisances} | {*model.base_effects}
-    kept = {*base, "wall-impedance", "microphone-position"}
-    model = replace(model, effects={name: effect for name, effect in model.effects.items() if name in kept})
-    problem = base_problem(model, [measured])
+    problem = base_problem(beside(model, "wall-impedance", "microphone-position"), [measured])
     return Refit(frozenset(), problem, fit(problem))
 
 

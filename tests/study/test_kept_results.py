@@ -16,6 +16,11 @@ from specan.study.study import Study
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
 
 
+@pytest.fixture(scope="module", autouse=True)
+def computed_once():
+    """Here each study keeps its own."""
+
+
 @pytest.fixture(scope="module")
 def diagnosed(tmp_path_factory):
     """A study that was diagnosed, and its diagnosis."""

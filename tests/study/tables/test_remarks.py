@@ -8,12 +8,15 @@ from specan.models import Model
 from specan.study.diagnose import diagnose
 from specan.study.selection.candidates import base_problem
 from specan.study.verdict import headline
+from tests.study.few import beside
 
 
-def verdict(tables, tmp_path, columns, **uncertainty):
+def verdict(tables, tmp_path, columns, *more, **uncertainty):
+    """The verdict beside few effects, and those that are named: a fault of the rows is none of the gear."""
     gear = tables.model(**uncertainty)
-    data = read_tables(gear, [tables.write_table(tmp_path / "table.csv", columns)])
-    return diagnose(base_problem(gear, data.fitted))
+    few = beside(gear, "seal-drag", "windage", "load-dependent-friction", *more)
+    data = read_tables(few, [tables.write_table(tmp_path / "table.csv", columns)])
+    return diagnose(base_problem(few, data.fitted))
 
 
 GRID = {"speeds": (600, 1000, 1500, 2000, 2800), "torques": (5, 15, 30, 50, 90)}
@@ -115,11 +118,11 @@ def test_another_published_form_of_the_bearings_is_no_missing_effect(tables, tmp
     """A gear whose bearings follow Palmgren, made with the effect itself; and none where the SKF model holds."""
     plan = tables.grid(**GRID)
     made = tables.bench(6, repeats=3, points=plan)
-    assert verdict(tables, tmp_path, made).other_form == ""
+    assert verdict(tables, tmp_path, made, "palmgren-bearings", "iso-bearings").other_form == ""
     skf = tables.input_torque(made)
     others = {"bearing-friction.scale": 0.0, "palmgren-bearings.scale": 1.0}
     made["input_torque_Nm"] = made["input_torque_Nm"] + tables.input_torque(made, others) - skf
-    found = verdict(tables, tmp_path, made)
+    found = verdict(tables, tmp_path, made, "palmgren-bearings", "iso-bearings")
     assert found.verdict == "nothing-missing"
     assert found.other_form == "palmgren-bearings in place of bearing-friction"
     assert not found.unknown_possible  # the data decide between the forms
@@ -132,7 +135,7 @@ def test_a_zero_error_without_certificate_is_found_beside_one_with_it(tables, tm
         columns = tables.bench(7, repeats=3, points=tables.grid(GRID["speeds"], (0, *GRID["torques"])))
         columns["coupled"] = (columns["output_torque_Nm"] > 1).astype(float)
         columns["output_torque_Nm"] = columns["output_torque_Nm"] + offset * columns["coupled"]
-        found = verdict(tables, tmp_path, columns, input_torque_zero_Nm=0.01)
+        found = verdict(tables, tmp_path, columns, "torque-zero-error", input_torque_zero_Nm=0.01)
         assert ("torque-zero-error",) in found.alternatives
         row = next(r for r in found.ranking if r.effects == ("torque-zero-error",))
         value = row.parameters["torque-zero-error.output"]
