@@ -64,7 +64,7 @@ def computed_once(tmp_path_factory):
         patch.setattr(history, "MOST_FILES", 10_000)
         patch.setattr(history.KeptResults, "find", found)
         patch.setattr(history.KeptResults, "keep", kept)
-        yield
+        yield {"find": find, "keep": keep}
 
 
 def pytest_ignore_collect(collection_path):

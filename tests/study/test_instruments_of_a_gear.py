@@ -12,6 +12,7 @@ from specan.study.estimation.fit import fit
 from specan.study.selection.candidates import base_problem
 from specan.worm_gear.model.build import build
 from specan.worm_gear.model.rig import EXAMPLE_RIG
+from tests.study.few import beside
 
 NOISE = 0.004  # N*m
 
@@ -49,7 +50,9 @@ def problem(folder, columns, content):
         ",".join(f"{v:.9g}" for v in row) for row in zip(*columns.values(), strict=True)
     ]
     path.write_text("\n".join(lines) + "\n")
-    model = build(content)
+    model = beside(
+        build(content), "seal-drag", "thermal-lag", "torque-zero-error", "zero-drift", "torque-gain-error"
+    )
     return base_problem(model, read_tables(model, [path]).fitted)
 
 

@@ -16,17 +16,20 @@ from specan.study.study import Study
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
 
 
-@pytest.fixture(scope="module", autouse=True)
-def computed_once():
-    """Here each study keeps its own."""
-
-
 @pytest.fixture(scope="module")
 def diagnosed(tmp_path_factory):
     """A study that was diagnosed, and its diagnosis."""
     place = tmp_path_factory.mktemp("kept") / "gear"
     begin(place, "worm-gear", BENCH / "rig.toml", [BENCH / "measurement.csv"], hold_out=["torque=50"])
     return place, Study(place).diagnose()
+
+
+@pytest.fixture(autouse=True)
+def own(diagnosed, computed_once, monkeypatch):
+    """From here on each study keeps its own results."""
+    for name, function in computed_once.items():
+        monkeypatch.setattr(KeptResults, name, function)
+    monkeypatch.setattr(history, "MOST_FILES", MOST_FILES)
 
 
 @pytest.fixture

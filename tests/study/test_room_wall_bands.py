@@ -88,12 +88,12 @@ def test_a_wall_of_no_known_form_is_followed_band_by_band(model):
     beta = np.interp(np.log(FREQUENCY), np.log(mid), true)
     content = study_with(
         conductance={"per": "third_octave"},
-        mass={"per": "third_octave", "low": -60.0, "high": 60.0, "value": 0.0},
+        mass={"fixed": True, "value": 0.0},
         stiffness={"fixed": True, "value": 0.0},
     )
     problem = assemble(model, content, [observed(model, beta)])
     assert "wall-impedance@z1.conductance[158.5 Hz]" in problem.names
-    assert sum(name.startswith("wall-impedance@z1") for name in problem.names) == 12
+    assert sum(name.startswith("wall-impedance@z1") for name in problem.names) == 6
     best = fit(problem)
     assert best.reduced_chi2 == pytest.approx(1.0, abs=0.2)
     found = parameter_table(problem, best)
