@@ -77,7 +77,7 @@ def _print_probabilities(found: Diagnosis) -> None:
     likely = [one for one in found.probabilities[:EXPLANATIONS] if one.probability >= LEAST_PROBABLE]
     if not likely:
         return
-    told = [f"{one.explanation} {percent(one.probability)}" for one in likely]
+    told = [f"{one.spoken} {percent(one.probability)}" for one in likely]
     rest = 1 - sum(one.probability for one in likely)
     told += [f"all others together {percent(rest)}"] if rest >= LEAST_PROBABLE else []
     click.echo(f"How probable: {', '.join(told)}.")

@@ -186,10 +186,10 @@ def printed_unit(unit: str) -> str:
     Examples
     --------
     >>> [printed_unit(unit) for unit in ("degC", "N*m", "Pa*s/m", "um/N", "percent", "1")]
-    ['°C', 'Nm', 'Pa s/m', 'µm/N', '%', '']
+    ['°C', 'N·m', 'Pa·s/m', 'µm/N', '%', '']
     """
     return {"degC": "°C", "degF": "°F", "percent": "%", "1": ""}.get(
-        unit, re.sub(r"\bu(m|Pa|N)\b", r"µ\1", unit.replace("N*m", "Nm").replace("*", " "))
+        unit, re.sub(r"\bu(m|Pa|N)\b", r"µ\1", unit.replace("*", "·"))
     )
 
 
@@ -199,7 +199,7 @@ def axis_label(quantity: str, unit: str) -> str:
     Examples
     --------
     >>> axis_label("RMS error of input_torque", "N*m"), axis_label("efficiency", "1")
-    ('RMS error of input torque / Nm', 'efficiency')
+    ('RMS error of input torque / N·m', 'efficiency')
     """
     shown = printed_unit(unit)
     return quantity.replace("_", " ") + (f" / {shown}" if shown else "")

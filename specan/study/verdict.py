@@ -108,6 +108,15 @@ class Probability:
     at: Mapping[str, tuple[str, ...]]
     probability: float
 
+    @property
+    def spoken(self) -> str:
+        """The explanation; a single effect is ``alone``, unlike in a verdict, which adds up all that contain it."""
+        return (
+            f"{self.explanation} alone"
+            if self.kind == "effects" and len(self.effects) == 1
+            else self.explanation
+        )
+
 
 @dataclass(frozen=True)
 class ErrorFall:

@@ -31,6 +31,6 @@ def efficiency_map(chosen: ChosenModel) -> Figure:
     lines = axes.contour(x, y, 100 * z, levels=[50, 60, 70, 80, 85, 90, 95], colors="k", linewidths=0.6)
     axes.clabel(lines, fmt="%g %%")
     figure.colorbar(filled, ax=axes, ticks=range(0, 101, 10)).set_label("Efficiency / %")
-    axes.set(xlabel="Input speed / r/min", ylabel="Output torque / Nm")
+    axes.set(xlabel="Input speed / r/min", ylabel="Output torque / N·m")
     heading(figure, "Efficiency of the worm gear")
     return figure

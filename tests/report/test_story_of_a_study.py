@@ -36,7 +36,7 @@ def test_bars_of_a_diagnosis_are_the_errors_that_are_left(story):
     widths = [patch.get_width() for patch in axes.patches]
     assert widths == [found.error.before.rms, *(row.error_after for row in found.ranking)]
     assert axes.get_xscale() == "linear"
-    assert axes.get_xlabel() == "Remaining RMS error of input torque / Nm"
+    assert axes.get_xlabel() == "Remaining RMS error of input torque / N·m"
     assert headline(found).startswith("Missing: windage (")
 
 
@@ -84,7 +84,7 @@ def test_the_report_begins_with_the_story_and_ends_with_what_was_rejected(story)
     places = [
         page.index(text)
         for text in (
-            "Windage was missing. With it the error on fitted data went from 0.0288 to 0.00638 Nm (-78 %)",
+            "Windage was missing. With it the error on fitted data went from 0.0288 to 0.00638 N·m (-78 %)",
             "How each step came about", "<b>Missing: windage (", "<h2>Measured and model",
             "<h2>What is missing now", "<h2>Parameters", "<h2>Candidates tested",
         )
