@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -127,11 +128,12 @@ def figure_spectrogram(found: Spectrogram) -> Drawing:
 
 
 def figure_shock_response(found: ShockResponse) -> Drawing:
-    """Maximax levels over the natural frequency, one pair of axes a unit."""
+    """Maximax over the natural frequency, both logarithmic, one pair of axes a unit."""
     with np.errstate(divide="ignore"):
         level = 20 * np.log10(found.maximax)
-    labels = [f"Maximax / dB re 1 {micro(unit)}" for unit in found.units]
+    labels = [f"Maximax / {micro(unit)}" for unit in found.units]
     panels = level_panels(labels, found.channels, found.frequency_hz, level, _DYNAMICS_DB)
+    panels = [replace(panel, amplitude=True) for panel in panels]
     facts = (f"shock response, {found.response}, Q {found.quality:g}",)
     return Drawing(
         found.label or "Shock response", facts, "Natural frequency / Hz", tuple(panels), hertz=True

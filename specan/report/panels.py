@@ -83,6 +83,8 @@ class Panel:
         Where thin lines run across.
     bounds : tuple of Curve
         Limits that the curves have to keep.
+    amplitude : bool
+        The curves are levels in dB re 1, and the axis tells the amplitudes.
     """
 
     label: str
@@ -94,6 +96,7 @@ class Panel:
     kind: str = "line"
     marks: tuple[float, ...] = ()
     bounds: tuple[Curve, ...] = ()
+    amplitude: bool = False
 
     @property
     def values(self) -> Real | None:
@@ -280,6 +283,9 @@ def draw_panels(sheet: Sequence[Axes], panels: Sequence[Panel]) -> None:
             phase_axis(axes, panel.label)
         else:
             axes.set_ylabel(panel.label)
+        if panel.amplitude:
+            axes.set_yticks([20 * (k + np.log10(n)) for k in range(-15, 16) for n in (1, 2, 5)])
+            axes.yaxis.set_major_formatter(lambda level, _: f"{10 ** (level / 20):g}")
         if panel.limits is not None:
             axes.set_ylim(*panel.limits)
 
