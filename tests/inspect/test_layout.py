@@ -102,25 +102,6 @@ def test_each_unit_has_a_figure_and_many_lines_have_few_colours():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "orders", "info"])
-def test_a_tab_needs_no_scrolling_on_a_laptop(browser, open_page, recording_page, tab):
-    size = browser.get_window_size()
-    metrics = {"width": 1366, "height": 768, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-    try:
-        page = open_page(f"{recording_page}?tab={tab}")
-        page.wait(
-            lambda: page.script(f"return {MODEL}('status') && !{MODEL}('status').text.includes('computing')")
-        )
-        page.wait(lambda: page.script("return document.documentElement.scrollHeight <= innerHeight"))
-        assert page.script("return document.documentElement.scrollWidth <= innerWidth")
-        assert page.complaints == []
-    finally:
-        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-        browser.set_window_size(size["width"], size["height"])
-
-
-@pytest.mark.long
 def test_dark_mode_and_the_command_of_a_tab(open_page, recording_page):
     page = open_page(f"{recording_page}?tab=fft")
     page.wait(lambda: page.script(f"return {MODEL}('status')?.text.includes('phase')"))

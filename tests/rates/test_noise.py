@@ -13,6 +13,7 @@ from specan.study.estimation.fit import covariance, fit, intervals_95
 from specan.study.observation.autoregression import excess, innovations, of_process
 from specan.study.observation.time import TimeObservation
 from specan.study.selection.candidates import base_problem
+from tests.rates.runge_kutta import displacement, halves
 from tests.rates.test_solver import cubic_spring, damper, dv, dx, spring
 
 RATE, COUNT = 500.0, 1000
@@ -38,35 +39,16 @@ def test_the_predictor_errs_as_that_of_kalman():
 
 
 def observed(model, rng, disturbed, coloured, size=0.0):
-    """A recording by the rule of Runge and Kutta, of a force in closed form; exact to 1e-4 mm."""
-    time = np.arange(COUNT) / RATE
+    """A recording of a force in closed form; exact to 1e-4 mm."""
+    time, fine = np.arange(COUNT) / RATE, halves(RATE, COUNT, 4)
     lines = 2 * np.pi * np.arange(2, 40, 0.33)
-    phase = rng.uniform(0, 6, lines.size)
-    step, halves = 1 / (4 * RATE), np.arange(8 * (COUNT - 1) + 1) / (8 * RATE)
-    force = np.cos(np.outer(halves, lines) + phase).sum(axis=1)
+    force = np.cos(np.outer(fine, lines) + rng.uniform(0, 6, lines.size)).sum(axis=1)
     force *= 30 / np.std(force[::8])
-    kicks = disturbed * rng.standard_normal(COUNT)
-    pushed = (force + np.interp(halves, time, kicks)).tolist()
-    force = force[::8]
-
-    def acceleration(push, x, v):
-        return push - 1e4 * x - 20 * v - size * x**3
-
-    path, x, v = [0.0], 0.0, 0.0
-    for n in range(0, 8 * (COUNT - 1), 2):
-        first, middle, last = pushed[n : n + 3]
-        speeds, rises = [v], [acceleration(first, x, v)]
-        for push, part in ((middle, step / 2), (middle, step / 2), (last, step)):
-            x_there, v_there = x + part * speeds[-1], v + part * rises[-1]
-            speeds.append(v_there)
-            rises.append(acceleration(push, x_there, v_there))
-        x += step * (speeds[0] + 2 * speeds[1] + 2 * speeds[2] + speeds[3]) / 6
-        v += step * (rises[0] + 2 * rises[1] + 2 * rises[2] + rises[3]) / 6
-        path.append(x)
-    y = 1e3 * np.array(path[::4])
+    push = force + np.interp(fine, time, disturbed * rng.standard_normal(COUNT))
+    y = 1e3 * displacement(push, RATE, 4, lambda f, x, v: f - 1e4 * x - 20 * v - size * x**3)
     own = rng.standard_normal(COUNT)
     y += 0.05 * lfilter([np.sqrt(1 - coloured**2)], [1, -coloured], own)
-    given = {"time": time, "force_channel": force}
+    given = {"time": time, "force_channel": force[::8]}
     rows = np.arange(COUNT)
     return TimeObservation(
         name="run", observable=np.full(COUNT, "x"), measured=y, conditions=given, covariance=np.full(COUNT, 0.05**2),

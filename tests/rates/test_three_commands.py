@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from nptdms import ChannelObject, TdmsWriter
-from scipy.integrate import solve_ivp
 
 from specan_cli.main import main
+from tests.rates.runge_kutta import displacement, halves
 
 MODEL = '''"""A mass on a spring."""
 import numpy as np
@@ -49,20 +49,14 @@ TERMS = {
 
 
 def recording(path, seed, term):
-    """Force in N and displacement in mm of an oscillator with a term of its own, by scipy; noise of 0.05 mm."""
+    """Force in N and displacement in mm of an oscillator with a term of its own; noise of 0.05 mm."""
     rng, rate, n = np.random.default_rng(seed), 500.0, 1500
-    time, lines = np.arange(n) / rate, np.arange(2, 40, 0.33)
+    lines = 2 * np.pi * np.arange(2, 40, 0.33)
     phase = rng.uniform(0, 2 * np.pi, lines.size)
-    force = np.cos(np.outer(time, 2 * np.pi * lines) + phase).sum(axis=1)
-    unit = 30 / np.std(force)
-    force *= unit
-
-    def rates(t, s):
-        given = unit * np.cos(2 * np.pi * lines * t + phase).sum()
-        return [s[1], (given - 1.1e4 * s[0] - 15 * s[1] - term(*s)) / 1.2]
-
-    found = solve_ivp(rates, (0, time[-1]), [0, 0], "RK45", time, rtol=1e-8, atol=1e-10, max_step=1e-3)
-    x = 1e3 * found.y[0] + 0.05 * rng.standard_normal(n)
+    push = np.cos(np.outer(halves(rate, n, 16), lines) + phase).sum(axis=1)
+    push *= 30 / np.std(push[::32])
+    x = displacement(push, rate, 16, lambda f, x, v: (f - 1.1e4 * x - 15 * v - term(x, v)) / 1.2)
+    force, x = push[::32], 1e3 * x + 0.05 * rng.standard_normal(n)
     told = {"wf_increment": 1 / rate}
     with TdmsWriter(path) as writer:
         writer.write_segment(

@@ -363,16 +363,3 @@ def test_levels_do_not_count_lines_of_hum(model):
     predicted[of_hum] /= 55
     (error,) = observable_errors(base_problem(model, [o]), [o], [predicted])
     assert error.level_dB == pytest.approx(20 * np.log10(1.1), rel=1e-9)
-
-
-@pytest.mark.long
-def test_nothing_is_named_beside_a_lining_that_is_all(model):
-    lining = {
-        "wall-impedance@y1.conductance": 0.4,
-        "wall-impedance@y1.mass": 0.2,
-        "wall-impedance@y1.stiffness": 4e5,
-    }
-    few = beside(model, "wall-impedance", "flanking-source", "microphone-position")
-    found = diagnose(base_problem(few, [recorded(model, ["wall-impedance@y1"], lining)]))
-    assert found.alternatives[0] == ("wall-impedance",)
-    assert all(len(names) == 1 for names in found.alternatives)

@@ -40,10 +40,12 @@ def test_each_explanation_is_counted_once_where_the_model_is_far_off(promising, 
     assert start.problem.strategy.linearised_covariance
     if not promising:
         monkeypatch.setattr(OfResponses, "_promises", lambda self, one: iter(()))
-    found = OfResponses(InitialFit(start)).found
-    assert any(one.kind == "effects" for one in found) == promising
-    counts = Counter((one.kind, one.uses, one.noise) for one in found)
+    seen = OfResponses(InitialFit(start))
+    assert any(one.kind == "effects" for one in seen.found) == promising
+    counts = Counter((one.kind, one.uses, one.noise) for one in seen.found)
     assert set(counts.values()) == {1}
+    if promising:  # and nothing is named beside a lining that is all
+        assert told(seen, start).alternatives == (("wall-impedance",),)
 
 
 def test_what_is_said_of_the_model_is_said_of_the_fit_that_is_shown(monkeypatch):
