@@ -8,10 +8,12 @@ from machines.cases import drawn
 from machines.run import MACHINES
 from specan.study.diagnose import diagnose
 from specan.study.selection.candidates import base_problem
+from tests.study.few import beside
 
 
 def told(case):
-    found = diagnose(base_problem(case.model, [case.observation]))
+    few = beside(case.model, *sorted(case.model.effects)[:3])
+    found = diagnose(base_problem(few, [case.observation]))
     named = [p for p in found.probabilities if p.kind == "fault"]
     return found, named, sum(p.probability for p in named)
 
