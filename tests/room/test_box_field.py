@@ -154,9 +154,18 @@ def test_few_lines_tell_the_others_or_are_not_used(beta, few, monkeypatch):
 
 
 def test_coupling_is_reciprocal():
-    box = field_of((0.1, 0.02, 0.05, 0, 0.2j, 0), (14, 10, 12))
+    here, there = (field_of((0.1, 0.02, 0.05, 0, 0.2j, 0), (14, 10, 12)) for _ in "ab")
     a, b = Port((0.3, 0.2, 0.5), 0), Port((0.7, 0.45, 0.1), 0)
-    np.testing.assert_allclose(box.coupling(a, [b]), box.coupling(b, [a]), rtol=1e-4)
+    np.testing.assert_allclose(here.coupling(a, [b]), there.coupling(b, [a]), rtol=1e-4)
+
+
+def test_an_opening_in_another_wall_answers_to_the_piston_as_all_modes_say():
+    """A patch across the axis that is summed in closed form was taken for one along it: 0.5 % of the coupling."""
+    opening, k = Port((0.06, 0.3, 0.7), 2, 0.02), np.linspace(0.8, 8.0, 20)
+    room, all_modes = (field_of([0.005] * 6, counts, k) for counts in ((12, 9, 11), (60, 48, 54)))
+    room.coupling(PISTON, [PISTON, opening])
+    found, expected = room.coupling(opening, [PISTON])[:, 0], all_modes.modal(PISTON, [opening])[:, 0]
+    assert np.linalg.norm(found - expected) < 0.002 * np.linalg.norm(expected)
 
 
 def test_the_mean_over_a_ball_is_a_spherical_bessel_function():

@@ -86,8 +86,10 @@ class BoxField:
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Mean of G over both ports, array (lines, receivers), 1/m."""
-        for port in receivers:  # what no static_correction is added to is reciprocal to the last digit
-            if (source.ball or port.ball) and (port, source) in self._done:
+        for port in receivers:
+            # Reciprocity; patches that are large, as pistons, are asked first: what lies across the axis that is summed
+            # in closed form is taken for a patch along it.
+            if (port, source) in self._done:
                 self._done[source, port] = self._done[port, source]
         new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]
         if new:

@@ -109,15 +109,14 @@ def scan_promising(refit: Refit) -> dict[Use, list[Scored]]:
 
 def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     """Signatures of few candidates over all of their shapes: the best of each, and others that lie apart."""
-    known: Known = {}
+    shared: Known = {}
     found = {c.use: c for c in candidates(refit.problem)[0] if c.use in uses}
-    if not found:
-        return {}
-    points = shape_grid(refit.problem, refit.fit, list(found.values()), known)
-    scored = best_of_each(_scored(refit, list(found.values()), points, known))
+    points = shape_grid(refit.problem, refit.fit, list(found.values()), shared)
+    scored = best_of_each(_scored(refit, list(found.values()), points, shared))
     places = _likely_places(refit, list(found.values()))
 
     def peaks(use: Use) -> list[Scored]:
+        known = dict(shared)  # changes at all that is tried of every effect take much memory
         optima = _coordinate_optima(refit, found[use], scored[use][0], known)
         for place in places.get(use, ()):
             optima += _led(refit, found[use], _at_place(found[use], place, _sizes(found[use])), known)
