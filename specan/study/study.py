@@ -262,8 +262,11 @@ class Study:
         return self.kept.made("fit", Fit, self._fitted)
 
     def _fitted(self) -> Fit:
-        start = brought(self.problem.observations, "near_the_data")
-        found = fit(self.problem, start(self.problem) if start else None, starts=STARTS)
+        look = brought(self.problem.observations, "near_the_data")
+        start = look(self.problem) if look else None
+        if start and set(start) >= set(self.problem.names):  # the data tell them better than a fit does
+            return describe(self.problem, self.problem.start(start))
+        found = fit(self.problem, start, starts=STARTS)
         if self.problem.strategy.continuation and found.p_value < PREDICTED:  # another minimum, perhaps
             found = min(found, fit(self.problem, self._near), key=lambda one: one.chi2)
         known = self._starts[1:] if self.model.rates else ()  # integrated predictions have many minima

@@ -366,6 +366,7 @@ VERDICTS = {
     "effect": "Missing: {names}.",
     "group": "Missing: {names}; these data cannot tell which.",
     "nothing-missing": "Nothing is missing, as far as these data can tell{sure}.",
+    "nothing-named": "No effect can be named: perhaps nothing is missing{sure}{names}.",
     "fits-only-if": "It fits, but only with values outside what is known.",
     "unknown-effect": "Something is missing that is not on the list of effects{sure}.",
     "faulty-data": "The data have a fault: {fault}{sure}.",
@@ -417,6 +418,12 @@ def headline_of(content: Mapping[str, Any]) -> str:
     told = sure([of[kind]]) if kind in of else ""
     fault = next((one["explanation"] for one in stated if one["kind"] == "fault"), "").split(" beside ")[0]
     beside = f" Missing beside it: {names}." if kind == "faulty-data" and any(content["alternatives"]) else ""
+    if (
+        kind == "nothing-missing"
+        and sum(o["probability"] for o in stated if o["kind"] == "nothing") < 0.5
+        and stated
+    ):
+        kind = "nothing-named"
     return VERDICTS[kind].format(names=names, sure=told, fault=fault) + beside
 
 

@@ -44,7 +44,8 @@ FORMS = 1.0, 3.0  # errors of single lines over those of the rig file
 # Probability that a tone of the background falls on a line, of all lines together, and how many may.
 TONE, TONES = 0.05, 3
 STEP = 1e-3  # of the largest size that is known, for the model's lines
-PLACES = 24, 3  # of a shape parameter that is an angle, and of another
+# Places of a shape parameter that is an angle, of another one, and finer ones in each step about the likeliest angle.
+AROUND, ALONG, FINER = 24, 3, 4
 SEEN = 1e-2  # chi-square that the largest size must make in a line
 
 
@@ -127,10 +128,15 @@ class LineEvidence:
             unsure[row, about] = np.sqrt(1 / weight.sum())
         return gain, unsure
 
-    def patterns(self, candidate: Candidate) -> list[Pattern]:
-        """Lines of an effect, one pattern for each place of its shape parameters; none where it makes no new ones."""
+    def patterns(self, candidate: Candidate, about: Pattern | None = None) -> list[Pattern]:
+        """Lines of an effect, one pattern for each place of its shape parameters; none where it makes no new ones.
+
+        Those about one of them lie closer to each other.
+        """
         own = {name: candidate.parameter(name).si for name in candidate.own}
-        shapes = {name: _places(own[name]) for name in candidate.shapes}
+        shapes = {
+            name: _places(own[name], about.values[name] if about else None) for name in candidate.shapes
+        }
         found = []
         for place in product(*shapes.values()):
             values = dict(zip(shapes, place, strict=True))
@@ -168,6 +174,15 @@ class LineEvidence:
         return np.asarray(size > SEEN * self.variance)
 
     # --- evidence ---------------------------------------------------------------------------------
+
+    def likeliest(self, candidate: Candidate, patterns: Sequence[Pattern]) -> tuple[Pattern, float, float]:
+        """Likeliest pattern of an effect, ln of its evidence and of the mean over all places of shape parameters."""
+        gains, count = [self.ln_evidence([one]) for one in patterns], len(patterns)
+        best = patterns[int(np.argmax(gains))]
+        if finer := self.patterns(candidate, best)[1:]:
+            gains, patterns, count = [self.ln_evidence([one]) for one in finer], finer, FINER * count
+            best = patterns[int(np.argmax(gains))]
+        return best, max(gains), float(logsumexp(gains) - np.log(count))
 
     def ln_evidence(self, patterns: Sequence[Pattern], near: Sequence[Pattern] = ()) -> float:
         """ln of the probability of the lines with some patterns over that of noise alone.
@@ -332,8 +347,11 @@ class LineEvidence:
         return found
 
 
-def _places(parameter: Any) -> Array:
-    """Of a shape parameter: all around where its domain says that it is an angle."""
-    around = parameter.lower <= parameter.min - (parameter.max - parameter.min)
-    count = PLACES[0] if around else PLACES[1]
-    return np.linspace(parameter.min, parameter.max, count, endpoint=not around)
+def _places(parameter: Any, about: float | None = None) -> Array:
+    """Of a shape parameter: all around where its domain says that it is an angle; or on both sides of one place."""
+    reach = parameter.max - parameter.min
+    if parameter.lower > parameter.min - reach:
+        return np.linspace(parameter.min, parameter.max, ALONG) if about is None else np.array([about])
+    if about is None:
+        return np.linspace(parameter.min, parameter.max, AROUND, endpoint=False)
+    return about + reach / AROUND * np.arange(-FINER, FINER + 1) / FINER

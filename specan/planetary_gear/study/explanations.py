@@ -1,4 +1,4 @@
-"""Explanations of order lines: sets of effects by the evidence of their patterns; what may be named is then fitted."""
+"""Explanations of order lines: sets of effects by the evidence of their patterns, as large as these tell."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from specan.errors import ComputationError
 from specan.models import Use
 from specan.planetary_gear.study.evidence import LineEvidence, Pattern
-from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import (
     NOTHING,
@@ -72,33 +70,36 @@ class OfOrderLines(Explanations):
         nothing = self.lines.ln_evidence([])
         self.found = []
         self._keep_lines("nothing", [], 0.0, nothing)
+        likeliest: dict[Use, Pattern] = {}
+        alone: dict[Use, float] = {}
+        places: dict[Use, float] = {}  # what the likeliest place has more than the mean over all
+        for number, candidate in enumerate(c for c in self._candidates if self.patterns[c.use]):
+            use = candidate.use
+            self.progress(f"lines of {use}", 0.7 * number / len(self.patterns))
+            likeliest[use], most, alone[use] = self.lines.likeliest(candidate, self.patterns[use])
+            places[use] = most - alone[use]
+            self._keep_lines("effects", [likeliest[use]], 0.0, alone[use])
+        # An error of a share s in the form of an effect leaves s^2 of the chi-square that it takes away: what else is
+        # to explain that has to add more.
+        best = max([nothing, *alone.values()])
+        form_error = self.lines.seen.known.near**2 * (best - nothing)
+        chance = float(np.log(UNKNOWN / NOTHING))
         anything = self.lines.anything()
         each = [self.lines.ln_evidence([one]) for one in anything]
         likely = [anything[int(np.argmax(each))]]
-        self._keep_lines("unknown", likely, np.log(UNKNOWN / NOTHING), float(ln_mean(each)))
-        likeliest: dict[Use, Pattern] = {}
-        alone: dict[Use, float] = {}
-        for number, (use, own) in enumerate(item for item in self.patterns.items() if item[1]):
-            self.progress(f"lines of {use}", 0.7 * number / len(self.patterns))
-            gains = [self.lines.ln_evidence([one]) for one in own]
-            likeliest[use], alone[use] = own[int(np.argmax(gains))], float(ln_mean(gains))
-            self._keep_lines("effects", [likeliest[use]], 0.0, alone[use])
+        self._keep_lines("unknown", likely, chance, float(ln_mean(each)) - form_error)
         order = sorted((use for use in alone if alone[use] > nothing), key=lambda use: -alone[use])
         for k, use in enumerate(order[: PAIRED[0]]):
             self.progress(f"lines of {use} with others", 0.7 + 0.05 * k)
             for other in [*order[k + 1 : PAIRED[1]], None]:
                 second = anything[0] if other is None else likeliest[other]
                 gain = self.lines.ln_evidence([likeliest[use], second], near=[likeliest[use]])
-                gain -= sum(np.log(len(self.patterns[u])) for u in (use, other) if u)
-                most = max(alone[u] for u in (use, other) if u)
-                # An error of a share s in the form of the one leaves s^2 of the chi-square that it takes away.
-                if gain - most < self.lines.seen.known.near**2 * (most - nothing):
-                    continue
-                kind, chance = ("effects", 0.0) if other else ("unknown", float(np.log(UNKNOWN / NOTHING)))
-                self._keep_lines(kind, [likeliest[use], second], chance, gain)
-        # What may be named is fitted, from where its lines lead.
+                gain -= sum(places[u] for u in (use, other) if u)
+                if gain > best + form_error:
+                    kind = "effects" if other else "unknown"
+                    self._keep_lines(kind, [likeliest[use], second], 0.0 if other else chance, gain)
         near = [e.uses for e in self.found if e.uses and e.ln_joint > self.best + np.log(OF_THE_BEST)]
-        fits = {uses: self._fitted(sorted(uses), likeliest) for uses in dict.fromkeys(near)}
+        fits = {uses: self._told(sorted(uses), likeliest) for uses in dict.fromkeys(near)}
         self.found = [
             replace(e, tangent=fits[e.uses], fitted=True) if e.uses in fits else e for e in self.found
         ]
@@ -116,16 +117,11 @@ class OfOrderLines(Explanations):
             text = f"{' and '.join(where)} stands alone: a tone of the background, perhaps"
             self.found.append(replace(one, ln_evidence=ln_evidence + more, tones=text))
 
-    def _fitted(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
+    def _told(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
+        """The model with some effects, as large as their lines tell."""
         problem = self.problem.with_uses(uses)
-        start = self.lines.start([likeliest[use] for use in uses])
-        self.progress(f"fitting with {' and '.join(map(str, uses))}", 0.85)
-        theta = problem.start({**self.base.values, **start})
-        try:
-            there = descend(problem, theta)
-            return Tangent.at(problem, there.theta, there.residual, there.jacobian)
-        except ComputationError:  # what the lines say stays
-            return Tangent.at(problem, theta, problem.residual(theta), problem.jacobian(theta))
+        theta = problem.start({**self.base.values, **self.lines.start([likeliest[use] for use in uses])})
+        return Tangent.at(problem, theta, problem.residual(theta), problem.jacobian(theta))
 
     def visible(self, one: Explanation) -> dict[str, dict[str, Any] | None]:
         """Sizes at which the lines of each effect are seen; none of effects that make no lines of their own."""
@@ -156,5 +152,5 @@ def near_the_data(problem: Problem) -> dict[str, float]:
     for use in own:
         base = without(base, use)
     lines = LineEvidence(base, base.values_at(base.start()))
-    each = (lines.patterns(c) for c in candidates(base)[0] if c.use in own)
-    return lines.start([max(found, key=lambda one: lines.ln_evidence([one])) for found in each if found])
+    each = ((c, lines.patterns(c)) for c in candidates(base)[0] if c.use in own)
+    return lines.start([lines.likeliest(c, found)[0] for c, found in each if found])

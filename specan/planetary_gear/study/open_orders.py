@@ -25,6 +25,7 @@ from specan.planetary_gear.study.by_order_family import localise  # noqa: F401  
 from specan.planetary_gear.study.explanations import OfOrderLines as explanations  # noqa: F401
 from specan.planetary_gear.study.explanations import near_the_data  # noqa: F401  where fits begin
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined, strongest
+from specan.planetary_gear.study.teeth import check_teeth
 from specan.study.data.recordings import parted, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
 from specan.units import convert
@@ -107,6 +108,7 @@ def observe(
     found = settings(recording)
     lines = found.lines
     assert lines is not None
+    unseen = check_teeth(recording, settings, found, model.settings["parsed_rig"].gear)
     zero = 0.0
     if INDEX in names and tacho != INDEX:
         zero = _turn_zero(recording, tracked_shaft(recording, tacho, None, tachos[tacho]))
@@ -147,7 +149,7 @@ def observe(
         f"{tacho}; {said} (carrier torque {how})",
         f"{file.name}: marks of {tacho} uneven by up to {np.degrees(uneven.max(initial=0)):.2g} degree, or the speed "
         "varies so; the uncertainty of lines beside strong ones includes it",
-        *(f"{file.name}: {note}" for note in found.notes),
+        *(f"{file.name}: {note}" for note in (*unseen, *found.notes)),
     ]
 
 

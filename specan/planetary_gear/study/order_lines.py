@@ -102,6 +102,11 @@ class OrderLinesObservation(KeptLines):
         return {**super().places, "file": self.rows(np.array(self.of_row)[:, None])}
 
     @property
+    def size_error(self) -> float:  # type: ignore[override]
+        """How strongly the machine answers to any error of its parts."""
+        return self.known.response
+
+    @property
     def n_effective(self) -> float:
         """Number of real values less two for every gain that is eliminated."""
         return float(self.n - 2 * np.unique(self.of_row_and_harmonic[self.kept]).size)
@@ -323,6 +328,8 @@ class OrderLinesObservation(KeptLines):
         for lines, relative in self._relative_covariance:
             there = predicted[lines] != 0
             own, covariance = lines[there], relative[np.ix_(there, there)]
+            if not own.size:
+                continue
             covariance *= size[own, None] * size[own]
             covariance.flat[:: own.size + 1] += noise[own] ** 2
             root, failed = dpotrf(covariance, lower=1)

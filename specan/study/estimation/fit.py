@@ -319,7 +319,8 @@ def intervals_95(
     By profile: {x : min chi2(x) - chi2_min < quantile}, all other parameters refitted (Raue et al. 2009). From the
     covariance where the strategy is frugal (the chi-square of many rows is quadratic) and where a refit fails.
     What is held and has a standard uncertainty q (`Parameter.spread`) moves the minimum by ``-(J'J)^-1 J' dr/dq q``,
-    which is added in squares. Of a quantity that is positive that may be more than the quantity: a factor, then.
+    which is added in squares; so is what all sizes of effects share (`Observation.size_error`). Of a quantity whose
+    sign is known that may be more than the quantity: a factor, then.
 
     Parameters
     ----------
@@ -329,7 +330,8 @@ def intervals_95(
         False: from the covariance, which is quick.
     """
     # 1.96: standard deviations on either side of 95 % of a normal law
-    moved = 1.96 * _moved_by_what_is_held(problem, best)
+    factor = 1.96 * _unsure_sizes(problem, best)
+    moved = np.hypot(1.96 * _moved_by_what_is_held(problem, best), factor)
     # The noise of a recording is told by its many samples.
     known = np.inf if all(o.kind == "time" for o in problem.observations) else problem.noise_dof
     allowed = best.dispersion * quantile(1 - 0.95, 1, known)
@@ -342,9 +344,13 @@ def intervals_95(
         if profiled and not problem.strategy.frugal:
             with suppress(ComputationError, ValueError):  # ValueError: an end that is not bracketed
                 ends = _profile(problem, best, k, allowed)
+        away = max(abs(end - value) for end in ends)
         down, up = (np.hypot(end - value, moved[k]) for end in ends)
-        if moved[k] > 0 and problem.assembly.parameters[name.whole].si.min > 0 < value:
-            ends = value * np.exp(-down / value), value * np.exp(up / value)
+        positive = problem.assembly.parameters[name.whole].si.min > 0 < value
+        if moved[k] > 0 and (positive or (factor[k] and away < abs(value))):
+            with np.errstate(over="ignore"):  # of next to nothing: the domain ends it
+                both = value * np.exp(-down / abs(value)), value * np.exp(up / abs(value))
+            ends = min(both), max(both)
         else:
             ends = value - down, value + up
         found[name] = max(float(ends[0]), float(low)), min(float(ends[1]), float(high))
@@ -364,6 +370,13 @@ def _moved_by_what_is_held(problem: Problem, best: Fit) -> Array:
         ]
         moved.append(best.covariance @ (best.jacobian.T @ (ends[0] - ends[1])) / (2 * PART_OF_SPREAD))
     return np.asarray(np.linalg.norm(moved, axis=0))
+
+
+def _unsure_sizes(problem: Problem, best: Fit) -> Array:
+    """Standard deviation of theta by what the sizes of all effects share: they are known up to a factor."""
+    neutral = {str(use): problem.assembly.model.effects[use.name].neutral for use in problem.assembly.uses}
+    sizes = [name.own in neutral.get(name.owner, ()) for name in problem.names]
+    return max(o.size_error for o in problem.observations) * np.abs(best.theta) * sizes
 
 
 def _profile(problem: Problem, best: Fit, index: int, allowed: float) -> tuple[float, float]:

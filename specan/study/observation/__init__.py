@@ -174,6 +174,8 @@ class Observation:
     pure_error_dof : float
         Degrees of freedom of the residual that only compare repeats, and that the noise was estimated from. They are
         spent: whatever the model, their share of chi-square equals their number.
+    size_error : float
+        Relative standard uncertainty that the sizes of all effects share.
     strategy : Strategy
         How fits and searches over these data are run.
     """
@@ -181,6 +183,7 @@ class Observation:
     kind: ClassVar[str]
     noise_dof: float = float("inf")
     pure_error_dof: float = 0.0
+    size_error: float = 0.0
 
     if TYPE_CHECKING:
         name: str
