@@ -175,10 +175,6 @@ class TransferFunctionAccumulator:
             self.shifts = shifts_of(seen, self.settings.block, n)
         # Where its blocks are no longer than those of the analysis it has nothing more to say.
         self._longer = seen if seen is not None and seen.block > self.settings.block else None
-        # A short section has been averaged already, in the same blocks.
-        self._whole = None
-        if seen and seen.block == self.settings.block and not any(self.shifts) and not self.instrument:
-            self._whole = seen.whole
 
     def _most_lines(self, lines: int) -> int:
         """As many lines, or half of them and so on until the section holds eight independent averages."""
@@ -233,19 +229,16 @@ class TransferFunctionAccumulator:
             variance=2 * (first.u_relative[:count, 1:] * np.abs(response)) ** 2,
             power=seen.auto[0, 1:],
             foreign_share=_foreign(first.coherence[-1, 1:], seen.n_effective) if generators else np.nan,
-            whole=seen if until == stop else None,
         )
 
     def add(self, samples: Real) -> None:
         """Take the next samples (channels, m) of `channels`."""
-        if self._whole is None:
-            self._spectra.add(samples)
+        self._spectra.add(samples)
 
     def result(self) -> FrequencyResponse:
-        """Transfer functions from what was added so far; from all of a section that the first look took in."""
+        """Transfer functions from what was added so far."""
         self._spectra.add(self._silence)
-        spectra = self._spectra.result() if self._whole is None else self._whole
-        spectra = spectra.part(len(self.channels), self.settings.n_lines)
+        spectra = self._spectra.result().part(len(self.channels), self.settings.n_lines)
         found = self._estimate(spectra)
         # The largest array by far, and used up.
         spectra = spectra._replace(cross=spectra.cross[..., :0].copy())
@@ -461,8 +454,6 @@ class Look:
         Spectrum of the reference.
     foreign_share : float
         Share of the reference's power that is not the generator's (median over the lines); NaN without a generator.
-    whole : SpectralMatrix or None
-        The averages themselves, where they are those of the whole section.
     """
 
     block: int
@@ -473,7 +464,6 @@ class Look:
     variance: Real
     power: Real
     foreign_share: float
-    whole: SpectralMatrix | None = None
 
     def bias(self, block: int, first: int = 0) -> Complex:
         """What blocks of `block` samples, of which `self.block` is a multiple, take from each of their lines.

@@ -45,8 +45,16 @@ def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def shown(sheet: Sheet) -> str:
-    """A table of a result."""
-    return table(sheet.header, sheet.rows)
+    """A table of a result, without the columns that hold nothing.
+
+    Examples
+    --------
+    >>> from specan.result import Sheet
+    >>> "held out" in shown(Sheet("", ["step", "held out"], [[0, ""]]))
+    False
+    """
+    kept = [k for k in range(len(sheet.header)) if any(row[k] != "" for row in sheet.rows)]
+    return table([sheet.header[k] for k in kept], [[row[k] for k in kept] for row in sheet.rows])
 
 
 # A number, perhaps with what follows in brackets or a unit.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -86,3 +87,16 @@ def test_a_value_inside_of_what_was_known_is_not_shown_as_outside_and_nothing_is
     found = {"ranking": [{**row, "probability": p} for p in (0.9999, 0.42, 0.031, 1e-6)], "error": None}
     told = [line[2] for line in study_sheets.candidates(found, 4, "x").rows]
     assert told == ["above 99 %", "42 %", "3.1 %", "< 0.01 %"]
+
+
+def test_a_shock_response_is_drawn_in_its_unit_on_a_logarithmic_axis():
+    """Ticks of a decade are 20 dB apart, and say what 10^(dB / 20) is."""
+    from specan.report.panels import Curve, Panel, draw_panels
+
+    axes = plt.figure().subplots()
+    draw_panels(
+        [axes], [Panel("a", (Curve("a", np.arange(2.0), np.array([14.0, 66.0])),), (10, 70), amplitude=True)]
+    )
+    ticks = {text.get_text(): at for at, text in zip(axes.get_yticks(), axes.get_yticklabels(), strict=True)}
+    assert [ticks[text] for text in ("10", "100", "1000")] == pytest.approx([20, 40, 60])
+    assert ticks["5"] == pytest.approx(20 * np.log10(5))
