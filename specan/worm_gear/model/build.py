@@ -243,7 +243,7 @@ def complete(
     if np.all(np.abs(oil - ambient) < AS_WARM_K):
         notes.append(
             f"{OIL} is {oil.min():.4g} to {oil.max():.4g} in every row, as warm as the room ([operation] "
-            f"ambient_temperature_C = {ambient:g}): was the thermometer in the oil?"
+            f"ambient_temperature_C = {ambient:g}): check that the thermometer is in the oil"
         )
     with np.errstate(invalid="ignore"):  # an efficiency of zero measures nothing
         found[ETA] = np.where((eta > 0) & np.isnan(torque_in), eta, np.nan)

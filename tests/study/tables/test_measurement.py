@@ -53,11 +53,13 @@ def test_the_input_torque_is_fitted_and_an_efficiency_beside_it_only_checked(who
     assert found.conditions["indicated_oil_temperature"][0] == pytest.approx(318.15)
 
 
-def test_oil_as_cool_as_the_room_is_told(whole, read):
+def test_oil_as_cool_as_the_room_is_told(whole, read, tables, gear, tmp_path):
     assert not any("thermometer" in note for note in read(whole).notes)
     whole["oil_temperature_C"] = 22 + 0.3 * np.sin(np.arange(whole["speed_rpm"].size))
     (said,) = [note for note in read(whole).notes if "thermometer" in note]
     assert "oil_temperature_C is 21.7 to 22.3 in every row, as warm as the room" in said
+    path = tables.write_table(tmp_path / "cool.csv", whole)
+    assert read_tables(gear, [path]).doubts == (said.replace("table.csv", "cool.csv"),)
 
 
 def test_efficiency_is_fitted_where_the_input_torque_is_missing(whole, read):
