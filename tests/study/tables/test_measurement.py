@@ -195,7 +195,7 @@ def test_rows_are_held_out_by_level(tmp_path, tables, gear):
     level = rows.levels["indicated_output_torque"][near_50][0]
     for away, found in ((2.5, near_50), (-2.5, near_50)):  # of three standard deviations of setting
         np.testing.assert_array_equal(matching(rows, gear, f"torque={level + away * scatter}"), found)
-    with pytest.raises(RequestError, match=r"no row has output_torque_Nm = .* N·m; expected one of .* Nm"):
+    with pytest.raises(RequestError, match=r"no row has output_torque_Nm = .* N·m; expected one of .* N·m"):
         matching(rows, gear, f"torque={level + 4 * scatter}")
     np.testing.assert_array_equal(
         matching(rows, gear, "speed_rpm=800,1500"), rows.conditions["worm_speed"] < 200
