@@ -172,7 +172,10 @@ def test_an_installed_package_brings_a_kind_of_measurement(monkeypatch, place):
         def load(self):
             return Orders
 
-    monkeypatch.setattr("specan.study.observation.entry_points", lambda group: [Point()])
+    def points(group, name=Point.name):
+        return [Point()] if name == Point.name else []
+
+    monkeypatch.setattr("specan.study.observation.entry_points", points)
     model = load_model(SPRING, {})
     both = replace(
         model,

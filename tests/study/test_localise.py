@@ -145,7 +145,11 @@ def test_an_installed_kind_of_measurement_brings_its_own_view(toy, monkeypatch):
     best = fit(problem)
     assert curve_errors(problem, best) == []  # nobody knows that kind: blocks, and no curves
     blocks = localise(problem, best)
-    monkeypatch.setattr("specan.study.observation.entry_points", lambda group: [Point()])
+
+    def points(group, name=Point.name):
+        return [Point()] if name == Point.name else []
+
+    monkeypatch.setattr("specan.study.observation.entry_points", points)
     assert localise(problem, best) == "its own places"
     assert curve_errors(problem, best) == [(48, 48)]
     assert localise(problem.over([table]), best).fails_at == blocks.fails_at
