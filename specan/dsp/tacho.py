@@ -286,13 +286,15 @@ def shaft_angle(pulses: Pulses, pulses_per_turn: float) -> ShaftAngle:
     spacing = 2.0
     while spacing < max(4.0, x[-1] / 2):
         knots = _knots(x, spacing)
-        spline = make_lsq_spline(x, y, knots, k=_DEGREE)
-        free = len(knots) - _DEGREE - 1
-        rest = float(np.sum((y - spline(x)) ** 2))
-        score = x.size * rest / max(x.size - free, 1) ** 2
-        if chosen is None or score < best:
-            best, chosen = score, (spline, np.sqrt(rest / max(x.size - free, 1)))
         spacing *= 2.0
+        freedom = x.size - (len(knots) - _DEGREE - 1)
+        if freedom <= 0:  # as many coefficients as pulses: nothing is averaged
+            continue
+        spline = make_lsq_spline(x, y, knots, k=_DEGREE)
+        rest = float(np.sum((y - spline(x)) ** 2))
+        score = x.size * rest / freedom**2
+        if score < best:
+            best, chosen = score, (spline, np.sqrt(rest / freedom))
     whole = np.arange(pulses.number[-1] + 1, dtype=float)
     if chosen is None:  # a handful of pulses: nothing to smooth
         return ShaftAngle(pulses.time, x / pulses_per_turn, 0.0)

@@ -106,6 +106,13 @@ def test_smoothing_takes_jitter_and_leaves_the_speed():
     assert found.jitter_s == pytest.approx(2e-5, rel=0.05)
 
 
+@pytest.mark.parametrize("count", range(4, 20))
+def test_a_handful_of_pulses_gives_the_angle(count):
+    """A shaft at 20 Hz: as many coefficients as pulses are no smoothing, and more cannot be found."""
+    found = shaft_angle(repair(np.arange(count) / 20), 1.0)
+    assert found.at(np.array([0.07])) == pytest.approx(1.4, abs=1e-6)
+
+
 @pytest.mark.parametrize("speed", [0.4, 4.0, 39.0])
 def test_every_order_of_the_band_passes_unchanged_and_what_lies_above_does_not_come_back(speed):
     rate, top = 10000.0, 100.0
