@@ -13,14 +13,14 @@ from specan_cli.study_new import command as study_new
 
 pytest.importorskip("bokeh")
 
-GEAR = Path(__file__).parents[2] / "sample_data" / "worm_gear"
+BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
 
 
 @pytest.fixture(scope="module")
 def begun(tmp_path_factory) -> Path:
     place = tmp_path_factory.mktemp("begun") / "gear"
-    arguments = ["--model", "worm-gear", "--rig", str(GEAR / "rig.toml")]
-    arguments += ["--measurement", str(GEAR / "table_8_loaded.csv")]
+    arguments = ["--model", "worm-gear", "--rig", str(BENCH / "rig.toml"), "--hold-out", "torque=50"]
+    arguments += ["--measurement", str(BENCH / "measurement.csv")]
     assert CliRunner().invoke(study_new, [str(place), *arguments]).exit_code == 0
     return place
 
@@ -72,7 +72,7 @@ def test_a_tried_effect_can_be_sent_on(browser, open_page, serve, study):
 @pytest.mark.long
 def test_a_tried_effect_is_put_back(open_page, serve, study):
     page = open_page(serve(str(study)))
-    page.wait(lambda: "efficiency" in page.text("trial"))
+    page.wait(lambda: "torque" in page.text("trial"))
     shown = page.text("trial")
     page.press("try-seal-drag")
     page.wait(lambda: "(not accepted)" in page.text("status"))
@@ -87,7 +87,7 @@ def test_an_effect_is_tried_accepted_and_in_the_history(open_page, serve, study)
     )  # else the page begins to search beside what is tried here
     before = (study / "history.jsonl").read_text()
     page = open_page(serve(str(study)))
-    page.wait(lambda: "efficiency" in page.text("trial"))
+    page.wait(lambda: "torque" in page.text("trial"))
     shown = page.text("trial")
     page.press("try-seal-drag")
     page.wait(lambda: "(not accepted)" in page.text("status"))

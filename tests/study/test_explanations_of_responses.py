@@ -32,7 +32,7 @@ def lined(wrong=0.0):
     return Refit(frozenset(), problem, fit(problem))
 
 
-@pytest.mark.parametrize("promising", [False, True])
+@pytest.mark.parametrize("promising", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_each_explanation_is_counted_once_where_the_model_is_far_off(promising, monkeypatch):
     """A lined wall; where no effect promises anything, and where the wall and the displaced receivers do."""
     start = lined()
@@ -62,6 +62,7 @@ def test_what_is_said_of_the_model_is_said_of_the_fit_that_is_shown(monkeypatch)
     assert verdict.error.before.rms == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-6)
 
 
+@pytest.mark.long
 def test_an_effect_that_only_repairs_the_form_of_another_is_not_named():
     """A line of a lining that is off by 1 % at one microphone is no error of that microphone."""
     start = lined(wrong=0.01)
