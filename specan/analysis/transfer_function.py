@@ -133,11 +133,11 @@ class TransferFunctionAccumulator:
                 remedy="use fewer lines" if settings.lines else "analyse a longer section",
             )
         self._choose_blocks(block_of(settings.lines or self._most_lines(DEFAULT_LINES)))
-        self._spectra = self._average(
-            n_channels=len(self.channels),
-            references=[0] if self.instrument is None else [0, 1],
-            shifts=self.shifts,
-        )
+        how, rate, references = self.settings, self.reference.sampling_rate, range(len(helpers))
+        self._spectra = CrossSpectra(
+            rate, how.block, how.window, how.overlap, lines=how.n_lines,
+            n_channels=len(self.channels), references=references, shifts=self.shifts,
+        )  # fmt: skip
         self._silence = self._around(self.channels, self.settings.block)
         self._spectra.add(self._silence)
 
@@ -151,12 +151,6 @@ class TransferFunctionAccumulator:
             return mean[:, :0]
         mean[:, 0] = slow_part(self.recording, channels, self.start, self.stop).constant
         return np.repeat(mean, length, axis=1)
-
-    def _average(self, **more: Any) -> CrossSpectra:
-        """An empty average in the blocks of the analysis."""
-        how = self.settings
-        rate = self.reference.sampling_rate
-        return CrossSpectra(rate, how.block, how.window, how.overlap, lines=how.n_lines, **more)
 
     def _choose_blocks(self, first: int) -> None:
         """Overlap, lines and shifts, by what the beginning of the recording shows in blocks of `first` samples."""
@@ -238,7 +232,7 @@ class TransferFunctionAccumulator:
     def result(self) -> FrequencyResponse:
         """Transfer functions from what was added so far."""
         self._spectra.add(self._silence)
-        spectra = self._spectra.result().part(len(self.channels), self.settings.n_lines)
+        spectra = self._spectra.result().above_zero()
         found = self._estimate(spectra)
         # The largest array by far, and used up.
         spectra = spectra._replace(cross=spectra.cross[..., :0].copy())

@@ -41,14 +41,10 @@ class SpectralMatrix(NamedTuple):
     n_blocks: int
     n_effective: float
 
-    def part(self, channels: int, lines: int) -> SpectralMatrix:
-        """The first channels and the first lines above 0 Hz."""
-        kept = slice(1, lines + 1)
-        return self._replace(
-            frequency_hz=self.frequency_hz[kept],
-            auto=self.auto[:channels, kept],
-            cross=self.cross[:, :channels, kept],
-        )
+    def above_zero(self) -> SpectralMatrix:
+        """The lines above 0 Hz."""
+        f, auto, cross = (values[..., 1:] for values in self[:3])
+        return self._replace(frequency_hz=f, auto=auto, cross=cross)
 
 
 def has_mirror(lines: int, block: int) -> Flags:
