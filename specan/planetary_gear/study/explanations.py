@@ -87,7 +87,7 @@ class OfOrderLines(Explanations):
         anything = self.lines.anything()
         each = [self.lines.ln_evidence([one]) for one in anything]
         likely = [anything[int(np.argmax(each))]]
-        self._keep_lines("unknown", likely, chance, float(ln_mean(each)) - form_error)
+        self._keep_lines("unknown", likely, chance, float(ln_mean(each)))
         order = sorted((use for use in alone if alone[use] > nothing), key=lambda use: -alone[use])
         for k, use in enumerate(order[: PAIRED[0]]):
             self.progress(f"lines of {use} with others", 0.7 + 0.05 * k)
