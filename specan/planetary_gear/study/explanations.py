@@ -69,7 +69,6 @@ class OfOrderLines(Explanations):
         """Nothing, anything, every effect, and the likeliest with a second one or with anything."""
         nothing = self.lines.ln_evidence([])
         self.found = []
-        self._keep_lines("nothing", [], 0.0, nothing)
         likeliest: dict[Use, Pattern] = {}
         alone: dict[Use, float] = {}
         places: dict[Use, float] = {}  # what the likeliest place has more than the mean over all
@@ -78,11 +77,13 @@ class OfOrderLines(Explanations):
             self.progress(f"lines of {use}", 0.7 * number / len(self.patterns))
             likeliest[use], most, alone[use] = self.lines.likeliest(candidate, self.patterns[use])
             places[use] = most - alone[use]
-            self._keep_lines("effects", [likeliest[use]], 0.0, alone[use])
         # An error of a share s in the form of an effect leaves s^2 of the chi-square that it takes away: what else is
         # to explain that has to add more.
-        best = max([nothing, *alone.values()])
-        form_error = self.lines.seen.known.near**2 * (best - nothing)
+        self._best = best = max([nothing, *alone.values()])
+        self._form_error = form_error = self.lines.seen.known.near**2 * (best - nothing)
+        self._keep_lines("nothing", [], 0.0, nothing)
+        for use, gain in alone.items():
+            self._keep_lines("effects", [likeliest[use]], 0.0, gain)
         chance = float(np.log(UNKNOWN / NOTHING))
         anything = self.lines.anything()
         each = [self.lines.ln_evidence([one]) for one in anything]
@@ -113,7 +114,8 @@ class OfOrderLines(Explanations):
         one = OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing")
         self.found.append(one)
         more, where = self.lines.tones(patterns)
-        if where:
+        near = kind != "unknown" and ln_evidence > self._best - self._form_error
+        if where and (near or ln_evidence + more > self._best + self._form_error):
             text = f"{' and '.join(where)} stands alone: a tone of the background, perhaps"
             self.found.append(replace(one, ln_evidence=ln_evidence + more, tones=text))
 
