@@ -43,8 +43,9 @@ class SpectralMatrix(NamedTuple):
 
     def above_zero(self) -> SpectralMatrix:
         """The lines above 0 Hz."""
-        f, auto, cross = (values[..., 1:] for values in self[:3])
-        return self._replace(frequency_hz=f, auto=auto, cross=cross)
+        return self._replace(
+            frequency_hz=self.frequency_hz[1:], auto=self.auto[..., 1:], cross=self.cross[..., 1:]
+        )
 
 
 def has_mirror(lines: int, block: int) -> Flags:
