@@ -18,7 +18,7 @@ from specan.result import gathered
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block, localise
-from specan.study.observation import Variable, variable_named
+from specan.study.observation import Variable, shared_labels, variable_named
 
 _LEAST_END = 6.0  # of the colour scale: what is below is what chance may do
 _MOST_SHARE = 0.95  # of the cells that the scale separates where the model fails everywhere
@@ -80,9 +80,7 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
 
     Blocks are those of `specan.study.localisation.localise`: nuisance parameters cannot hide a failure in them.
     """
-    first = problem.observations[0].labels
-    shared = [name for name in first if all(name in o.labels for o in problem.observations)]
-    labels = {name: np.concatenate([o.labels[name] for o in problem.observations]) for name in shared}
+    labels = shared_labels(problem.observations)
     names = map_axes(labels)
     if not names:
         return None

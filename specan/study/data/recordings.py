@@ -16,7 +16,7 @@ from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError
 from specan.study.data.held_out import Column, put_aside
-from specan.study.observation import DataFile, MeasuredFiles, Observation
+from specan.study.observation import DataFile, MeasuredFiles, Observation, shared_labels
 
 ObservationT = TypeVar("ObservationT", bound=Observation)
 SECTIONS = 24  # of a recording, over which a drift is sought
@@ -49,8 +49,7 @@ def parted(
     of = [file.name for file, _ in files if file in wanted.measurements]
     parts = [whole for file, whole in files if file in wanted.measurements]
     sizes = [whole.n for whole in parts]
-    names = [name for name in parts[0].labels if all(name in whole.labels for whole in parts)]
-    columns = {name: Column(np.concatenate([whole.labels[name] for whole in parts])) for name in names}
+    columns = {name: Column(labels) for name, labels in shared_labels(parts).items()}
     aside = put_aside(columns, wanted, of, np.repeat(np.arange(len(of)), sizes))
     rows = list(zip(parts, np.split(aside, np.cumsum(sizes)[:-1]), strict=True))
     fitted = [whole.take(~out) for whole, out in rows if not np.all(out)]

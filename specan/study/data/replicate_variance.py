@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from specan.errors import SpecanError
 from specan.models import Assembly, Model, varying
 from specan.study.data.operating_table import Rows
+from specan.study.data.setpoints import slope_by
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
@@ -235,10 +236,7 @@ class Reference:
     def slope(self, rows: Rows, condition: str) -> Array:
         """Derivative of the reading over one condition."""
         x = rows.conditions[condition]
-        step = 1e-3 * max(float(np.ptp(x)), 0.1 * float(np.abs(x).max()), 1e-9)
-        ends = [self.predict(rows, {**rows.conditions, condition: x + s * step}) for s in (1, -1)]
-        slope = (ends[0] - ends[1]) / (2 * step)
-        return np.where(np.isfinite(slope), slope, 0.0)
+        return slope_by(x, lambda step: self.predict(rows, {**rows.conditions, condition: x + step}))
 
     def quantity(self, rows: Rows, name: str) -> Array:
         """Another quantity of the model in every row."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,19 @@ TIME = "elapsed_time"  # orders the readings; never a setting
 def grouping_of(model: Model, condition: Condition) -> SettingError:
     """Uncertainty of setting by which levels are distinguished: the rig's, or what is usual for the condition."""
     return model.rig.setting.get(condition.name, condition.setting)
+
+
+def operating(model: Model, names: Iterable[str]) -> list[str]:
+    """Those of some names that are operating variables of a model: numbers that vary, and not the time of a reading."""
+    known = {n: c for n, c in model.conditions.items() if c.varies and not c.group and n != TIME}
+    return [name for name in names if name in known]
+
+
+def slope_by(x: Array, predict: Callable[[float], Array]) -> Array:
+    """Derivative of a prediction by a condition with values `x`; `predict` moves these by so much."""
+    step = 1e-3 * max(float(np.ptp(x)), 0.1 * float(np.abs(x).max()), 1e-9)
+    slope = (predict(step) - predict(-step)) / (2 * step)
+    return np.where(np.isfinite(slope), slope, 0.0)
 
 
 def levels(values: Array, setting: SettingError, printed: Array | None = None) -> tuple[Array, bool]:

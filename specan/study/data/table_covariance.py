@@ -30,7 +30,7 @@ from specan.study.data.replicate_variance import (
     pooled,
     reference,
 )
-from specan.study.data.setpoints import ENOUGH, TIME
+from specan.study.data.setpoints import ENOUGH, TIME, operating
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.units import printed_unit
@@ -164,11 +164,8 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
         statements += [f"{model.observables[observable].header}: {text}" for text in said]
     ranges = {
         name: (float(x.min()), float(x.max()))
-        for name, x in rows.conditions.items()
-        if np.ptp(x) > 0
-        and name != TIME
-        and model.conditions[name].varies
-        and not model.conditions[name].group
+        for name in operating(model, rows.conditions)
+        if np.ptp(x := rows.conditions[name]) > 0
     }
     percent, stated = model.rig.discrepancy_percent, model.rig.discrepancies
     if percent:
@@ -189,11 +186,11 @@ def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
     """What a variance may grow with: the reading squared, and what a setting's scatter does to it."""
     predicted = centre.predict(rows)
     found = {"the reading": np.where(np.isfinite(predicted), predicted, rows.measured) ** 2}
-    for name, x in rows.conditions.items():
-        condition = model.conditions[name]
-        if name == TIME or condition.group or not condition.varies or not np.ptp(rows.levels[name]) > 0:
+    for name in operating(model, rows.conditions):
+        if not np.ptp(rows.levels[name]) > 0:
             continue
-        size = 1.0 if condition.setting.absolute else x
+        condition = model.conditions[name]
+        size = 1.0 if condition.setting.absolute else rows.conditions[name]
         found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
     if any(_stated(model, name) for name in rows.conditions):
         found["the reading noise of conditions that the rig declares"] = declared_conditions(

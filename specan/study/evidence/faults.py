@@ -22,7 +22,7 @@ from specan.errors import ComputationError
 from specan.models.effect import Use
 from specan.models.quantity import Condition
 from specan.result import first_of, gathered
-from specan.study.data.setpoints import MOST_LEVELS, TIME, grouping_of, round_step
+from specan.study.data.setpoints import MOST_LEVELS, TIME, grouping_of, operating, round_step, slope_by
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.spoilt_samples import spoilt
@@ -208,7 +208,8 @@ def faults(tangent: Tangent, predicted: Array) -> Iterator[Fault]:
     yield from _of_readings(problem, first, predicted)
     if first.kind != "table":  # samples are no set-points
         return
-    slopes = {name: _slope(problem, tangent.theta, name) for name in _conditions(problem, first)}
+    names = operating(problem.assembly.model, first.conditions)
+    slopes = {name: _slope(problem, tangent.theta, name) for name in names}
     for name, slope in slopes.items():
         yield from _of_condition(tangent, first, name, slope)
     yield from _of_machine(tangent, first)
@@ -281,20 +282,10 @@ def _off(o: TableObservation, rows: Flags) -> Iterator[tuple[str, str, Array]]:
 # --- conditions ---------------------------------------------------------------------------------
 
 
-def _conditions(problem: Problem, o: TableObservation) -> Iterator[str]:
-    known = problem.assembly.model.conditions
-    for name in o.conditions:
-        if name != TIME and name in known and known[name].varies and not known[name].group:
-            yield name
-
-
 def _slope(problem: Problem, theta: Array, name: str) -> Array:
     """Derivative of the prediction by a condition."""
     x = problem.observations[0].conditions[name]
-    step = 1e-3 * max(float(np.ptp(x)), 0.1 * float(np.abs(x).max()), 1e-9)
-    ends = [_moved(problem, name, side * step).predictions(theta)[0] for side in (1, -1)]
-    slope = (ends[0] - ends[1]) / (2 * step)
-    return np.where(np.isfinite(slope), slope, 0.0)
+    return slope_by(x, lambda step: _moved(problem, name, step).predictions(theta)[0])
 
 
 def _of_condition(tangent: Tangent, o: TableObservation, name: str, slope: Array) -> Iterator[Fault]:
@@ -370,7 +361,7 @@ def levels(problem: Problem) -> Iterator[Flags]:
     """Rows at each level of each condition that has a few, and above each."""
     for o in problem.observations[:1]:
         if isinstance(o, TableObservation):
-            for name in _conditions(problem, o):
+            for name in operating(problem.assembly.model, o.conditions):
                 own = list(levels_of(problem.assembly.model.conditions[name], o).values())
                 yield from own
                 for k in range(2, len(own) - 1):

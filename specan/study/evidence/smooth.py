@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from specan.study.data.setpoints import TIME
+from specan.study.data.setpoints import operating
 from specan.study.data.table_covariance import stretched
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
@@ -16,12 +16,8 @@ from specan.study.observation import Array
 
 def operating_points(problem: Problem) -> Array:
     """Operating variables of all measured rows, each from 0 to 1 over its range; shape (n, d)."""
-    conditions = problem.assembly.model.conditions
     columns = []
-    for name in dict.fromkeys(n for o in problem.observations for n in o.conditions):
-        known = conditions.get(name)
-        if name == TIME or known is None or known.group or not known.varies:
-            continue
+    for name in operating(problem.assembly.model, problem.observations[0].conditions):
         if not all(name in o.conditions for o in problem.observations):
             continue
         x = np.concatenate([np.asarray(o.conditions[name], float) for o in problem.observations])

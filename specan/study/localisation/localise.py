@@ -23,7 +23,7 @@ from specan.study.estimation.distributions import discoveries
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
-from specan.study.observation import Variable, brought, variable_named
+from specan.study.observation import Variable, brought, shared_labels, variable_named
 
 CLEAR = 3.0  # |z| from which a mean error is named
 
@@ -239,7 +239,7 @@ def by_blocks(problem: Problem, best: Fit) -> Localisation:
         Its minimum.
     """
     algebra = LeftOut(problem, best)
-    labels, variables = _labels(problem), dict(problem.observations[0].variables)
+    labels, variables = shared_labels(problem.observations), dict(problem.observations[0].variables)
     marked = tested([_block(algebra, *one, variables) for one in _off(algebra, _places(labels))])
     trends = [
         replace(t, sentence=_sentence(algebra, t.variable, labels[t.variable], marked, variables))
@@ -273,13 +273,6 @@ def trends_of(
         for (name, p), ok in zip(found.items(), passed, strict=True)
     ]
     return sorted(trends, key=lambda t: t.p_value)
-
-
-def _labels(problem: Problem) -> dict[str, NDArray[Any]]:
-    """Labels over all observations that share them."""
-    shared = set.intersection(*(set(o.labels) for o in problem.observations))
-    order = [name for name in problem.observations[0].labels if name in shared]
-    return {name: np.concatenate([o.labels[name] for o in problem.observations]) for name in order}
 
 
 def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], NDArray[np.bool_]]]:

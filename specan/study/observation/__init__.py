@@ -277,6 +277,12 @@ class Observation:
         return self
 
 
+def shared_labels(observations: Sequence[Observation]) -> dict[str, NDArray[Any]]:
+    """Labels that all observations have, over the rows of all."""
+    names = [name for name in observations[0].labels if all(name in o.labels for o in observations)]
+    return {name: np.concatenate([o.labels[name] for o in observations]) for name in names}
+
+
 # kind -> module with `reads(path) -> bool`, `TITLE`, `open_data(model, wanted) -> OpenedData`, and what `brought` lists
 KINDS = {
     "table": "specan.study.data.open_tables",
