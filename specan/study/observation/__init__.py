@@ -384,7 +384,7 @@ def _module(kind: str) -> Any:
     """None for what somebody made without any file."""
     if kind in KINDS:
         return importlib.import_module(KINDS[kind])
-    return next((point.load() for point in entry_points(group=ENTRY_POINTS, name=kind)), None)
+    return next((point.load() for point in entry_points(group=ENTRY_POINTS) if point.name == kind), None)
 
 
 def kind_of(path: Path, model: Model) -> str:
