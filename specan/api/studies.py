@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Union, Unpack
 
 from specan.errors import RequestError
 from specan.io.output_file import check_output
-from specan.report.figures import plot
 from specan.study.study import Study as OpenedStudy
 
 if TYPE_CHECKING:
@@ -322,7 +321,7 @@ class Study:
         matplotlib.figure.Figure
             Not shown; that is up to the caller.
         """
-        return plot(self.compare(), path, channel=channel)
+        return self.compare().plot(path=path, channel=channel)
 
     def __repr__(self) -> str:
         return repr(self._opened)

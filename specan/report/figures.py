@@ -16,7 +16,7 @@ from specan.report.panels import Drawing, figure_of_panels
 
 # Of installed packages: class = function, or class.view, of a comparison with a model class.model.
 ENTRY_POINTS = "specan.figures"
-# class, and the view of it -> where its figure is drawn; by name, so that neither matplotlib nor the class is loaded.
+# class, and the view of it -> where its figure is drawn; by name, so that the class is not loaded.
 FIGURES = {
     "Recording": "specan.report.figures_waveforms:figure_waveforms",
     "BandLevels": "specan.report.figures_bands:figure_band_levels",
