@@ -275,11 +275,11 @@ def _known_only_below(refit, name):
     k = refit.fit.names.index(name)
     tail = refit.fit.standard_error(name)
     problem = replace(refit.problem)
-    ranges = problem.pseudo.ranges
+    ranges = problem.pseudo
     high, above = ranges.high.copy(), ranges.above.copy()
-    row = problem.pseudo_rows[f"range of {name}"] - problem.n_data - problem.n_priors
+    row = problem.pseudo_rows[f"range of {name}"] - problem.n_data
     above[row], high[row] = tail, refit.fit.theta[k] - 3.5 * tail
-    problem.__dict__["pseudo"] = replace(problem.pseudo, ranges=replace(ranges, high=high, above=above))
+    problem.__dict__["pseudo"] = replace(ranges, high=high, above=above)
     return problem
 
 

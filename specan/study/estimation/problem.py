@@ -33,69 +33,64 @@ SHARE = 0.25  # standard deviation of a tail over the range
 SUBSAMPLE_ROWS = 5000  # rows of a subsample
 
 
-class KnownRanges:
-    """Known ranges of several parameters, with soft tails; infinite ends pull nowhere.
+@dataclass(frozen=True, eq=False)
+class PseudoMeasurements:
+    """What is known beforehand, as rows of a residual that follow the data: priors, then known ranges with soft tails.
 
     A range says where such machines were found; it is knowledge, no law. Inside it every value is as good as
     another. Outside, the pull (value - end) / sd is a residual like any other: sd is a quarter of the range, as for
     one of plus and minus two standard deviations (GUM, JCGM 100:2008, 4.3.5 and 6.3.3). A quantity that is known to
     be positive is known to that share of itself: below its range, sd is at most a quarter of the lower end, so that
-    "none at all" is four standard deviations away.
+    "none at all" is four standard deviations away. Infinite ends pull nowhere. A prior is a range whose ends are its
+    mean.
 
-    Parameters
+    Attributes
     ----------
-    low, high : array, shape (n,)
-        Ends of the ranges, SI.
-    size : array, shape (n,)
-        Serves for the width of a range that is open at one end.
+    order : array of int
+        Element of theta of each row; the first `priors` have a prior.
+    low, high : array
+        Ends, SI.
+    below, above : array
+        Standard deviations outside of them.
 
     Examples
     --------
     >>> import numpy as np
-    >>> known = KnownRanges(np.array([0.01, 0.3]), np.array([0.12, 1.5]), np.ones(2))
-    >>> known.pulls(np.array([0.175, 0.0])).round(2)
+    >>> known = PseudoMeasurements.of(np.arange(2), np.empty((0, 2)), np.array([[0.01, 0.12], [0.3, 1.5]]), np.ones(2))
+    >>> known.residual(np.array([0.175, 0.0])).round(2)
     array([ 2., -4.])
     """
 
-    def __init__(self, low: Array, high: Array, size: Array) -> None:
-        self.low, self.high = low, high
-        width = np.where(np.isfinite(high - low) & (high > low), high - low, size / SHARE)
-        self.above = SHARE * width
-        self.below = SHARE * np.where(low > 0, np.minimum(low, width), width)
+    order: NDArray[np.intp]
+    priors: int
+    low: Array
+    high: Array
+    below: Array
+    above: Array
 
-    def pulls(self, values: Array) -> Array:
-        """Standard deviations by which values lie outside, with their sign; zero inside."""
+    @classmethod
+    def of(cls, order: NDArray[np.intp], priors: Array, ranges: Array, size: Array) -> PseudoMeasurements:
+        """Of priors (mean, sd) and ranges (low, high); `size` serves for the width of a range that is open."""
+        (mean, sd), (low, high) = priors.T, ranges.T
+        width = np.where(np.isfinite(high - low) & (high > low), high - low, size / SHARE)
+        below = SHARE * np.where(low > 0, np.minimum(low, width), width)
+        return cls(
+            order, mean.size, np.append(mean, low), np.append(mean, high), np.append(sd, below),
+            np.append(sd, SHARE * width),
+        )  # fmt: skip
+
+    def residual(self, theta: Array) -> Array:
+        """Standard deviations by which values lie off their mean or outside of their range, with their sign."""
+        values = theta[self.order]
         under, over = np.minimum(values - self.low, 0.0), np.maximum(values - self.high, 0.0)
         return np.asarray(under / self.below + over / self.above, dtype=float)
 
-    def slopes(self, values: Array) -> Array:
-        """Derivative of `pulls`."""
-        return np.where(values < self.low, 1 / self.below, np.where(values > self.high, 1 / self.above, 0.0))
-
-
-@dataclass(frozen=True, eq=False)
-class PseudoMeasurements:
-    """What is known beforehand, as rows of a residual that follow the data: priors, then known ranges.
-
-    Elements `held` of theta (of `size` elements) have a prior (mean, sd), elements `ranged` a known range.
-    """
-
-    held: NDArray[np.intp]
-    ranged: NDArray[np.intp]
-    mean: Array
-    sd: Array
-    ranges: KnownRanges
-    size: int
-
-    def residual(self, theta: Array) -> Array:
-        """(theta - mean) / sd of the priors, then the pulls of the known ranges."""
-        priors = (theta[self.held] - self.mean) / self.sd
-        return np.concatenate([priors, self.ranges.pulls(theta[self.ranged])])
-
     def jacobian(self, theta: Array) -> Array:
         """Derivative of `residual`."""
-        slopes = np.concatenate([1 / self.sd, self.ranges.slopes(theta[self.ranged])])
-        return np.asarray(slopes[:, None] * np.eye(self.size)[np.concatenate([self.held, self.ranged])])
+        values = theta[self.order]
+        pulled = (values > self.high) | (np.arange(values.size) < self.priors)
+        slopes = np.where(values < self.low, 1 / self.below, np.where(pulled, 1 / self.above, 0.0))
+        return np.asarray(slopes[:, None] * np.eye(values.size)[self.order])
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,14 +201,13 @@ class Problem:
     @cached_property
     def n_priors(self) -> int:
         """Number of priors: pseudo-measurements with a mean, which follow the data."""
-        return int(self.pseudo.held.size)
+        return self.pseudo.priors
 
     @cached_property
     def pseudo_rows(self) -> dict[str, int]:
         """Row of every pseudo-measurement by its name: priors by their element, then known ranges."""
-        held = [self.names[i] for i in self.pseudo.held]
-        ranged = [f"range of {self.names[i]}" for i in self.pseudo.ranged]
-        return {name: self.n_data + k for k, name in enumerate([*held, *ranged])}
+        names = [self.names[i] for i in self.pseudo.order]
+        return {n if k < self.n_priors else f"range of {n}": self.n_data + k for k, n in enumerate(names)}
 
     # --- from theta to values ------------------------------------------------------------------
 
@@ -380,22 +374,17 @@ class Problem:
         """Priors and known ranges as rows of the residual."""
         held = [i for i, owner in enumerate(self._owner) if owner in self.priors]
         ranged = [i for i, owner in enumerate(self._owner) if owner not in self.priors]
-        prior = np.array([self.priors[self._owner[i]] for i in held]).reshape(-1, 2)
-        ends = np.array(
-            [
-                (-np.inf, np.inf) if o in self.unheld else self.plausible(o)
-                for o in (self._owner[i] for i in ranged)
-            ]
-        ).reshape(-1, 2)
-        return PseudoMeasurements(
-            np.array(held, dtype=np.intp), np.array(ranged, dtype=np.intp), prior[:, 0], prior[:, 1],
-            KnownRanges(ends[:, 0], ends[:, 1], self.scale[ranged]), len(self._owner),
-        )  # fmt: skip
+        prior = [self.priors[self._owner[i]] for i in held]
+        owners = [self._owner[i] for i in ranged]
+        ends = [(-np.inf, np.inf) if o in self.unheld else self.plausible(o) for o in owners]
+        priors, ranges = (np.array(pairs, dtype=float).reshape(-1, 2) for pairs in (prior, ends))
+        return PseudoMeasurements.of(np.array(held + ranged, np.intp), priors, ranges, self.scale[ranged])
 
     def pulls(self, theta: Array) -> dict[ParameterName, float]:
         """Standard deviations by which each element without a prior leaves its known range."""
-        pulls = self.pseudo.ranges.pulls(np.asarray(theta, dtype=float)[self.pseudo.ranged])
-        return dict(zip((self.names[i] for i in self.pseudo.ranged), pulls.tolist(), strict=True))
+        pulls = self.pseudo.residual(np.asarray(theta, dtype=float)).tolist()
+        names = [self.names[i] for i in self.pseudo.order]
+        return dict(list(zip(names, pulls, strict=True))[self.n_priors :])
 
     def pulled(self, residual: Array) -> float:
         """Chi-square that a residual owes to known ranges, and not to data or priors."""

@@ -93,14 +93,13 @@ class Tangent:
     @cached_property
     def widths(self) -> Array:
         """Standard deviation of what is known of each parameter beforehand: of its prior, of a uniform range."""
-        pseudo, known = self.problem.pseudo, self.problem.pseudo.ranges
+        known = self.problem.pseudo
         with np.errstate(invalid="ignore"):
             span = known.high - known.low
-        widths = np.empty(pseudo.size)
-        widths[pseudo.held] = pseudo.sd
         given = np.isfinite(span) & (span > 0)
-        widths[pseudo.ranged] = np.where(given, span, 4 * self.problem.scale[pseudo.ranged]) / np.sqrt(12)
-        return widths
+        found = np.where(given, span, 4 * self.problem.scale[known.order]) / np.sqrt(12)
+        found[: known.priors] = known.above[: known.priors]
+        return found[np.argsort(known.order)]
 
     def ln_likelihood(self, chi2: Array | float) -> Array:
         """Of what is left: normal, or of a t-distribution where repeats told the size of the noise.
