@@ -62,23 +62,14 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
     specan model show room wall-impedance
     """
     from specan.models.catalogue import load_model
-    from specan.models.describe import describe_effect, describe_model, describe_quantity, find_part
-    from specan.models.effect import Effect
+    from specan.models.describe import describe_model, describe_part
 
     model = load_model(name, rig)
-    found = None if part is None else find_part(model, part)
-    if found is None:
-        content = describe_model(model)
-    elif isinstance(found, Effect):
-        content = describe_effect(model, found)
-    else:
-        content = describe_quantity(model, found)
+    content = describe_model(model) if part is None else describe_part(model, part)
     if as_json:
         emit_json(content)
-    elif found is None:
-        _print_model(content)
     else:
-        _print_part(content)
+        (_print_model if part is None else _print_part)(content)
 
 
 @command.command("new")

@@ -5,79 +5,69 @@ And a rig file to begin with: what a model may be told, with its units, as comme
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from specan.errors import RequestError, nearest
+from specan.errors import RequestError, require_known
 from specan.models.chosen_model import span
 from specan.models.effect import Effect, Parameter
 from specan.models.model import Model
 from specan.models.quantity import Quantity
+from specan.result import picked
 from specan.units import convert, printed_unit
 
 
 def describe_model(model: Model) -> dict[str, Any]:
     """Everything that a model is made of."""
+    nodes = {"conditions": "column column_unit default doc", "observables": "quantity unit doc"}
     return {
-        "name": model.name,
-        "title": model.title,
-        "notes": list(model.notes),
-        "conditions": {
-            c.name: _plain(c, ("column", "column_unit", "default", "doc")) for c in model.conditions.values()
-        },
-        "observables": {
-            o.name: _plain(o, ("quantity", "unit", "doc")) for o in model.observables.values()
-        },
-        "base_effects": list(model.base_effects),
-        "effects": {e.name: describe_effect(model, e) for e in model.effects.values()},
-        "quantities": {q.name: describe_quantity(model, q) for q in model.quantities.values()},
-        "axes": {name: list(elements) for name, elements in model.axes.items()},
-        "unsuited": dict(model.unsuited),
-    }  # fmt: skip
-
-
-def describe_effect(model: Model, effect: Effect) -> dict[str, Any]:
-    """An effect as a mapping: what it changes, its parameters and where it holds."""
-    names = (
-        "name", "instrument", "explanation", "adds_to", "scales", "joins", "reads", "at", "needs", "aliases",
-        "separate_by", "reference",
-    )  # fmt: skip
-    return _plain(effect, names) | {
-        "in_base": effect.name in model.base_effects,
-        "parameters": _parameters(effect.parameters, effect.neutral),
-        "valid": {name: {"low": v[0], "high": v[1], "unit": v[2]} for name, v in effect.valid.items()},
+        **picked(model, "name title notes"),
+        **{kind: {n: picked(c, of) for n, c in getattr(model, kind).items()} for kind, of in nodes.items()},
+        **picked(model, "base_effects"),
+        "effects": {e.name: _effect(model, e) for e in model.effects.values()},
+        "quantities": {q.name: _quantity(model, q) for q in model.quantities.values()},
+        **picked(model, "axes unsuited"),
     }
 
 
-def describe_quantity(model: Model, quantity: Quantity) -> dict[str, Any]:
-    """A quantity as a mapping: what it reads and what changes it."""
-    return _plain(quantity, ("name", "unit", "doc", "axes", "reads", "reference")) | {
+def describe_part(model: Model, name: str) -> dict[str, Any]:
+    """What an effect changes, its parameters and where it holds; or what a quantity reads and what changes it.
+
+    Raises
+    ------
+    RequestError
+        There is none of that name; the nearest is offered.
+    """
+    if name in model.unsuited:
+        raise RequestError(f"{name} is not an effect of this rig: {model.unsuited[name]}")
+    known = [*model.effects, *model.quantities]
+    require_known(name, known, f"{model.name} has no effect or quantity {name!r}")
+    effect = model.effects.get(name)
+    return _effect(model, effect) if effect else _quantity(model, model.quantities[name])
+
+
+def _effect(model: Model, effect: Effect) -> dict[str, Any]:
+    names = "name instrument explanation adds_to scales joins reads at needs aliases separate_by reference"
+    return picked(effect, names) | {
+        "in_base": effect.name in model.base_effects,
+        "parameters": _parameters(effect.parameters, effect.neutral),
+        "valid": {
+            name: dict(zip(("low", "high", "unit"), v, strict=True)) for name, v in effect.valid.items()
+        },
+    }
+
+
+def _quantity(model: Model, quantity: Quantity) -> dict[str, Any]:
+    return picked(quantity, "name unit doc axes reads reference") | {
         "parameters": _parameters(quantity.parameters, {}),
         "changed_by": [e.name for e in model.effects.values() if quantity.name in e.changes],
     }
 
 
-def _plain(one: object, names: Sequence[str]) -> dict[str, Any]:
-    """Some attributes; lists for tuples."""
-    found = {name: getattr(one, name) for name in names}
-    return {name: list(v) if isinstance(v, tuple) else v for name, v in found.items()}
-
-
-def find_part(model: Model, name: str) -> Effect | Quantity:
-    """The effect or quantity of a name; the nearest is offered where there is none."""
-    part = model.effects.get(name) or model.quantities.get(name)
-    if name in model.unsuited:
-        raise RequestError(f"{name} is not an effect of this rig: {model.unsuited[name]}")
-    if part is None:
-        known = [*model.effects, *model.quantities]
-        raise RequestError(f"{model.name} has no effect or quantity {name!r}", remedy=nearest(name, known))
-    return part
-
-
 def _parameters(parameters: Mapping[str, Parameter], neutral: Mapping[str, float]) -> dict[str, Any]:
-    names = ("default", "unit", "domain", "fixed", "per", "needs", "doc")
     return {
-        name: _plain(p, names) | {"plausible": [p.min, p.max], "neutral": neutral.get(name)}
+        name: picked(p, "default unit domain fixed per needs doc")
+        | {"plausible": [p.min, p.max], "neutral": neutral.get(name)}
         for name, p in parameters.items()
     }
 
