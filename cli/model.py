@@ -163,22 +163,24 @@ def check(
                 raise RequestError("--measurement is for models of rates", remedy="leave it out")
             data = DataFile(measurement.name, measurement, columns=columns)
             model, recorded = for_check(model, data)
-        _check_whole(model, Path(name), recorded, as_json)
-        return
-    effects = list(model.effects.values()) if file is None else effects_from_file(file)
-    conditions = conditions_over_limits(model)
-    for effect in effects:
-        check_effect(effect, model, conditions)
+        content, lines = _whole(model, Path(name), recorded)
+    else:
+        effects = list(model.effects.values()) if file is None else effects_from_file(file)
+        conditions = conditions_over_limits(model)
+        for effect in effects:
+            check_effect(effect, model, conditions)
+        content = {"passed": [effect.name for effect in effects]}
+        passed = "passes: neutral, finite, determined by some measurement within the limits."
+        lines = [f"{effect.name} {passed}" for effect in effects]
     if as_json:
-        emit_json({"passed": [effect.name for effect in effects]})
+        emit_json(content)
         return
-    for effect in effects:
-        click.echo(
-            f"{effect.name} passes: neutral, finite, determined by some measurement within the limits."
-        )
+    for line in lines:
+        click.echo(line)
 
 
-def _check_whole(model: Model, file: Path, recorded: Mapping[str, Any] | None, as_json: bool) -> None:
+def _whole(model: Model, file: Path, recorded: Mapping[str, Any] | None) -> tuple[dict[str, Any], list[str]]:
+    """What a model of one's own was found to be, for JSON and in sentences; studies may run it then."""
     from dataclasses import asdict
 
     from specan.models.check import check_model, without_limits
@@ -187,42 +189,34 @@ def _check_whole(model: Model, file: Path, recorded: Mapping[str, Any] | None, a
     lacking = without_limits(model)
     if lacking and recorded is None:  # a study takes such a model
         trust_file(file)
-        if as_json:
-            emit_json({"passed": [], "without_limits": lacking})
-            return
+        usable, names = f"{model.name} can be used in a study.", ", ".join(lacking)
+        lines = [
+            f"{usable} Nothing else was checked: no limits of {names}.",
+            f'To check it, give them: conditions={{"{lacking[0]}": (UNIT, LOW, HIGH)}}.',
+        ]
         if model.rates:
-            click.echo(f"{model.name} can be used in a study. To check it with a recording:")
-            click.echo(f"specan model check {file} --measurement FILE")
-            return
-        click.echo(
-            f"{model.name} can be used in a study. Nothing else was checked: no limits of {', '.join(lacking)}."
-        )
-        click.echo(f'To check it, give them: conditions={{"{lacking[0]}": (UNIT, LOW, HIGH)}}.')
-        return
+            lines = [
+                f"{usable} To check it with a recording:",
+                f"specan model check {file} --measurement FILE",
+            ]
+        return {"passed": [], "without_limits": lacking}, lines
     found = check_model(model, recorded)
     trust_file(file)
-    if as_json:
-        emit_json({"passed": list(found.effects), **asdict(found)})
-        return
     where = "within the limits" if recorded is None else "of such inputs"
     places = "places within its limits" if recorded is None else "samples"
-    click.echo(
-        f"{model.name} is finite at {found.rows} {places}; one evaluation takes {1000 * found.seconds:.2g} ms."
-    )
+    took = f"one evaluation takes {1000 * found.seconds:.2g} ms"
+    lines = [f"{model.name} is finite at {found.rows} {places}; {took}."]
     if found.parameters:
-        click.echo(f"Some measurement {where} determines each parameter: {', '.join(found.parameters)}.")
-    for name in found.effects:
-        click.echo(f"{name} passes: neutral, finite, determined by some measurement {where}.")
-    for name in found.hidden:
-        click.echo(
-            f"Note: the parameters of the base have the same effect as {name}; no measurement {where} can detect it."
-        )
-    for one, other in found.alike:
-        click.echo(f"Note: no measurement {where} distinguishes {one} from {other}.")
+        lines.append(f"Some measurement {where} determines each parameter: {', '.join(found.parameters)}.")
+    passed = f"passes: neutral, finite, determined by some measurement {where}."
+    lines += [f"{name} {passed}" for name in found.effects]
+    same = "Note: the parameters of the base have the same effect as"
+    lines += [f"{same} {name}; no measurement {where} can detect it." for name in found.hidden]
+    lines += [f"Note: no measurement {where} distinguishes {one} from {other}." for one, other in found.alike]
     if len(found.effects) > 1 and not found.alike and not found.hidden:
-        click.echo(f"Some measurement {where} distinguishes each of these effects from the others.")
-    for note in found.notes:
-        click.echo(f"Note: {note}.")
+        lines.append(f"Some measurement {where} distinguishes each of these effects from the others.")
+    lines += [f"Note: {note}." for note in found.notes]
+    return {"passed": list(found.effects), **asdict(found)}, lines
 
 
 def _print_model(model: Mapping[str, Any]) -> None:

@@ -56,7 +56,13 @@ def fields_from_functions(
     for name, function in named.items():
         own = {p: starts[p] for p in _arguments(function) if p in starts and p not in shared}
         reads = tuple(a for a in _arguments(function) if a not in own)
-        _check_reads(function, name, reads, [*known, *starts, *named])
+        for argument in reads:
+            require_known(
+                argument,
+                [*known, *starts, *named],
+                f"{place_of(function)}: {name!r} reads {argument!r}, which is not a condition and no parameter",
+                expected="each argument in conditions=, in parameters=, or a function of that name",
+            )
         unit = _unit_of(name, measured, more["units"])
         doc = (inspect.getdoc(function) or name).split("\n")[0]
         quantities[name] = Quantity(name, unit, doc, _by_name(function, reads), reads, own)
@@ -72,18 +78,6 @@ def fields_from_functions(
         "observables": measured,
         "rig": replace(statement, discrepancies=_discrepancies(observables, named)),
     }
-
-
-def _check_reads(
-    function: Callable[..., Any], name: str, reads: tuple[str, ...], known: Sequence[str]
-) -> None:
-    for argument in reads:
-        require_known(
-            argument,
-            known,
-            f"{place_of(function)}: {name!r} reads {argument!r}, which is not a condition and no parameter",
-            expected="each argument in conditions=, in parameters=, or a function of that name",
-        )
 
 
 def _by_name(function: Callable[..., Any], reads: tuple[str, ...]) -> Instead:
