@@ -35,6 +35,14 @@ PANEL = {
 }
 
 
+def share(weight: int = 1, **more: str) -> dict[str, str]:
+    """Style of a part that takes a share of the height, or of the width, and may be smaller than what it holds."""
+    return {"flex": f"{weight} 1 0", "min-height": "0", **more}
+
+
+GROWS = share(**{"min-width": "0"})
+
+
 def _theme(colours: dict[str, str]) -> Theme:
     text = (_BROWSER / "theme.json").read_text(encoding="utf-8")
     for name, value in colours.items():

@@ -32,7 +32,7 @@ from bokeh.models import (
 from bokeh.plotting import figure
 
 from specan.arrays import Real
-from specan.inspect.look import COLOURS
+from specan.inspect.look import COLOURS, share
 from specan.report.figure_style import OCTAVE_NAMES, OCTAVES
 from specan.report.panels import FEW, Curve, Drawing, Panel, Picture, numbered
 
@@ -301,7 +301,7 @@ class Plots:
             self.facts,
             self.first.sheet,
             sizing_mode="stretch_both",
-            styles={"flex": "3 1 0", "min-height": "0"},
+            styles=share(3),
         )
 
     def _plot(self, number: int, share: int) -> PanelPlot:
@@ -350,7 +350,7 @@ class HeatMap(Spectral):
         sheet = figure(
             sizing_mode="stretch_both", tools="pan,box_zoom,wheel_zoom,reset,save", x_range=x_range, min_height=120,
             y_range=Range1d(20, 20000), y_axis_type="log" if hertz else "linear", min_border_left=88,
-            styles={"flex": "4 1 0", "min-height": "0"}, toolbar_inner=True,
+            styles=share(4), toolbar_inner=True,
         )  # fmt: skip
         super().__init__(sheet, *(("width", "#ffffff") if hertz else ()))
         sheet.toolbar.update(logo=None, autohide=True)

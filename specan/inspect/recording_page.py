@@ -20,7 +20,7 @@ from bokeh.models import (
 
 from specan.data.calibration import stated
 from specan.errors import RequestError, SpecanError
-from specan.inspect.look import PANEL, notice
+from specan.inspect.look import GROWS, PANEL, notice
 from specan.inspect.opened import Opened
 from specan.inspect.page import Page
 from specan.inspect.plots import plain
@@ -42,7 +42,6 @@ from specan.result import RecordingResult
 TABS = (OctaveTab, FftTab, FrfTab, LevelsTab, SpectrogramTab, OrdersTab, InfoTab)
 FIRST_CHANNELS = 4  # on screen when nothing else is said
 _LEFT, _RIGHT = 214, 270  # px
-_GROWS = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
 _FILTER = """const text = cb_obj.value_input.toLowerCase();
 list.options = all.filter(([key, label]) => label.toLowerCase().includes(text));"""
 _CENTRED = {"display": "flex", "align-items": "center", "justify-content": "center"}
@@ -102,18 +101,18 @@ class RecordingPage(Page):
         self._controls = row(
             *self.tabs[view.tab].controls, styles={"flex-wrap": "wrap"}, sizing_mode="stretch_width"
         )
-        self._body = column(self._waiting, sizing_mode="stretch_both", styles=_GROWS)
+        self._body = column(self._waiting, sizing_mode="stretch_both", styles=GROWS)
         self._side = column(self.readout, sizing_mode="stretch_width")
         middle = column(
             self.waveform.sheet, self._front, self._controls, self.status.div, self._body,
-            sizing_mode="stretch_both", styles=_GROWS, css_classes=["whole", "middle"],
+            sizing_mode="stretch_both", styles=GROWS, css_classes=["whole", "middle"],
         )  # fmt: skip
         self._right = ScrollBox(
             child=self._side, width=_RIGHT, sizing_mode="stretch_height", styles=PANEL,
             css_classes=["whole", "readout"],
         )  # fmt: skip
         main = row(
-            self._left(), middle, self._right, sizing_mode="stretch_both", styles={**_GROWS, "gap": "8px"},
+            self._left(), middle, self._right, sizing_mode="stretch_both", styles={**GROWS, "gap": "8px"},
             css_classes=["stacked"],
         )  # fmt: skip
         self.show_page(main, height="100vh")

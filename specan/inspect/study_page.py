@@ -12,7 +12,7 @@ from bokeh.layouts import column, row
 from bokeh.models import Button, Div, ScrollBox, TextInput
 
 from specan.errors import RequestError
-from specan.inspect.look import PANEL, Busy, folded, notice
+from specan.inspect.look import GROWS, PANEL, Busy, folded, notice, share
 from specan.inspect.page import Page
 from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
 from specan.inspect.study_views.ranking import Ranking, Uses
@@ -80,13 +80,13 @@ class StudyPage(Page):
             styles={**PANEL, "border-left": "4px solid var(--accent)"},
         )  # fmt: skip
         top = [
-            ScrollBox(child=part, sizing_mode="stretch_both", styles=_share(1), css_classes=["whole"])
+            ScrollBox(child=part, sizing_mode="stretch_both", styles=share(), css_classes=["whole"])
             for part in (self.history, self.map)
         ]
         self._bottom = self._side_by_side([part.body for part in self.agreement], 5, "figures")
         self._middle = column(
             story, self._side_by_side(top, 3, **{"max-height": "max-content"}), sizing_mode="stretch_both",
-            styles={**_share(1), "min-width": "0", "gap": "4px"}, css_classes=["whole"],
+            styles={**GROWS, "gap": "4px"}, css_classes=["whole"],
         )  # fmt: skip
         main = row(
             self._left(), self._middle, sizing_mode="stretch_width",
@@ -98,11 +98,11 @@ class StudyPage(Page):
     def _left(self) -> Any:
         """The candidates, what one of them is, and the buttons."""
         explanation = ScrollBox(
-            child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=_share(2)
+            child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=share(2)
         )
         return column(
             self.heading,
-            ScrollBox(child=self.ranking.list, width=_SIDE, sizing_mode="stretch_height", styles=_share(3)),
+            ScrollBox(child=self.ranking.list, width=_SIDE, sizing_mode="stretch_height", styles=share(3)),
             explanation, self.reason, row(self.accept, self.again), width=_SIDE + 12, sizing_mode="stretch_height",
             styles=PANEL, css_classes=["whole", "candidates"],
         )  # fmt: skip
@@ -113,7 +113,7 @@ class StudyPage(Page):
         return row(
             *parts,
             sizing_mode="stretch_both",
-            styles={**_share(weight), **styles},
+            styles=share(weight, **styles),
             css_classes=["stacked", *classes],
         )
 
@@ -247,10 +247,13 @@ class StudyPage(Page):
     def _as_it_is(self) -> None:
         if self.adding or self.now is None:
             return
-        self.tried = None
-        self._write_address(tried=())
+        self._forget_trial()
         self._show(self.now)
         self.status.end()
+
+    def _forget_trial(self) -> None:
+        self.tried = None
+        self._write_address(tried=())
         self.accept.update(label="Accept", disabled=True)
         self.again.disabled = True
 
@@ -273,10 +276,9 @@ class StudyPage(Page):
 
         def show(changes: Sequence[Change]) -> None:
             self.study, self.adding = changes[-1].study, False
-            self.tried = self.now = None
+            self.now = None
             self.reason.value = ""
-            self._write_address(tried=())
-            self.accept.update(label="Accept", disabled=True)
+            self._forget_trial()
             remarks = [remark for change in changes for remark in change.remarks]
             self._show_study()
             self._begin("; ".join([f"{name} is in the model now", *remarks]) + ".")
@@ -288,8 +290,3 @@ class StudyPage(Page):
         self._diagnose_if_due()
         self.accept.disabled = self.tried is None
         super()._failed(message)
-
-
-def _share(weight: int) -> dict[str, str]:
-    """Style of a part that takes a share of the height."""
-    return {"flex": f"{weight} 1 0", "min-height": "0"}

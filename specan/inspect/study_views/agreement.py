@@ -9,7 +9,7 @@ from typing import Any
 from bokeh.layouts import column, row
 from bokeh.models import MultiSelect, Select
 
-from specan.inspect.look import COLOURS
+from specan.inspect.look import COLOURS, GROWS
 from specan.inspect.plots import Plots, plain
 from specan.inspect.trial import Trial
 from specan.report.figures_study_frf import RESPONSES, MeasuredTransfer, measured_transfer, response_drawing
@@ -21,7 +21,6 @@ from specan.study.observation.table import TableObservation
 from specan.study.study import Study
 
 _ORDINATES = [("z", "residual / sigma"), ("residual", "residual"), ("pair", "measured and model")]
-_GROWS = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
 
 
 class TableAgreement:
@@ -48,7 +47,7 @@ class TableAgreement:
             choice.on_change("value", lambda a, old, new: self._draw())
         self.plots = Plots(tip=("x", "y"))
         choices = row(self.ordinate, self.abscissa, self.hue, styles={"flex-wrap": "wrap"})
-        self.body: Any = column(choices, self.plots.body, sizing_mode="stretch_both", styles=_GROWS)
+        self.body: Any = column(choices, self.plots.body, sizing_mode="stretch_both", styles=GROWS)
 
     def _rows(self, trial: Trial) -> Rows:
         tables = [o for k in self._chosen if isinstance(o := trial.problem.observations[k], TableObservation)]
@@ -112,7 +111,7 @@ class TransferAgreement:
         self.changed: Callable[[tuple[str, ...]], None] = lambda chosen: None  # the page writes its address
         self.plots = Plots(hertz=True, tip=("Hz", "value"))
         self.body: Any = row(
-            self.microphones, self.plots.body, sizing_mode="stretch_both", styles=_GROWS,
+            self.microphones, self.plots.body, sizing_mode="stretch_both", styles=GROWS,
             css_classes=["stacked", "figures"],
         )  # fmt: skip
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bokeh.models import Div, ScrollBox
 
 from specan.data.recording import Recording
-from specan.inspect.look import notice
+from specan.inspect.look import notice, share
 from specan.inspect.tabs.tab import Found, Tab, Tell
 from specan.inspect.view import View
 from specan.report.contents import sheets
@@ -24,9 +24,7 @@ class InfoTab(Tab):
         content = Div(
             text="<hr>".join(map(_of, self.opened.recordings)), sizing_mode="stretch_width", name="info"
         )
-        self.body = [
-            ScrollBox(child=content, sizing_mode="stretch_both", styles={"flex": "1 1 0", "min-height": "0"})
-        ]
+        self.body = [ScrollBox(child=content, sizing_mode="stretch_both", styles=share())]
 
     def compute(self, view: View, tell: Tell) -> Found:
         """Nothing."""

@@ -15,6 +15,7 @@ from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
 from specan.divisions import DIVISIONS
 from specan.dsp.weighting import FAST, SLOW
+from specan.inspect.look import share
 from specan.inspect.opened import Chosen
 from specan.inspect.tabs.tab import Found, Tab
 from specan.inspect.view import View
@@ -46,9 +47,7 @@ class LevelsTab(Tab):
         self.choice(view, "level_weighting", "Weighting", ["A", "B", "C", "Z"], 80)
         self.choice(view, "level_averaging", "Time weighting", ["fast", "slow"])
         self.numbers = Div(sizing_mode="stretch_width", name="levels")
-        below = ScrollBox(
-            child=self.numbers, sizing_mode="stretch_both", styles={"flex": "2 1 0", "min-height": "0"}
-        )
+        below = ScrollBox(child=self.numbers, sizing_mode="stretch_both", styles=share(2))
         self.body = [*self.body, below]
         self._kept: dict[tuple[Any, ...], BandLevels] = {}
 
