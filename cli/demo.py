@@ -8,6 +8,8 @@ from pathlib import Path
 
 import click
 
+from specan.errors import RequestError
+
 # Below `sample_data`: all but the scripts that made them, which need the simulators of the benches.
 SAMPLES = (
     "recordings/*/*.tdms",
@@ -52,8 +54,6 @@ def sample_place() -> Path:
     RequestError
         They are in neither.
     """
-    from specan.errors import RequestError
-
     here = Path(__file__).resolve().parent
     for place in (here / "sample_data", here.parent / "sample_data"):
         if any(place.glob(SAMPLES[0])):
@@ -88,8 +88,6 @@ def copied(source: Path, target: Path) -> None:
     RequestError
         It cannot be written.
     """
-    from specan.errors import RequestError
-
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, target)

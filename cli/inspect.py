@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan.errors import InputError, RequestError, library
 from specan_cli.options import opening_options, opt
 from specan_cli.output import say
 from specan_cli.recording_verb import given
@@ -46,8 +47,6 @@ def command(
     specan inspect sample_data/recordings/knock.tdms
     specan inspect my_study
     """
-    from specan.errors import RequestError
-
     if place.is_dir():
         if overlay is not None:
             raise RequestError("a study has no --overlay", remedy="leave it out")
@@ -62,7 +61,6 @@ def command(
 
 def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Callable[[Document], object]:
     from specan.api.recordings import read
-    from specan.errors import InputError, library
     from specan.inspect.opened import Opened, watched
 
     library("bokeh", "inspect")
@@ -82,7 +80,6 @@ def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Ca
 
 
 def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], object]:
-    from specan.errors import library
     from specan_cli.study import open_study
 
     study = open_study(place, effects)

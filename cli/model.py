@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan.errors import RequestError
 from specan_cli.options import column_option, json_option, opt
 from specan_cli.output import emit_json, table
 
@@ -82,7 +83,6 @@ def new(file: Path, rates: bool) -> None:
     specan model new pump.py
     specan model new oscillator.py --rates
     """
-    from specan.errors import RequestError
     from specan_cli.demo import copied, sample_place
 
     if file.suffix != ".py":
@@ -155,7 +155,6 @@ def check(
     if file is None and is_file(name):
         recorded = None
         if measurement:
-            from specan.errors import RequestError
             from specan.study.data.open_time import for_check
             from specan.study.observation import DataFile
 

@@ -23,6 +23,7 @@ from unicodedata import combining, east_asian_width
 
 import click
 
+from specan.errors import RequestError
 from specan_cli.options import Grouped, opt
 
 if TYPE_CHECKING:
@@ -219,8 +220,6 @@ class OutputFile(click.Path):
         RequestError
             It is one of a format that is not written.
         """
-        from specan.errors import RequestError
-
         ending = path.suffix.lower()
         if self.endings and ending and ending not in self.endings:
             raise RequestError(
@@ -258,8 +257,6 @@ class Verb(Grouped):
             refuse_unsafe(target, ctx)
             types[name].check_ending(target)
         if _STANDARD_OUTPUT in targets and (ctx.params.get("as_json") or targets.count(_STANDARD_OUTPUT) > 1):
-            from specan.errors import RequestError
-
             raise RequestError(
                 "standard output is requested twice", expected="either --json or one file called '-'"
             )
@@ -342,8 +339,6 @@ class Delivery:
 
     def draw_beside(self, found: Result) -> Delivery:
         """Draw a result that is printed as well; what is left to put out, without a figure where there is none."""
-        from specan.errors import RequestError
-
         try:
             self.draw(found)
         except RequestError as fault:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan.errors import NoSignalError, RequestError, SpecanError, unforeseen
 from specan_cli.options import EXCEEDED, opening_options, opt
 from specan_cli.output import (
     TABLES,
@@ -85,8 +86,6 @@ class RecordingVerb(Verb):
             return self._several(ctx, files)
 
     def _several(self, ctx: click.Context, files: Sequence[Path]) -> int:
-        from specan.errors import NoSignalError, RequestError
-
         for name in ("output", "plot"):
             if ctx.params.get(name) is not None:
                 raise RequestError(
@@ -126,8 +125,6 @@ def failures(faults: Mapping[str, Exception]) -> list[dict[str, str]]:
 
 
 def _reason(file: str, fault: Exception) -> str:
-    from specan.errors import SpecanError, unforeseen
-
     return str(fault) if isinstance(fault, SpecanError) else f"{Path(file).name}: {unforeseen(fault)}"
 
 
@@ -139,7 +136,6 @@ def expand(paths: Sequence[Path]) -> list[Found]:
     RequestError
         A directory holds none.
     """
-    from specan.errors import RequestError
     from specan.io.open import Found, find_recordings, suffixes
 
     found: list[Found] = []
