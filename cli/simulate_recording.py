@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
+
+import numpy as np
 
 from specan.errors import RequestError
+from specan.io.output_file import check_directory, whole_file
+from specan.io.write_tdms import write_tdms
+from specan.models.simulated_channel import SimulatedChannel
 from specan_cli.output import emit_json, table
-
-if TYPE_CHECKING:
-    from specan.models.simulated_channel import SimulatedChannel
 
 
 def output_path(path: Path | None, *suffixes: str) -> Path:
     """A path whose suffix says what is to be written, in a directory that exists."""
-    from specan.io.output_file import check_directory
 
     if path is None or path.suffix.lower() not in suffixes:
         raise RequestError(
@@ -36,10 +37,6 @@ def write_recording(
     noise: tuple[float, int] = (0.0, 0),
 ) -> None:
     """Write channels into a TDMS file; `noise` is the standard deviation that sensors add in V, and its seed."""
-    import numpy as np
-
-    from specan.io.output_file import whole_file
-    from specan.io.write_tdms import write_tdms
 
     random = np.random.default_rng(noise[1])
     volts = [

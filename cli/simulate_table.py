@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
 
 from specan.errors import RequestError
+from specan.io.export_file import write_frame
+from specan.io.output_file import write_csv
+from specan.models.chosen_model import Columns, choose_model, grid, outside_validity, simulated_table, span
+from specan.models.groups import grouped
+from specan.models.model import Model
+from specan.result import records
 from specan_cli.options import column_option, opt, together
 from specan_cli.output import TABLES, OutputFile, decimal_option, emit_json, note, say
 from specan_cli.output import table as print_table
-
-if TYPE_CHECKING:
-    from specan.models.chosen_model import Columns
-    from specan.models.model import Model
 
 POINTS = 7  # of each condition over the limits
 MOST_PRINTED = 60  # rows that a person reads on a terminal
@@ -42,7 +44,6 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 
     A model of rates answers to the inputs of a recording (--conditions FILE), and -o writes a recording.
     """
-    from specan.models.chosen_model import simulated_table
     from specan_cli import simulate_rates
 
     if model.rates:
@@ -57,9 +58,6 @@ def simulate(
     model: Model, options: Mapping[str, Any], make: Callable[..., Columns], points: Mapping[str, int]
 ) -> None:
     """Write or print what `make` predicts over the conditions that were asked for."""
-    from specan.models.chosen_model import choose_model, outside_validity
-    from specan.models.groups import grouped
-    from specan.result import records
 
     columns, names = _conditions(model, options, points)
     chosen = choose_model(grouped(model, names), options["effects"], options["without"])
@@ -84,7 +82,6 @@ def _conditions(
 
     In the rows stands the number of a name.
     """
-    from specan.models.chosen_model import grid
 
     if options["conditions"]:
         from specan.study.data.table_file import read_table
@@ -123,7 +120,6 @@ def _numbered(words: Sequence[str], names: Sequence[str]) -> Any:
 
 def over_limits(model: Model, points: Mapping[str, int]) -> dict[str, Sequence[float]]:
     """Values of each condition over what the rig can run, in its column's unit."""
-    from specan.models.chosen_model import span
 
     return {
         model.conditions[name].column: np.round(np.linspace(*span(model, name), count), 9).tolist()
@@ -152,9 +148,6 @@ def write(path: Path, rows: Columns, decimal: str = ".") -> None:
         It names none of a table.
     """
     import pandas as pd
-
-    from specan.io.export_file import write_frame
-    from specan.io.output_file import write_csv
 
     OutputFile(*TABLES, ".json").check_ending(path)
     if decimal == "." and path.suffix.lower() in ("", ".csv", ".txt"):
