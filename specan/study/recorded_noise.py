@@ -21,8 +21,6 @@ from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
 
-APART = 100.0  # times by which a change of a start grows, beyond what constant rates make of it
-
 
 class NoiseError(ComputationError):
     """What is left is no noise."""
@@ -103,6 +101,7 @@ def _led_with(promise: Promise, problem: Problem) -> Iterator[tuple[float, Probl
 
 def _runs_apart(o: TimeObservation, responses: Mapping[str, Array]) -> str:
     """Why nobody can foretell a recording to its end; empty where one can."""
+    apart = 100.0  # times by which a change of a start grows, beyond what constant rates make of it
     for chains in o.chains.values():
         rows = max(chains, key=lambda chain: chain.size)
         time = o.conditions[TIME][rows]
@@ -110,11 +109,11 @@ def _runs_apart(o: TimeObservation, responses: Mapping[str, Array]) -> str:
             size = np.abs(response[rows])
             soon = float(np.max(size[: rows.size // 10], initial=0.0))
             late = float(np.max(size))
-            if soon > 0 and late > APART * soon:
+            if soon > 0 and late > apart * soon:
                 # over which it grows by e squared
                 seconds = 2 * float(time[np.argmax(size)] - time[0]) / np.log(late / soon)
                 return (
-                    f"a small change of {state} at the start grows more than {APART:g} times over the recording: the "
+                    f"a small change of {state} at the start grows more than {apart:g} times over the recording: the "
                     "motion is chaotic, or runs away, and cannot be predicted to the end. Compare it in pieces "
                     f"with starts of their own: Model.from_rates(..., window_s={seconds:.1g})"
                 )

@@ -373,7 +373,6 @@ VERDICTS = {
     "cannot-tell": "These data cannot tell.",
 }
 LEAST_TOLD = 0.02  # probability of something else, from which a headline with names says it
-MOST_IN_HEADLINE = 3  # sets of effects; the others stand in the table
 
 
 def headline(found: Diagnosis) -> str:
@@ -389,6 +388,7 @@ def headline_of(content: Mapping[str, Any]) -> str:
     >>> headline_of({"verdict": "group", "alternatives": [["windage"], ["seal-drag", "churning"]]})
     'Missing: windage or seal-drag with churning; these data cannot tell which.'
     """
+    most = 3  # sets of effects; the others stand in the table
     stated = content.get("probabilities") or ()
 
     def sure(kinds: Sequence[str], suits: Callable[[set[str]], bool] = lambda effects: True) -> str:
@@ -408,10 +408,8 @@ def headline_of(content: Mapping[str, Any]) -> str:
     if len(set(sets)) < len(sets):  # the same effects at several places
         likeliest = [one for one in stated if one["kind"] == "effects"][: len(sets)]
         sets = [f"{one['explanation']} ({percent(one['probability'])})" for one in likeliest]
-    more = len(sets) - MOST_IN_HEADLINE
-    names = " or ".join(
-        [*sets[:MOST_IN_HEADLINE], *([f"one of {more} others"] if more > 1 else sets[MOST_IN_HEADLINE:])]
-    )
+    more = len(sets) - most
+    names = " or ".join([*sets[:most], *([f"one of {more} others"] if more > 1 else sets[most:])])
     if sum(one["probability"] for one in stated if one["kind"] == "unknown") >= LEAST_TOLD:
         names += f" or something else{sure(['unknown'])}"
     of = {"nothing-missing": "nothing", "unknown-effect": "unknown", "faulty-data": "fault"}

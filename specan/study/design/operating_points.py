@@ -33,7 +33,6 @@ from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
 from specan.units import convert, printed_unit
 
-MOST_POINTS = 4096  # conditions that are looked at; of more combinations half as many, and the corners
 SEPARATES = 2.0  # sigma that a measurement must promise to be worth proposing
 EXPLORED = 2  # measurements that are proposed for something unknown
 
@@ -263,6 +262,7 @@ def operating_grid(problem: Problem, block: Block | None = None) -> dict[str, Re
     block : Block, optional
         Where a model fails: conditions that it names lie between its level and the measured ones beside it.
     """
+    most = 4096  # conditions that are looked at; of more combinations half as many, and the corners
     model, settable = problem.assembly.model, _settable(problem)
     tables = all(isinstance(o, TableObservation) for o in problem.observations)
     if not tables or not any(name in model.rig.limits for name in settable):
@@ -280,12 +280,12 @@ def operating_grid(problem: Problem, block: Block | None = None) -> dict[str, Re
         else:
             axes[name] = np.arange(float(len(model.group_elements[name])))
     levels = list(axes.values())
-    if prod(map(len, levels)) <= MOST_POINTS:
+    if prod(map(len, levels)) <= most:
         points = np.array(list(product(*levels)))
     else:
         from scipy.stats import qmc  # slow to load, and seldom needed
 
-        spread = qmc.Sobol(len(levels), scramble=False).random(MOST_POINTS // 2)
+        spread = qmc.Sobol(len(levels), scramble=False).random(most // 2)
         points = np.column_stack(
             [own[(share * own.size).astype(int)] for share, own in zip(spread.T, levels)]
         )

@@ -23,7 +23,6 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, brought
 
 STAGES = (20.0, 5.0)  # per cent of the RMS over channels
-CONTINUED = 2  # of several starts
 ENOUGH = 8  # Jacobians a stage: what a fit still gains then, such uncertainties do not tell from nothing
 
 JACOBIANS = 3  # of all lines, about whose end the covariance is taken
@@ -55,11 +54,12 @@ def continuation_fit(
     ComputationError
         No start leads anywhere.
     """
+    continued = 2  # of several starts
     first, last = (down_weighted(problem, percent) for percent in STAGES)
-    few = SCREENING_JACOBIANS if len(starts) > CONTINUED else ENOUGH
+    few = SCREENING_JACOBIANS if len(starts) > continued else ENOUGH
     given = [problem.start(values) for values in starts]
     reached, reason = led(first, given, few)
-    near = reached[:CONTINUED]
+    near = reached[:continued]
     try:
         theta = descend_steps(last, best_screened(last, near), ENOUGH)
     except ComputationError as fault:

@@ -31,7 +31,6 @@ from specan.study.observation import Array
 
 NEAR = 1e-4  # relative, where the trust-region steps of each start end; those of `refine` go on from the best
 MOST_STEPS = 60  # of one start, before another method is tried
-PART_OF_SPREAD = 0.05  # of the uncertainty of what is held, over which a derivative is taken
 FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
 
 
@@ -359,6 +358,7 @@ def intervals_95(
 
 def _moved_by_what_is_held(problem: Problem, best: Fit) -> Array:
     """Standard deviation of theta from the standard uncertainties of all parameters that are held."""
+    small = 0.05  # of the uncertainty of what is held, over which a derivative is taken
     moved = [np.zeros(best.theta.size)]
     for name, parameter in problem.assembly.parameters.items():
         if not parameter.spread or name in problem.free or name in problem.values:
@@ -366,9 +366,9 @@ def _moved_by_what_is_held(problem: Problem, best: Fit) -> Array:
         held, one = parameter.si.default, parameter.to_si(parameter.default + parameter.spread)
         ends = [
             replace(problem, values={**problem.values, name: held + part * (one - held)}).residual(best.theta)
-            for part in (PART_OF_SPREAD, -PART_OF_SPREAD)
+            for part in (small, -small)
         ]
-        moved.append(best.covariance @ (best.jacobian.T @ (ends[0] - ends[1])) / (2 * PART_OF_SPREAD))
+        moved.append(best.covariance @ (best.jacobian.T @ (ends[0] - ends[1])) / (2 * small))
     return np.asarray(np.linalg.norm(moved, axis=0))
 
 

@@ -15,8 +15,6 @@ from specan.study.estimation.prediction_error import ObservableError, errors_of
 from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
 
-MOST_LEVELS = 12  # blocks of one operating variable
-
 
 def left_out_errors(problem: Problem, fit: Fit) -> list[ObservableError]:
     """Errors of a model on conditions that it was not fitted to, each level of each operating variable in turn.
@@ -56,11 +54,12 @@ def blocks(labels: Mapping[str, NDArray[Any]]) -> list[NDArray[np.intp]]:
     Random subsets would leak, since neighbouring lines and repeats share their errors. A variable
     with many values is cut into twelve groups of neighbours.
     """
+    most = 12  # blocks of one operating variable
     found = []
     for values in labels.values():
         levels, index = np.unique(np.asarray(values), return_inverse=True)
-        if levels.size > MOST_LEVELS:
-            index = index * MOST_LEVELS // levels.size
+        if levels.size > most:
+            index = index * most // levels.size
         groups = [np.flatnonzero(index == level) for level in np.unique(index)]
         found += groups if len(groups) > 2 else []
     return found

@@ -24,7 +24,6 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 from specan.study.observation.frf import ABOVE_NOISE, KeptLines
 
-AT_ONCE = 256  # blocks whose directions are computed together
 LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
 
 
@@ -245,9 +244,10 @@ class LeftOut:
 
     def directions(self, blocks: Sequence[NDArray[np.bool_]]) -> list[tuple[float, float]]:
         """Mean relative error of the prediction over the rows of each block, and its z."""
+        at_once = 256  # blocks whose directions are computed together
         found = []
-        for first in range(0, len(blocks), AT_ONCE):
-            part = blocks[first : first + AT_ONCE]
+        for first in range(0, len(blocks), at_once):
+            part = blocks[first : first + at_once]
             raw = np.stack([np.where(rows, self.predicted, 0.0) for rows in part], 1)
             white = self.problem.whiten(raw)
             columns = self._taken_out(white)

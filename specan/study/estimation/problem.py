@@ -30,7 +30,6 @@ from specan.study.estimation.linear import STEP, stencil
 from specan.study.observation import Array, Observation, Strategy, joined
 
 SHARE = 0.25  # standard deviation of a tail over the range
-SUBSAMPLE_ROWS = 5000  # rows of a subsample
 
 
 @dataclass(frozen=True, eq=False)
@@ -394,9 +393,10 @@ class Problem:
 
     def subsampled(self, theta: Array) -> Problem:
         """The problem on part of its rows, with the residual that the whole has at theta; itself where they are few."""
-        if self.n_data <= SUBSAMPLE_ROWS:
+        most = 5000  # rows of a subsample
+        if self.n_data <= most:
             return self
-        values, share = self.values_at(theta), SUBSAMPLE_ROWS / self.n_data
+        values, share = self.values_at(theta), most / self.n_data
         seen = [(o, self.seen_by(o, values), round(share * o.n)) for o in self.observations]
         return self.over([o.subsample(self.assembly, own, rows) for o, own, rows in seen])
 
