@@ -40,7 +40,7 @@ def share(weight: int = 1, **more: str) -> dict[str, str]:
     return {"flex": f"{weight} 1 0", "min-height": "0", **more}
 
 
-GROWS = share(**{"min-width": "0"})
+GROWS = share() | {"min-width": "0"}
 
 
 def _theme(colours: dict[str, str]) -> Theme:

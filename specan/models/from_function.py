@@ -56,11 +56,11 @@ def fields_from_functions(
     for name, function in named.items():
         own = {p: starts[p] for p in _arguments(function) if p in starts and p not in shared}
         reads = tuple(a for a in _arguments(function) if a not in own)
-        for argument in reads:
+        for read in reads:
             require_known(
-                argument,
+                read,
                 [*known, *starts, *named],
-                f"{place_of(function)}: {name!r} reads {argument!r}, which is not a condition and no parameter",
+                f"{place_of(function)}: {name!r} reads {read!r}, which is not a condition and no parameter",
                 expected="each argument in conditions=, in parameters=, or a function of that name",
             )
         unit = _unit_of(name, measured, more["units"])
