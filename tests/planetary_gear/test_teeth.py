@@ -20,7 +20,7 @@ def recorded(level: float, tacho: str):
     rng = np.random.default_rng(3)
     turns = carrier_hz * time + 0.3
     signal = rng.normal(size=time.size) + 3 * np.cos(2 * np.pi * 1234.5 * time)
-    for order in (63, 66, 69, 132, 135, 198):
+    for order in (63, 66, 69, 132, 198):
         signal += level * np.cos(2 * np.pi * order * turns + rng.uniform(0, 6))
     marks = np.sin(2 * np.pi * 32 * turns * (90 / 24 if tacho == "Tacho sun" else 1.0))
     plain = specan.Recording.from_arrays(
@@ -32,8 +32,8 @@ def recorded(level: float, tacho: str):
 
 def checked(recording, gear: Gear, tacho: str) -> list[str]:
     ratio = 1 + gear.z_ring / gear.z_sun if tacho == "Tacho sun" else 1.0
-    settings = Orders(channels=("Acc 1",), tacho=tacho, ratio=ratio, orders=(float(gear.z_ring),))
-    return check_teeth(recording, settings, settings(recording), gear)
+    settings = Orders(channels=("Acc 1",), tacho=tacho, ratio=ratio, turns=1000)
+    return check_teeth(settings(recording), settings, gear)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def checked(recording, gear: Gear, tacho: str) -> list[str]:
     [("Tacho sun", (27, 21, 69, 3)), ("Tacho sun", (24, 21, 66, 5)), ("Tacho carrier", (24, 24, 72, 4))],
 )
 def test_teeth_that_were_not_recorded_are_refused_and_those_that_were_are_named(tacho, teeth) -> None:
-    recording = recorded(0.2, tacho)
+    recording = recorded(0.4, tacho)
     assert checked(recording, SET, tacho) == []
     names = ("z_sun", "z_planet", "z_ring", "planets")
     with pytest.raises(InputError) as fault:

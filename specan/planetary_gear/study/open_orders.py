@@ -32,6 +32,7 @@ from specan.units import convert
 
 TITLE = "a recording"
 INDEX, TORQUE = "Tacho carrier", "Torque carrier"  # channels: phases are those at pulses of the first
+WHOLE = 1 << 20  # turns of a block: all of a recording
 NEIGHBOURS = 2  # lines to either side over which the noise is averaged
 # Of that noise: medians of 24 bins (48 real values, of which a median of powers is worth a half: ln(2)^2) over 5 lines.
 NOISE_DOF = 100.0
@@ -104,11 +105,13 @@ def observe(
     tacho = next((name for name in tachos if name in names), None)
     if tacho is None:
         raise InputError(f"{file.name} has no tacho", expected=f"a channel {' or '.join(tachos)}")
-    settings = Orders(channels=sensors, tacho=tacho, ratio=tachos[tacho], orders=tuple(known.order.tolist()))
+    settings = Orders(
+        channels=sensors, tacho=tacho, ratio=tachos[tacho], orders=tuple(known.order.tolist()), turns=WHOLE
+    )
     found = settings(recording)
     lines = found.lines
     assert lines is not None
-    unseen = check_teeth(recording, settings, found, model.settings["parsed_rig"].gear)
+    unseen = check_teeth(found, settings, model.settings["parsed_rig"].gear)
     zero = 0.0
     if INDEX in names and tacho != INDEX:
         zero = _turn_zero(recording, tracked_shaft(recording, tacho, None, tachos[tacho]))

@@ -12,7 +12,6 @@ from scipy.ndimage import median_filter
 from specan.analysis.orders import Orders
 from specan.arrays import Real
 from specan.data.orders import OrderSpectrum
-from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.planetary_gear.model.build import HARMONICS
 from specan.planetary_gear.model.geometry import check_assembly
@@ -21,20 +20,21 @@ from specan.planetary_gear.model.rig import Gear
 
 ABOUT, PLANETS = 15, range(3, 8)  # sets that are looked at: teeth more or fewer of sun and planet; planets
 BACKGROUND = 2.0  # orders whose median is the noise, since lines lie at whole ones
+HEARD = 0.25  # of the lines of a mesh: paths and resonances leave few
 LN_RANGE = np.log(
     np.log(1e12)
 )  # power of a line over that of the noise: up to 120 dB, each ratio as probable
 
 
-def check_teeth(recording: Recording, settings: Orders, found: OrderSpectrum, gear: Gear) -> list[str]:
+def check_teeth(found: OrderSpectrum, settings: Orders, gear: Gear) -> list[str]:
     """Refuse a recording whose lines are those of the mesh of other teeth; say so where no mesh is to be seen.
 
     Parameters
     ----------
-    recording : Recording
-    settings : Orders
-        Of its order analysis, per turn of the carrier; the ratio is not 1 where the tacho is the sun's.
     found : OrderSpectrum
+        Per turn of the carrier, of the whole recording at once.
+    settings : Orders
+        The ratio is not 1 where the tacho is the sun's.
     gear : Gear
 
     Raises
@@ -42,10 +42,8 @@ def check_teeth(recording: Recording, settings: Orders, found: OrderSpectrum, ge
     InputError
         It says which teeth have the lines that are there.
     """
-    if _evidence(*_over_noise(found), gear) > 0:
-        return []
-    fine = _over_noise(settings.model_copy(update={"turns": found.turns, "orders": ()})(recording))
-    if _evidence(*fine, gear) > 0:
+    fine = _over_noise(found)
+    if _evidence(*fine, gear, harmonics=HARMONICS) > 0:
         return []
     of_sets = {}
     for one in _sets(gear):
@@ -54,10 +52,10 @@ def check_teeth(recording: Recording, settings: Orders, found: OrderSpectrum, ge
     best = max(of_sets.values())
     alike = [name for name, evidence in of_sets.items() if evidence > best - np.log(100)]
     nothing = f"no line of the tooth mesh of {_named(gear)} stands out of the noise"
-    if best < np.log(len(of_sets)):
+    if best < max(_evidence(*fine, gear), 0.0) + np.log(len(of_sets)):
         return [nothing]
     raise InputError(
-        f"{recording.label}: {nothing}, while those of {' or '.join(alike[:3])} do",
+        f"{found.label}: {nothing}, while those of {' or '.join(alike[:3])} do",
         expected="the teeth (sun/planet/ring) and planets of the machine that was recorded",
         remedy=f"check [gear] of the rig file, and the pulses per turn of {settings.tacho}",
     )
@@ -81,19 +79,21 @@ def _sets(gear: Gear) -> Iterator[Gear]:
             yield one
 
 
-def _evidence(order: Real, over_noise: Real, gear: Gear, stretch: float = 1.0) -> float:
+def _evidence(
+    order: Real, over_noise: Real, gear: Gear, stretch: float = 1.0, harmonics: int | None = None
+) -> float:
     """ln of the evidence that the mesh of a set is in a spectrum, whose turns are `stretch` of its carrier's.
 
     The background has tones of its own: its power over the median, s, has the density 1 / (1 + s)^2, that of a line
-    1 / (1 + s) over the range of what lines may have. Of each line that the ideal set has next to a harmonic of the
-    mesh it is as probable as not that the path lets it be heard.
+    1 / (1 + s) over the range of what lines may have. Of the lines that the ideal set has next to harmonics of the
+    mesh (all that there are by default) one in four is heard.
     """
-    middle = gear.z_ring * np.arange(1, HARMONICS + 1)
+    middle = gear.z_ring * np.arange(1, 1 + (harmonics or int(order[-1] / stretch / gear.z_ring)))
     near = np.unique(middle[:, None] + np.arange(-gear.planets, gear.planets + 1))
     lines = near[mesh_line_strength(gear, near) > 0.5] * stretch
     number = np.rint(lines[lines < order[-2]] / order[1]).astype(int)
     gain = np.log1p(over_noise[:, number]) - LN_RANGE
-    return float(np.sum(np.logaddexp(gain, 0.0) - np.log(2)))
+    return float(np.sum(np.log(HEARD * np.exp(gain) + 1 - HEARD)))
 
 
 def _over_noise(spectrum: OrderSpectrum) -> tuple[Real, Real]:
