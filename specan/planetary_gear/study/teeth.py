@@ -13,7 +13,6 @@ from specan.analysis.orders import Orders
 from specan.arrays import Real
 from specan.data.orders import OrderSpectrum
 from specan.errors import InputError, RequestError
-from specan.planetary_gear.model.build import HARMONICS
 from specan.planetary_gear.model.geometry import check_assembly
 from specan.planetary_gear.model.kinematics import carrier_speed_ratio, mesh_line_strength
 from specan.planetary_gear.model.rig import Gear
@@ -43,7 +42,7 @@ def check_teeth(found: OrderSpectrum, settings: Orders, gear: Gear) -> list[str]
         It says which teeth have the lines that are there.
     """
     fine = _over_noise(found)
-    if _evidence(*fine, gear, harmonics=HARMONICS) > 0:
+    if _evidence(*fine, gear) > 0:
         return []
     of_sets = {}
     for one in _sets(gear):
@@ -52,7 +51,7 @@ def check_teeth(found: OrderSpectrum, settings: Orders, gear: Gear) -> list[str]
     best = max(of_sets.values())
     alike = [name for name, evidence in of_sets.items() if evidence > best - np.log(100)]
     nothing = f"no line of the tooth mesh of {_named(gear)} stands out of the noise"
-    if best < max(_evidence(*fine, gear), 0.0) + np.log(len(of_sets)):
+    if best < np.log(len(of_sets)):
         return [nothing]
     raise InputError(
         f"{found.label}: {nothing}, while those of {' or '.join(alike[:3])} do",
@@ -79,16 +78,14 @@ def _sets(gear: Gear) -> Iterator[Gear]:
             yield one
 
 
-def _evidence(
-    order: Real, over_noise: Real, gear: Gear, stretch: float = 1.0, harmonics: int | None = None
-) -> float:
+def _evidence(order: Real, over_noise: Real, gear: Gear, stretch: float = 1.0) -> float:
     """ln of the evidence that the mesh of a set is in a spectrum, whose turns are `stretch` of its carrier's.
 
     The background has tones of its own: its power over the median, s, has the density 1 / (1 + s)^2, that of a line
     1 / (1 + s) over the range of what lines may have. Of the lines that the ideal set has next to harmonics of the
-    mesh (all that there are by default) one in four is heard.
+    mesh one in four is heard.
     """
-    middle = gear.z_ring * np.arange(1, 1 + (harmonics or int(order[-1] / stretch / gear.z_ring)))
+    middle = gear.z_ring * np.arange(1, 1 + int(order[-1] / stretch / gear.z_ring))
     near = np.unique(middle[:, None] + np.arange(-gear.planets, gear.planets + 1))
     lines = near[mesh_line_strength(gear, near) > 0.5] * stretch
     number = np.rint(lines[lines < order[-2]] / order[1]).astype(int)
