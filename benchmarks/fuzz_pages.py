@@ -136,11 +136,11 @@ def studies(place: Path) -> Iterator[str]:
     from specan_cli.study import open_study
 
     for words in ({}, {"tried": [b"stiffening"]}, {"microphone": [b"0/x"]}):
-        fill = partial(StudyPage, kept=KeptStudy(open_study(place / "good", ())))
+        fill = partial(StudyPage, kept=KeptStudy(open_study(place / "s", ())))
         yield from of_page(fill, words, {}, True)
     for odd in fuzz_commands.ODD:
         for field in ("tried", "microphone", "x"):
-            fill = partial(StudyPage, kept=KeptStudy(open_study(place / "good", ())))
+            fill = partial(StudyPage, kept=KeptStudy(open_study(place / "s", ())))
             yield from of_page(fill, {field: [odd.encode()]}, {})
 
 
