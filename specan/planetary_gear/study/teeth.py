@@ -20,9 +20,8 @@ from specan.planetary_gear.model.rig import Gear
 ABOUT, PLANETS = 15, range(3, 8)  # sets that are looked at: teeth more or fewer of sun and planet; planets
 BACKGROUND = 2.0  # orders whose median is the noise, since lines lie at whole ones
 HEARD = 0.25  # of the lines of a mesh: paths and resonances leave few
-LN_RANGE = np.log(
-    np.log(1e12)
-)  # power of a line over that of the noise: up to 120 dB, each ratio as probable
+# Power of a line over that of the noise: up to 120 dB, each ratio as probable.
+LN_RANGE = np.log(np.log(1e12))
 
 
 def check_teeth(found: OrderSpectrum, settings: Orders, gear: Gear) -> list[str]:
