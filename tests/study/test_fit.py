@@ -128,6 +128,18 @@ def test_what_is_held_widens_the_interval_by_a_factor():
     assert intervals_95(problem, found)["loss.drag"] == pytest.approx((drag - reach, drag + reach), rel=1e-4)
 
 
+def test_sizes_that_share_an_error_are_known_to_a_factor(monkeypatch):
+    """A size is known to exp(1.96 x 0.5) where a machine's answer is to 50 %, were there no noise."""
+    monkeypatch.setattr(TableObservation, "size_error", 0.5)
+    problem = base_problem(MODEL, [table(noisy(3 * SPEED**2 + 0.5 * SPEED))])
+    found = fit(problem)
+    torque = found.values["seal.torque"]
+    alone = found.dispersion**0.5 * found.standard_error("seal.torque") / torque
+    low, high = intervals_95(problem, found)["seal.torque"]
+    expected = 1.96 * np.hypot(alone, 0.5)
+    assert np.log([torque / low, high / torque]) == pytest.approx([expected, expected], rel=1e-2)
+
+
 def test_what_a_study_states_has_no_spread():
     problem = without(base_problem(MODEL, [table(noisy(3 * SPEED**2 + 4 * SPEED))]), "seal").with_uses(
         ["hole"]
