@@ -41,11 +41,14 @@ class Completed:
         ``{header: array (rows,)}``; NaN where a value is unknown or of no use.
     notes : tuple of str
         What was worked out or left out, for a person.
+    doubts : tuple of str
+        What looks wrong, to be said beside every verdict.
     """
 
     columns: Columns
     steps: Columns
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

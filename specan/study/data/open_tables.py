@@ -63,7 +63,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         statements=found.statements,
         known=found.known,
         discrepancy_percent=model.rig.discrepancy_percent,
-        doubts=tuple(note for note in rows.notes if ": check " in note),
+        doubts=rows.doubts,
     )
 
 

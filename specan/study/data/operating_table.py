@@ -51,6 +51,7 @@ class Rows(TableObservation):
     setup: NDArray[np.intp]
     setups_from: str
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
 
     def take(self, mask: NDArray[np.bool_]) -> Self:
@@ -146,6 +147,7 @@ def join(tables: Sequence[Table], model: Model) -> Rows:
             *outside,
             *points.said(place),
         ),
+        doubts=tuple(f"{t.name}: {doubt}" for t in tables for doubt in t.doubts),
         groups=groups,
         units=units,
     )

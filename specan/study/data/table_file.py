@@ -39,6 +39,8 @@ class Table:
         Units that are behind the numbers themselves, ``percent`` for ``85 %``, or that the header says.
     notes : list of str
         What was assumed or left out.
+    doubts : list of str
+        Those of them that are said beside every verdict.
     """
 
     path: Path
@@ -46,6 +48,7 @@ class Table:
     steps: dict[str, Any] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
     name: str = ""
 
     def rows(self, mask: NDArray[np.bool_]) -> str:

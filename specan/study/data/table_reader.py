@@ -60,7 +60,8 @@ def read_measurement(file: DataFile, model: Model) -> Table:
             ) from None
         table.frame = table.frame.assign(**found.columns)
         table.steps |= found.steps
-        table.notes += found.notes
+        table.notes += found.notes + found.doubts
+        table.doubts += found.doubts
     _check_filled(table, model, [*known], measurable)
     return table
 

@@ -340,7 +340,7 @@ class OpenedData:
     model : Model, optional
         Completed by what was measured.
     doubts : tuple of str
-        What looks wrong with the samples or rows (": check ..."), among the statements and beside every verdict.
+        What looks wrong with the samples or rows, among the statements and beside every verdict.
     """
 
     fitted: tuple[Observation, ...]

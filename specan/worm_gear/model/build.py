@@ -224,7 +224,7 @@ def complete(
     _refuse(~(speed > 0), lambda k: f"the speed is {speed[k]:g} rpm", turning, "leave such rows out")
     few = np.isfinite(np.stack([*found.values()])).sum(axis=0) < 2
     _refuse(few, lambda k: f"fewer than two of {IN}, {OUT} and {ETA}", "any two of them in every row")
-    notes = []
+    notes, doubts = [], []
     derived = np.isnan(torque_out)
     if np.any(derived):
         torque_out[derived] = ratio * (eta * torque_in)[derived]
@@ -241,13 +241,13 @@ def complete(
         notes.append(f"{ETA} follows from the torques in {both.sum()} rows (checked) and is used once")
     oil = columns.get(OIL, empty)
     if np.all(np.abs(oil - ambient) < AS_WARM_K):
-        notes.append(
+        doubts.append(
             f"{OIL} is {oil.min():.4g} to {oil.max():.4g} in every row, as warm as the room ([operation] "
             f"ambient_temperature_C = {ambient:g}): check that the thermometer is in the oil"
         )
     with np.errstate(invalid="ignore"):  # an efficiency of zero measures nothing
         found[ETA] = np.where((eta > 0) & np.isnan(torque_in), eta, np.nan)
-    return Completed(found | ({LOSS: empty} if LOSS in columns else {}), printed, tuple(notes))
+    return Completed(found | ({LOSS: empty} if LOSS in columns else {}), printed, tuple(notes), tuple(doubts))
 
 
 def _refuse(rows: Flags, found: Callable[[int], str], expected: str, remedy: str = "") -> None:
