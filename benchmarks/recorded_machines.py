@@ -1,8 +1,8 @@
 """Recordings of force and displacement of machines that lack one effect, or nothing: what does a diagnosis say?
 
-    python benchmarks/recorded_machines.py [--cases hardening process ...] [--seeds 1:2]
+    python benchmarks/recorded_machines.py [--cases hardening process ...] [--seeds 1:2] [--samples 4096]
 
-A mass on a spring, 4 096 samples at 1 kHz, from formulas of this file. The force is a sum of tones or a sweep in closed
+A mass on a spring, at 1 kHz, from formulas of this file. The force is a sum of tones or a sweep in closed
 form; scipy integrates (DOP853 at 1e-9) from event to event: an edge that is met, friction that turns round or sticks.
 The displacement has noise of 1 % that the model is not told. What a user writes is a spring, a damper, a mass and one
 line of the shelf: 34 effects, whose sizes the recording tells. The error is that on another recording with another
@@ -33,8 +33,7 @@ from specan.models import Model, Signal, State  # noqa: E402
 from specan.models.catalogue import keep_in_memory  # noqa: E402
 from specan.study.create import begin  # noqa: E402
 
-RATE, COUNT = 1000.0, 4096
-TIME = np.arange(COUNT) / RATE
+RATE = 1000.0
 USUAL = 4e-3  # m, of the displacement
 # of each machine the names that are right: an effect, or a pair
 LACKS: dict[str, set[tuple[str, ...]]] = {
@@ -46,12 +45,13 @@ LACKS: dict[str, set[tuple[str, ...]]] = {
     "absorber": {("tuned-mass",)}, "delay": {("x-delay",)}, "lag": {("x-lag",)},
     "zero": {("x-zero",), ("constant-force",)}, "saturation": {("x-saturation",)},
 }  # fmt: skip
-NOTHING = ("white", "strong", "coloured", "process", "slow-process", "heavy-tails", "rounded")
+FOLLOWS_ITSELF = {"coloured": 0.95, "memory-0.9": 0.9, "memory-0.99": 0.99}  # from one sample to the next
+NOTHING = ("white", "strong", *FOLLOWS_ITSELF, "process", "slow-process", "heavy-tails", "rounded")
 
 Law = Callable[[float, float, float, np.ndarray], float]  # of time, displacement, velocity, own states
 
 
-def push(rng: np.random.Generator, form: int) -> Callable[[float], float]:
+def push(rng: np.random.Generator, form: int, end: float) -> Callable[[float], float]:
     """A force of 40 N RMS from 2 to 42 Hz that begins smoothly."""
     phase = rng.uniform(0, 2 * np.pi, 90)
     if form == 0:
@@ -62,7 +62,7 @@ def push(rng: np.random.Generator, form: int) -> Callable[[float], float]:
     def force(t: float) -> float:
         begun = min(t / 0.05, 1.0)
         if form == 2:
-            shape = np.sqrt(2) * np.sin(phase[0] + 2 * np.pi * (2 * t + 33 / TIME[-1] * t * t / 2))
+            shape = np.sqrt(2) * np.sin(phase[0] + 2 * np.pi * (2 * t + 33 / end * t * t / 2))
         else:
             shape = np.sqrt(2 / np.sum(sizes**2)) * (sizes @ np.cos(2 * np.pi * tones * t + phase))
         return 40 * begun**2 * (3 - 2 * begun) * float(shape)
@@ -82,18 +82,18 @@ class Machine:
     own: Callable[[float, float, np.ndarray], list[float]] = lambda x, v, z: []
     states: int = 0
 
-    def motion(self, force: Callable[[float], float], longest: float) -> np.ndarray:
+    def motion(self, force: Callable[[float], float], longest: float, clock: np.ndarray) -> np.ndarray:
         """Displacement in m at every sample."""
-        found, state, now = np.zeros(COUNT), np.zeros(2 + self.states), 0.0
+        found, state, now = np.zeros(clock.size), np.zeros(2 + self.states), 0.0
         way = 1 if self.friction is None else 0  # direction of sliding; 0 sticks
-        while now < TIME[-1]:
+        while now < clock[-1]:
             done = solve_ivp(
-                self._rates(force, way), (now, TIME[-1]), state, "DOP853", dense_output=True,
+                self._rates(force, way), (now, clock[-1]), state, "DOP853", dense_output=True,
                 events=self._events(force, way), rtol=1e-9, atol=1e-12, max_step=longest,
             )  # fmt: skip
-            inside = (now <= TIME) & (done.t[-1] >= TIME)
+            inside = (now <= clock) & (done.t[-1] >= clock)
             if np.any(inside):
-                found[inside] = done.sol(TIME[inside])[0]
+                found[inside] = done.sol(clock[inside])[0]
             now, state = float(done.t[-1]), done.y[:, -1].copy()
             if done.status != 1:
                 break
@@ -175,35 +175,39 @@ def machine(case: str, rng: np.random.Generator) -> Machine:
     return found
 
 
-def record(path: Path, case: str, seed: int, again: bool) -> None:
+def record(path: Path, case: str, seed: int, again: bool, samples: int) -> None:
     """Write a recording of a machine that the seed draws; `again` with another force and noise."""
     known = machine(case, np.random.default_rng([seed, 77]))
     size = np.random.default_rng([seed, 78]).uniform(0.7, 1.4)
     rng = np.random.default_rng([seed, 79, again])
-    force = push(rng, (seed + again) % 3)
-    kicks = 3 * size * rng.standard_normal(COUNT)
+    clock = np.arange(samples) / RATE
+    force = push(rng, (seed + again) % 3, clock[-1])
+    kicks = 3 * size * rng.standard_normal(samples)
     if case == "slow-process":
         kicks = sosfiltfilt(butter(2, 80, fs=RATE, output="sos"), kicks)
     random = case in ("process", "slow-process")
     x = 1e3 * known.motion(
-        (lambda t: force(t) + np.interp(t, TIME, kicks)) if random else force, 1e-3 if random else 2e-3
+        (lambda t: force(t) + np.interp(t, clock, kicks)) if random else force,
+        1e-3 if random else 2e-3,
+        clock,
     )
     if case == "delay":
-        x = np.interp(TIME - 3e-3 * size, TIME, x)
+        x = np.interp(clock - 3e-3 * size, clock, x)
     if case == "lag":
         kept = np.exp(-1 / (RATE * 4e-3 * size))
         x = lfilter([1 - kept], [1, -kept], x)
     x += {"zero": 0.5 * size, "saturation": -0.02 * size * x**3 / 16}.get(case, 0.0)
-    deviation, noise = 0.01 * np.std(x), rng.standard_normal(COUNT)
-    if case == "coloured":
-        noise = 2 * lfilter([np.sqrt(1 - 0.95**2)], [1, -0.95], noise)
+    deviation, noise = 0.01 * np.std(x), rng.standard_normal(samples)
+    if memory := FOLLOWS_ITSELF.get(case):
+        begun = memory * rng.standard_normal(1)  # as if it had always gone on
+        noise = 2 * lfilter([np.sqrt(1 - memory**2)], [1, -memory], noise, zi=begun)[0]
     if case == "heavy-tails":
-        noise = rng.standard_t(4, COUNT) / np.sqrt(2)
+        noise = rng.standard_t(4, samples) / np.sqrt(2)
     x = x + (5 if case == "strong" else 1) * deviation * noise
     if case == "rounded":
         x = 3 * deviation * np.round(x / (3 * deviation))
     told = {"wf_increment": 1 / RATE}
-    given = np.array([force(t) for t in TIME])
+    given = np.array([force(t) for t in clock])
     with TdmsWriter(path) as writer:
         writer.write_segment(
             [ChannelObject("run", "Load cell", given / 1e3, told | {"unit_string": "kN"}),
@@ -241,6 +245,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", nargs="+", default=[*LACKS, *NOTHING], choices=[*LACKS, *NOTHING])
     parser.add_argument("--seeds", default="1:2", metavar="FIRST:END")
+    parser.add_argument("--samples", type=int, default=4096)
     asked = parser.parse_args()
     model = oscillator(shelf.mechanics(force="spring", x="x", v="v") + shelf.sensor(of="x"))
     right = count = 0
@@ -248,8 +253,8 @@ def main() -> None:
         for seed in range(*map(int, asked.seeds.split(":"))):
             with tempfile.TemporaryDirectory() as folder:
                 place = Path(folder)
-                record(place / "run.tdms", case, seed, False)
-                record(place / "again.tdms", case, seed, True)
+                record(place / "run.tdms", case, seed, False, asked.samples)
+                record(place / "again.tdms", case, seed, True, asked.samples)
                 begin(
                     place / "study", keep_in_memory(model), None, [place / "run.tdms"],
                     validations=[place / "again.tdms"], columns={"force": "Load cell"},

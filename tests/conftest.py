@@ -35,6 +35,14 @@ USES = re.compile(
 )
 
 
+@pytest.fixture(scope="session", autouse=True)
+def folder_of_a_user(request):
+    """Settings, trust and machine code of the person who runs the tests are neither read nor changed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SPECAN_CONFIG_DIR", str(request.config.cache.mkdir("specan_config")))
+        yield
+
+
 @pytest.fixture(scope="module", autouse=True)
 def computed_once(tmp_path_factory):
     """What the studies of all tests keep is found by each: it is named by a hash of all that it depends on."""
