@@ -85,7 +85,7 @@ def worm_drive_own(work: Path) -> Iterator[Answer]:
 
 
 def worm_drive_built_in(work: Path, data: Path) -> Iterator[Answer]:
-    """The built-in worm gear on the lifting half: it can imitate the rise only with impossible values."""
+    """The built-in worm gear on the lifting half: its flanks' friction falls with the speed in one of its effects."""
     study = specan.Study.new(
         work / "gear",
         "worm-gear",
@@ -94,25 +94,25 @@ def worm_drive_built_in(work: Path, data: Path) -> Iterator[Answer]:
         hold_out="speed_rpm=3.972,8,60",
     )
     found = study.diagnose()
-    said = f"{found.verdict}: {found.reason}"
+    named = {name for names in found.alternatives for name in names}
     yield Answer(
-        "does the built-in worm gear fit?",
+        "what does the built-in worm gear lack?",
         DRIVE,
-        "only with a coefficient of friction far above what is known",
-        said,
-        found.verdict in ("fits-only-if", "unknown-effect") or "known" in said,
+        "friction that is larger at slow speeds (Stribeck), or nothing that is known",
+        f"{found.verdict}: {', '.join(sorted(named)) or found.reason}",
+        named == {"speed-dependent-friction"} or found.verdict in ("fits-only-if", "unknown-effect"),
     )
 
 
 def motor_octaves(data: Path) -> Iterator[Answer]:
-    """Third octaves beside an analyser of another maker."""
+    """Third octaves beside an analyser of another maker, which leaves out the ends of the record."""
     lines = (
         (data / "electric_motor_vibration_3oct_oros.txt")
         .read_text(encoding="utf-8", errors="replace")
         .splitlines()
     )
     rows = np.array([[float(cell) for cell in line.split()] for line in lines[2:] if line.strip()])
-    found = specan.octave(data / "electric_motor_vibration_signal.uff", fmin=25.0)
+    found = specan.octave(data / "electric_motor_vibration_signal.uff", fmin=25.0, settling="left-out")
     theirs = {frequency: 20 * np.log10(value) for frequency, value in rows}
     wanted = [k for k, f in enumerate(found.nominal_hz) if f in theirs and 25 <= f <= 800]
     difference = np.array([found.level_dB[0, k] - theirs[found.nominal_hz[k]] for k in wanted])
