@@ -28,7 +28,7 @@ FILE = click.Path(path_type=Path)
     "--measurement measurements", Path, "Measured data to fit; repeatable.", "FILE", multiple=True,
     required=True,
 )  # fmt: skip
-@opt("--sheet", None, "Sheet of a workbook.  [default: the first]", "NAME", default="")
+@opt("--sheet", None, "Sheet of a workbook.  [default: the first with a table]", "NAME", default="")
 @column_option(
     'Header of a column of the model in the table, with its unit: "speed_rpm=n [1/min]"; or name of a channel. '
     "Repeatable; unknown columns are ignored then."

@@ -51,17 +51,19 @@ def parse(kind: type[Kind], content: Mapping[str, Any], where: str) -> Kind:
         first = _nearest_to_intended(fault.errors())
         keys = _keys_in(content, first["loc"], first["type"] in ("missing", "extra_forbidden"))
         place = _spoken(keys)
+        entries = 1 + max((k for k, key in enumerate(keys) if isinstance(key, int)), default=-1)
+        key, within = _spoken(keys[entries:]), f" in {_spoken(keys[:entries])}" if entries else ""
         if first["type"] == "extra_forbidden":
             known = _keys_at(kind, first["loc"][:-1])
             hint = nearest(str(first["loc"][-1]), known)
-            raise RequestError(f"{where}: unknown key {place}", remedy=hint) from None
+            raise RequestError(f"{where}: unknown key {key}{within}", remedy=hint) from None
         if first["type"] == "missing" and isinstance(keys[-1], int):
             raise RequestError(
                 f"{where}: {_spoken(keys[:-1])} is {first['input']!r}",
                 expected=f"at least {keys[-1] + 1} entries",
             ) from None
         if first["type"] == "missing":
-            raise RequestError(f"{where}: the key {place} is missing", remedy="add it") from None
+            raise RequestError(f"{where}: the key {key} is missing{within}", remedy="add it") from None
         if not place:  # the keys contradict each other
             message = first["msg"].removeprefix("Value error, ")
             raise RequestError(f"{where}: {message}", remedy="correct it") from None

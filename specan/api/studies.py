@@ -128,7 +128,7 @@ class Study:
         groups : str or sequence of str
             Columns of names (``specimen``) by which parameters may differ.
         sheet : str
-            Of a workbook; the first by default.
+            Of a workbook; the first with a table by default.
 
         Returns
         -------
@@ -136,22 +136,23 @@ class Study:
             `assumptions` says what was found and assumed about the measurement.
         """
         from specan.models.catalogue import keep_in_memory
-        from specan.study.create import begin
+        from specan.study.create import begin, new_directory
 
         place = Path(directory)
-        begun = begin(
-            place,
-            str(model) if isinstance(model, (str, Path)) else keep_in_memory(model),
-            None if rig is None else Path(rig),
-            _paths(measurement, place, "measurement"),
-            validations=_paths(validation, place, "validation"),
-            hold_out=[hold_out] if isinstance(hold_out, str) else list(hold_out),
-            calibration=None if calibration is None else Path(calibration),
-            effects=effects,
-            columns=columns,
-            groups=[groups] if isinstance(groups, str) else groups,
-            sheet=sheet,
-        )
+        with new_directory(place):
+            begun = begin(
+                place,
+                str(model) if isinstance(model, (str, Path)) else keep_in_memory(model),
+                None if rig is None else Path(rig),
+                _paths(measurement, place, "measurement"),
+                validations=_paths(validation, place, "validation"),
+                hold_out=[hold_out] if isinstance(hold_out, str) else list(hold_out),
+                calibration=None if calibration is None else Path(calibration),
+                effects=effects,
+                columns=columns,
+                groups=[groups] if isinstance(groups, str) else groups,
+                sheet=sheet,
+            )
         made = cls.__new__(cls)
         made._opened = begun.study
         return made

@@ -225,7 +225,7 @@ class Model:
             raise RequestError(
                 f"the rig has {unknown[0]!r}, which this model does not read",
                 expected="[limits] and [uncertainty]",
-                remedy="correct the name; a built-in model is given its rig by load_model",
+                remedy="put it below one of them, or correct the name; a built-in model is given its rig by load_model",
             )
         said = rig_statement(rig, self.conditions.values(), self.observables.values())
         names = ("limits", "setting", "reading", "reading_percent")

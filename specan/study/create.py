@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
+from specan.models.trial import check_units
 from specan.result import gathered
 from specan.study.build_problem import undetermined
 from specan.study.history import Step, changing
@@ -73,15 +75,13 @@ def begin(
     groups : sequence of str, optional
         Columns of names (``specimen``) by which parameters may differ, beside those of the model.
     sheet : str
-        Of the workbooks among the data; the first by default.
+        Of the workbooks among the data; the first with a table by default.
 
     Raises
     ------
     RequestError, InputError
         See `Study`. Nothing is left behind then.
     """
-    if (directory / NAME).exists():
-        raise RequestError(f"{directory} holds a study already", remedy="choose another directory")
     if not measurements:
         raise RequestError("a study needs a measurement", remedy="give one with --measurement FILE")
     model = load_model(model_name, read_rig_file(rig) if rig else {})
@@ -101,34 +101,51 @@ def begin(
     content = {key: value for key, value in content.items() if value}
     model = with_groups(model, groups)
     content["effect"] = _effects(model, model.base_effects if effects is None else effects, len(measurements))
-    return _begun(directory, model_name, content)
+    with new_directory(directory):
+        return _begun(directory, model_name, content)
+
+
+@contextmanager
+def new_directory(directory: Path) -> Iterator[None]:
+    """A directory that is to hold a study; what is written there goes again where there is a fault.
+
+    Raises
+    ------
+    RequestError
+        It holds a study already.
+    """
+    if (directory / NAME).exists():
+        raise RequestError(f"{directory} holds a study already", remedy="choose another directory")
+    before = set(directory.iterdir()) if directory.is_dir() else None
+    directory.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        if (directory / NAME).exists():
+            raise
+        for path in {directory} if before is None else set(directory.iterdir()) - before:
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        raise
 
 
 def _begun(directory: Path, model_name: str, content: dict[str, Any]) -> Begun:
-    """The study that a content describes, in its directory; nothing is left behind where there is a fault."""
-    existed = directory.exists()
-    directory.mkdir(parents=True, exist_ok=True)
+    """The study that a content describes, in its directory."""
+    if is_file(model_name):
+        own, sha256 = take_in_model(directory, Path(model_name))
+        content = {"schema": 1, "model": own, "model_sha256": sha256, **dict(list(content.items())[2:])}
     try:
-        if is_file(model_name):
-            own, sha256 = take_in_model(directory, Path(model_name))
-            content = {"schema": 1, "model": own, "model_sha256": sha256, **dict(list(content.items())[2:])}
-        try:
-            study, held = hold_undetermined(
-                Study(directory, draft=StudyText.begin(directory / NAME, content))
-            )
-        except RequestError as fault:
-            # told of the file that the user has: the study's copy goes
-            found = fault.found.replace(str(directory / content["model"]), model_name)
-            raise type(fault)(found, expected=fault.expected, remedy=fault.remedy) from None
-        step = study.step("new")
-        with changing(directory):
-            if (directory / NAME).exists():
-                raise RequestError(f"{directory} holds a study already", remedy="choose another directory")
-            study.keep(step)
-    except BaseException:
-        if not existed and not (directory / NAME).exists():
-            shutil.rmtree(directory, ignore_errors=True)
-        raise
+        study, held = hold_undetermined(Study(directory, draft=StudyText.begin(directory / NAME, content)))
+        if study.model.is_own:
+            check_units(study.model, study.data.fitted[0].conditions)
+    except RequestError as fault:
+        # told of the file that the user has: the study's copy goes
+        found = fault.found.replace(str(directory / content["model"]), model_name)
+        raise type(fault)(found, expected=fault.expected, remedy=fault.remedy) from None
+    step = study.step("new")
+    with changing(directory):
+        if (directory / NAME).exists():
+            raise RequestError(f"{directory} holds a study already", remedy="choose another directory")
+        study.keep(step)
     return Begun(study, step, held)
 
 

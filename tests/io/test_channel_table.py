@@ -145,7 +145,7 @@ def test_a_vibrometer_in_metres_by_the_table(path, tmp_path):
     ("text", "message"),
     [
         ('[[channel]]\nchannel = "a"\nsensitivty = 1.0\n', "did you mean 'sensitivity'"),
-        ('[[channel]]\nrole = "microphone"\n', "the key 'channel' entry 1 'channel' is missing"),
+        ('[[channel]]\nrole = "microphone"\n', "the key 'channel' is missing in 'channel' entry 1"),
         ('[[channel]]\nchannel = "a"\nrole = "mike"\n', "'channel' entry 1 'role' is 'mike'"),
         ('[[channel]]\nchannel = "a"\nsensitivity = 1.0\n', "sensitivity and sensitivity_unit together"),
         ('[[channel]]\nchannel = "a"\nsensitivity = 1.0\nsensitivity_unit = "Pa"\n', "can be used"),

@@ -229,9 +229,16 @@ def test_a_sheet_of_a_workbook_with_lines_above_the_header(tmp_path, monkeypatch
     assert list(table.frame) == ["flow [l/s]", "speed", "head"]
     assert table.frame["head"].tolist() == [32.6, 28.4]
     assert table.notes == ["lines above the header ignored: Bench 3; Operator K."]
-    for sheet in ("", "Run"):
-        with pytest.raises(InputError, match=r"no table.*--sheet: Sheet, Runs"):
+    first = read_table(tmp_path / "runs.xlsx")
+    assert first.frame.equals(table.frame)
+    assert first.notes[0] == "the sheet 'Runs' is read"
+    for sheet in ("Sheet", "Run"):
+        with pytest.raises(InputError, match=r"no table on a sheet .*--sheet: Sheet, Runs"):
             read_table(tmp_path / "runs.xlsx", sheet=sheet)
+    del book["Runs"]
+    book.save(tmp_path / "cover.xlsx")
+    with pytest.raises(InputError, match=r"cover\.xlsx has no table; give a sheet a header and numbers"):
+        read_table(tmp_path / "cover.xlsx")
 
 
 def test_a_title_that_is_nearly_as_wide_as_the_table(tmp_path):

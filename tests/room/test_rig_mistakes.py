@@ -51,7 +51,7 @@ def test_a_value_of_another_form_is_told_in_the_user_s_words(table, key, value, 
 
 
 def test_what_lacks_in_one_of_several_tables_is_named():
-    with pytest.raises(RequestError, match="the key 'loudspeakers' entry 1 'centre_m' is missing"):
+    with pytest.raises(RequestError, match="the key 'centre_m' is missing in 'loudspeakers' entry 1"):
         load_model("room", {**EXAMPLE_RIG, "loudspeakers": [{"wall": "x0"}]})
 
 

@@ -33,7 +33,7 @@ from specan.study.data.replicate_variance import (
 from specan.study.data.setpoints import ENOUGH, TIME, operating
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
-from specan.units import printed_unit
+from specan.units import base_unit, convert, printed_unit
 
 
 @dataclass(frozen=True)
@@ -170,8 +170,9 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
     percent, stated = model.rig.discrepancy_percent, model.rig.discrepancies
     if percent:
         what = model.words.discrepancy_of
+        own_zero = "" if model.base_effects else _from_a_zero(model)
         statements.append(
-            f"model discrepancy {percent:g} % of the {what}, smooth over the operating variables"
+            f"model discrepancy {percent:g} % of the {what}{own_zero}, smooth over the operating variables"
         )
     elif not stated:
         statements.append("no model discrepancy is declared")
@@ -180,6 +181,17 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
         for name, (quantity, of) in stated.items()
     ]
     return Uncertainty(model, centre, noise, ranges, tuple(statements))
+
+
+def _from_a_zero(model: Model) -> str:
+    """A word where a percentage is one of a temperature."""
+    units = {o.column_unit for o in model.observables.values() if o.name not in model.rig.discrepancies}
+    zeros = [unit for unit in sorted(units) if convert(0.0, unit, base_unit(unit)) != 0]
+    return (
+        f" from 0 {printed_unit(zeros[0])} (of a difference: Reading(..., discrepancy=(QUANTITY, PERCENT)))"
+        if zeros
+        else ""
+    )
 
 
 def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
@@ -364,10 +376,10 @@ def _piecewise_linear_basis(time: Array) -> list[Array]:
     return [np.interp(time, corners, unit) for unit in np.eye(7)]
 
 
-def choices(count: int) -> list[list[int]]:
+def choices(count: int) -> list[tuple[int, ...]]:
     """Which of some operating variables something may depend on: any one, any two, all."""
     sizes = sorted({min(size, count) for size in (1, 2, count)})
-    return [list(chosen) for size in sizes for chosen in combinations(range(count), size)]
+    return [chosen for size in sizes for chosen in combinations(range(count), size)]
 
 
 def stretched(x: Array, low: float, high: float) -> Array:

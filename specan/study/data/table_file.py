@@ -23,6 +23,7 @@ from specan.units import base_unit
 
 MOST_NAMED = 5  # lines in one message
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
+Cells = dict[int, list[str]]  # of each line
 
 
 @dataclass(eq=False)
@@ -99,7 +100,7 @@ def read_table(
     texts : collection of str
         Names of columns whose cells are names, not numbers.
     sheet : str
-        Of a workbook; the first by default.
+        Of a workbook; the first with a table by default.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def read_table(
         No such file, no text, no rows, a row of another length, a cell that is not a number.
     """
     raw = _bytes(path)
-    cells, comma = (
+    cells, comma, notes = (
         _frame_cells(path, raw, sheet) if raw[:4] in (b"PK\x03\x04", b"PAR1") else _text_cells(path, raw)
     )
     if len(cells) < 2:
@@ -117,7 +118,7 @@ def read_table(
     _check(path, header, cells)
     kept = [name for name in header if name and not name.startswith("note")]
     names = {name: name for name in kept} if choose is None else choose(kept)
-    found = Table(path, pd.DataFrame(index=list(cells)), notes=titles)
+    found = Table(path, pd.DataFrame(index=list(cells)), notes=[*notes, *titles])
     for k, title in enumerate(header):
         name = names.get(title)
         if name is None:
@@ -134,8 +135,8 @@ def read_table(
     return found
 
 
-def _text_cells(path: Path, raw: bytes) -> tuple[dict[int, list[str]], bool]:
-    """Cells of each line that is neither empty nor a comment; whether a comma may be a decimal one."""
+def _text_cells(path: Path, raw: bytes) -> tuple[Cells, bool, list[str]]:
+    """Cells of each line that is neither empty nor a comment; whether a comma may be a decimal one; notes."""
     try:
         text = decoded(raw)
     except UnicodeDecodeError as fault:
@@ -147,23 +148,21 @@ def _text_cells(path: Path, raw: bytes) -> tuple[dict[int, list[str]], bool]:
     lines = {n: s for n, s in enumerate(text.splitlines(), 1) if s.strip() and not s.startswith("#")}
     delimiter = max("\t;,", key=next(iter(lines.values()), "").count)
     rows = csv.reader(lines.values(), delimiter=delimiter)
-    return {n: [c.strip() for c in row] for n, row in zip(lines, rows)}, delimiter != ","
+    return {n: [c.strip() for c in row] for n, row in zip(lines, rows)}, delimiter != ",", []
 
 
-def _frame_cells(path: Path, raw: bytes, sheet: str) -> tuple[dict[int, list[str]], bool]:
-    """The same of a sheet of a workbook, or of a Parquet file."""
+def _frame_cells(path: Path, raw: bytes, sheet: str) -> tuple[Cells, bool, list[str]]:
+    """The same of a Parquet file, or of a sheet of a workbook: the first that has a row with two numbers."""
     workbook = raw[:2] == b"PK"
     try:
-        if workbook:
-            book = pd.ExcelFile(io.BytesIO(raw), engine="openpyxl")
-            sheet = sheet or str(book.sheet_names[0])
-            frame = (
-                pd.read_excel(book, sheet, header=None, dtype=object)
-                if sheet in book.sheet_names
-                else pd.DataFrame()
-            )
-        else:
-            frame = pd.read_parquet(io.BytesIO(raw)).astype(object).T.reset_index().T
+        if not workbook:
+            return _cells(pd.read_parquet(io.BytesIO(raw)).astype(object).T.reset_index().T), False, []
+        book = pd.ExcelFile(io.BytesIO(raw), engine="openpyxl")
+        names = list(map(str, book.sheet_names))
+        for name in [n for n in names if sheet in ("", n)]:
+            cells = _cells(pd.read_excel(book, name, header=None, dtype=object))
+            if any(sum(map(_is_number, row)) > 1 for row in cells.values()):
+                return cells, False, [] if name in (sheet, names[0]) else [f"the sheet {name!r} is read"]
     except ImportError:
         needed = "xlsx" if workbook else "parquet"
         raise InputError(
@@ -172,16 +171,17 @@ def _frame_cells(path: Path, raw: bytes, sheet: str) -> tuple[dict[int, list[str
         ) from None
     except Exception as fault:  # whatever the reader of such a file finds wrong with it
         raise InputError(f"the table {path} cannot be read ({fault})", remedy="save it as CSV") from None
-    if workbook and len(frame) < 2:
-        raise InputError(
-            f"{path} has no table on a sheet {sheet!r}",
-            remedy=f"choose one with --sheet: {', '.join(map(str, book.sheet_names))}",
-        )
+    where = f" on a sheet {sheet!r}" if sheet else ""
+    remedy = f"choose one with --sheet: {', '.join(names)}" if sheet else "give a sheet a header and numbers"
+    raise InputError(f"{path} has no table{where}", remedy=remedy)
+
+
+def _cells(frame: pd.DataFrame) -> Cells:
     rows = [["" if pd.isna(cell) else str(cell).strip() for cell in row] for row in frame.to_numpy()]
-    return {n: row for n, row in enumerate(rows, 1) if any(row) and not row[0].startswith("#")}, False
+    return {n: row for n, row in enumerate(rows, 1) if any(row) and not row[0].startswith("#")}
 
 
-def _without_titles(cells: dict[int, list[str]]) -> list[str]:
+def _without_titles(cells: Cells) -> list[str]:
     """Take out the lines above the header, which has more cells than they; a note.
 
     The header is above the first line that holds mostly numbers and is not much shorter than the others.
@@ -200,7 +200,7 @@ def _without_titles(cells: dict[int, list[str]]) -> list[str]:
     return [f"lines above the header ignored: {said}"]
 
 
-def _header(cells: dict[int, list[str]]) -> list[str]:
+def _header(cells: Cells) -> list[str]:
     """Titles with their units; what they stand in is taken out of the cells."""
     first, second = list(cells)[:2]
     titles, below = cells.pop(first), [cell.strip("[]()- ") for cell in cells[second]]
@@ -211,7 +211,7 @@ def _header(cells: dict[int, list[str]]) -> list[str]:
     return [f"{t} [{u}]" if u else t for t, u in zip(titles, below, strict=False)]
 
 
-def _check(path: Path, header: list[str], cells: dict[int, list[str]]) -> None:
+def _check(path: Path, header: list[str], cells: Cells) -> None:
     doubled = sorted({name for name in header if name and header.count(name) > 1})
     if doubled:
         raise InputError(f"{path}: the column {doubled[0]!r} occurs twice", remedy="rename one")

@@ -11,6 +11,7 @@ the smooth part, or each has its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -46,9 +47,9 @@ class OverConditions:
 
     def __init__(self, problem: Problem) -> None:
         self.points = operating_points(problem)
-        self._roots = [
-            kernel_root(self.points[:, variables], FORM_LENGTH) for variables in choices(self.points.shape[1])
-        ]
+        self._choices = choices(self.points.shape[1])
+        # a search asks for the same ones hundreds of times
+        self._root = cache(lambda variables, length: kernel_root(self.points[:, variables], length))
 
     def of_change(self, problem: Problem, change: Array) -> Iterator[Wrong]:
         """What the equations behind a change of the prediction may be wrong by, in each form; the largest last.
@@ -61,8 +62,8 @@ class OverConditions:
             With the observations that the change is over.
         change : array, shape (n,)
         """
-        for root in self._roots:
-            for one in _alike_or_not(problem, root):
+        for variables in self._choices:
+            for one in _alike_or_not(problem, self._root(variables, FORM_LENGTH)):
                 yield None, problem.whiten(change[:, None] * one), FORMS
 
     def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
@@ -85,18 +86,18 @@ class OverConditions:
         Several observables may fail alike, or each in a way of its own.
         """
         sizes = sizes_of(problem, predicted)
-        for variables in choices(self.points.shape[1]):
+        for variables in self._choices:
             points = self.points[:, variables]
             distinct = np.unique(np.round(points / LEVELS_APART), axis=0).shape[0]
             again = 2 * distinct <= points.shape[0]  # what every row has for itself is scatter
             for length in (LEVELS_APART, *UNKNOWN_LENGTHS) if again else UNKNOWN_LENGTHS:
-                for root in _alike_or_not(problem, kernel_root(points, length)):
+                for root in _alike_or_not(problem, self._root(variables, length)):
                     for size in sizes:
                         yield problem.whiten(size[:, None] * root)
 
     def functions_at_levels(self, problem: Problem, predicted: Array) -> Iterator[Array]:
         """The same of the rows at one level of an operating variable, as at a resonance, or from one on."""
-        root = kernel_root(self.points, max(UNKNOWN_LENGTHS))
+        root = self._root(self._choices[-1], max(UNKNOWN_LENGTHS))
         for rows in levels(problem):
             for size in sizes_of(problem, predicted):
                 yield problem.whiten((size * rows)[:, None] * root)
