@@ -27,7 +27,7 @@ SHOWN = 20  # failures named on the screen
 @opt("-o --output", Path, "Directory for the tables.", required=True)
 @opt("--settings", Path, "Settings of the analyses, a TOML file.")
 @opt("--calibration", Path, "For all files, instead of the directory's.")
-@opt("--reference", None, "Channel of reference, such as 'Mic 1' [default: the vibrometer].", "CH")
+@opt("--reference", None, "Reference channel, such as 'Mic 1'.  [default: the vibrometer]", "CH")
 @opt("--excitation", ["sine", "noise", "sweep"], "Excitation of all files [default: recognised].")
 @opt("--channel-table", Path, "Roles, units, sensitivities of all files.")
 @opt("--sampling-rate", float, "Sampling rate of all files, instead of those in the files.", "HZ")
@@ -86,12 +86,12 @@ def _say(report: BatchReport, page: Path | None, settings: BatchSettings | None,
         say(f"Failed: {result.label}: {result.reason}")
     if len(failed) > SHOWN:
         say(f"Failed: {len(failed) - SHOWN} more; all of them are in skipped.txt.")
-    done, aside = len(report.of_kind("done")), len(report.of_kind("aside"))
+    done, aside = len(report.of_kind("done")), len(report.of_kind("skipped"))
     if settings is not None:
         emit_json(
             {
                 "done": done,
-                "aside": aside,
+                "skipped": aside,
                 "failed": {result.label: result.reason for result in failed},
                 "calibration": report.calibration,
                 "tables": [str(path) for path in report.tables],

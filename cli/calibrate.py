@@ -54,7 +54,7 @@ def command(
 ) -> int:
     """Determine sensitivity and phase of every microphone from recordings of a calibrator.
 
-    Name all insertions of one calibration together: those that share a microphone are chained in phase.
+    Name all insertions of one calibration together: those that share a microphone are connected in phase.
 
     \b
     specan calibrate sample_data/recordings/calibration/insertion_1.tdms -o calibration.toml

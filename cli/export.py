@@ -67,7 +67,8 @@ def _samples(
     deliver.draw(recording, **{**section, "channels": chosen})
     corrected = [c.label for c in chosen if c.phase is not None or c.delay_s]
     late = [
-        f"{name} carries a phase or delay correction, which samples in time do not show" for name in corrected
+        f"{name} has a phase or delay correction, which is not applied to samples in time"
+        for name in corrected
     ]
     about = {
         "samples": excerpt.n,

@@ -10,13 +10,13 @@ from specan_cli.recording_verb import UFF, ResultDelivery, Source, given, record
 
 
 @recording_verb("frf", "all lines", *UFF)
-@opt("--reference", None, "Channel of reference [default: the vibrometer].", "CH")
+@opt("--reference", None, "Reference channel.  [default: the vibrometer]", "CH")
 @opt(
     "--estimator", ["H1", "H2", "Hv", "H3c"],
     "H1: noise in the responses; H2: in the reference; Hv: in both; H3c: the generator as "
     "instrument, for a noisy vibrometer.  [default: H1]",
 )  # fmt: skip
-@opt("--instrument", None, "Instrument of H3c [default: the generator].", "CH")
+@opt("--instrument", None, "Instrument of H3c.  [default: the generator]", "CH")
 @section_options
 @quantity_option
 @opt(

@@ -21,7 +21,7 @@ from specan_cli.recording_verb import given, opened_with, say_calibration, say_n
     "Deconvolution of sweeps, maximum length sequences and impulses, or H1 of noise.  [default: as the "
     "excitation is recognised]",
 )  # fmt: skip
-@opt("--length length_s", float, "Of the responses.", "S")
+@opt("--length length_s", float, "Length of the responses.", "S")
 @section_options
 @opt(
     "-o --output",

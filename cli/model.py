@@ -77,7 +77,9 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE.py")
 @opt("--rates", bool, "A differential equation, which is compared with recordings.")
 def new(file: Path, rates: bool) -> None:
-    """Write an example model to FILE.py for you to edit, with a table or recordings to try it on.
+    """Write an example model to FILE.py, for you to edit.
+
+    A table or recordings to try it on are written beside it.
 
     \b
     specan model new pump.py
@@ -110,7 +112,9 @@ def new(file: Path, rates: bool) -> None:
 @command.command("rig")
 @click.argument("name")
 def rig_template(name: str) -> None:
-    """Print a commented rig file for a model: limits, uncertainties, and further settings.
+    """Print a commented rig file for a model.
+
+    It holds limits, uncertainties, and further settings.
 
     \b
     specan model rig worm-gear > rig.toml
@@ -136,7 +140,9 @@ def check(
     columns: dict[str, str],
     as_json: bool,
 ) -> None:
-    """Check a model of your own, or effects for a model; studies on this machine may run it then.
+    """Check a model of your own, or effects for a model.
+
+    Studies on this machine may run it then.
 
     Of a model: units, finite values over its limits, parameters that some measurement determines, effects that some
     measurement distinguishes. Of an effect: no change at its neutral values, finite, determined by some measurement.

@@ -98,8 +98,7 @@ def weighting_option(text: str) -> Decorator:
 _ANALYSIS = "How it is analysed"
 GROUPS = {
     "What is analysed": {
-        "channels", "channel", "start_s", "stop_s", "reference", "tacho", "instrument", "excitation", "band", "fmin",
-        "fmax", "wall", "effects", "accept_changes",
+        "channels", "start_s", "stop_s", "reference", "tacho", "instrument", "excitation", "band", "fmin", "fmax",
     },
     _ANALYSIS: set(),
     "How it is read": {"channel_table", "calibration", "sampling_rate", "settings"},
@@ -109,11 +108,10 @@ GROUPS = {
     },
     "How it runs": {"jobs", "cluster", "verify", "quiet", "verbose", "help", "debug"},
 }  # fmt: skip
-_FEW = 8  # options that need no groups
 
 
 class Grouped(click.Command):
-    """A verb whose ``--help`` has its options in groups, where there are many."""
+    """A verb whose ``--help`` has its options in groups, where it reads recordings."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """In groups."""
@@ -124,7 +122,8 @@ class Grouped(click.Command):
                 name = "help" if "--help" in parameter.opts else parameter.name
                 found[next((g for g, names in GROUPS.items() if name in names), _ANALYSIS)].append(record)
         rows = [row for group in found.values() for row in group]
-        for title, group in found.items() if len(rows) > _FEW else [("Options", rows)]:
+        reads = any(parameter.name == "channel_table" for parameter in self.params)
+        for title, group in found.items() if reads else [("Options", rows)]:
             if group:
                 with formatter.section(title):
                     formatter.write_dl(group)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import sys
 import textwrap
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
 _COLLECTED = "specan_cli.collected"
 _WIDTH = 80  # of a file or a pipe
 _MANY = 12  # columns of a table that may be split
-_NUMBER = re.compile(r"[-+]?\d+\.\d+(e[-+]?\d+)?")
 LONGEST_WORD = 48  # letters of a cell that are not broken over two lines
 
 
@@ -70,7 +68,9 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
     lines = [list(header), *([str("" if cell is None else cell) for cell in row] for row in rows)]
     context = click.get_current_context(silent=True)
     if context is not None and context.params.get("decimal") == ",":
-        lines = [[c.replace(".", ",") if _NUMBER.fullmatch(c) else c for c in line] for line in lines]
+        from specan.io.results_text import with_comma
+
+        lines = [[with_comma(cell) for cell in line] for line in lines]
     width = shutil.get_terminal_size((_WIDTH, 24)).columns
     shown = list(range(len(header)))
     while shown:

@@ -128,7 +128,7 @@ def _verdict(study: Study, found: Comparison, where: Localisation) -> str:
         return "The model does not fit."
     outside = [name for name, p in found.parameters.items() if not p["plausible"]]
     if outside:
-        return f"The model fits, but only with values outside what is known: {', and '.join(outside)}."
+        return f"The model fits, but only with values outside their known range: {', and '.join(outside)}."
     if where.fails_at or any(t.significant for t in where.trends):
         return "The model fits overall, but:"
     return "The model fits."

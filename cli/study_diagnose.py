@@ -49,7 +49,7 @@ def _print(found: Diagnosis, study: Study) -> None:
     for remark in found.remarks:
         click.echo(f"But: {remark}.")
     if found.residual_law is not None:
-        click.echo(f"This law would fit better: {found.residual_law['text']}.")
+        click.echo(f"A law of this form would fit better: {found.residual_law['text']}.")
     if found.pulls:
         click.echo("")
         show_sheets([study_sheets.pulls(found.pulls)])
@@ -90,9 +90,7 @@ def _print_where(found: Diagnosis) -> None:
         click.echo("\nWhere the current model fails, most significant first:")
     for place in places:
         near = f", {place['most_at']}" if place.get("most_at") else ""
-        where = place.get("place") or ", ".join(f"{n} = {v:g}" if isinstance(v, float) else f"{n} = {v}"
-                                                for n, v in place["where"].items())  # fmt: skip
-        click.echo(f"  {where}: {place['text']}{near}")
+        click.echo(f"  {place['place']}: {place['text']}{near}")
 
 
 def _print_statistics(found: Diagnosis) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.output import Delivery, table
-from specan_cli.study import study_verb
+from specan_cli.study import show_next, study_verb
 
 if TYPE_CHECKING:
     from specan.study.propose import ProposedLaws
@@ -44,7 +44,9 @@ def show(found: ProposedLaws, study: Study) -> None:
         f"{found.tried} were tried."
     )
     if found.more:
-        click.echo(f"The data admit {found.more} further families as well: measure more before you choose.")
+        click.echo(
+            f"These data fit {found.more} further families of laws as well: measure more before you choose."
+        )
     before = "" if found.left_out_before is None else f", {found.left_out_before:.4g} in cross-validation"
     click.echo(f"Error now: {found.error_before:.4g} {found.unit}{before}.")
     table(
@@ -65,6 +67,7 @@ def show(found: ProposedLaws, study: Study) -> None:
     click.echo(
         "(error after: RMS once it is added. cross-validated: each condition is predicted by a fit without it.)"
     )
-    for row in found.next_measurement:
-        click.echo(f"To distinguish them: {row['text']}")
+    if found.next_measurement:
+        click.echo("")
+        show_next(found.next_measurement)
     click.echo(f"\nTry it: specan study add {study.directory} {study.directory / found.laws[0].file}")

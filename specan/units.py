@@ -185,12 +185,12 @@ def printed_unit(unit: str) -> str:
 
     Examples
     --------
-    >>> [printed_unit(unit) for unit in ("degC", "N*m", "Pa*s/m", "um/N", "percent", "1")]
-    ['°C', 'N·m', 'Pa·s/m', 'µm/N', '%', '']
+    >>> [printed_unit(unit) for unit in ("degC", "N*m", "bar/(m3/s)^2", "um/N", "percent", "mmH2O", "1")]
+    ['°C', 'N·m', 'bar/(m³/s)²', 'µm/N', '%', 'mmH2O', '']
     """
-    return {"degC": "°C", "degF": "°F", "percent": "%", "1": ""}.get(
-        unit, re.sub(r"\bu(m|Pa|N)\b", r"µ\1", unit.replace("*", "·"))
-    )
+    shown = re.sub(r"\bu(m|Pa|N)\b", r"µ\1", unit.replace("**", "^").replace("*", "·"))
+    powers = re.sub(r"(?<=[A-Za-z)])\^?([23])(?![\w.])", lambda found: "²³"[int(found[1]) - 2], shown)
+    return {"degC": "°C", "degF": "°F", "percent": "%", "1": ""}.get(unit, powers)
 
 
 def axis_label(quantity: str, unit: str) -> str:
@@ -198,11 +198,11 @@ def axis_label(quantity: str, unit: str) -> str:
 
     Examples
     --------
-    >>> axis_label("RMS error of input_torque", "N*m"), axis_label("efficiency", "1")
-    ('RMS error of input torque / N·m', 'efficiency')
+    >>> axis_label("RMS error of input_torque", "N*m"), axis_label("flow", "m3/s"), axis_label("efficiency", "1")
+    ('RMS error of input torque / N·m', 'flow / (m³/s)', 'efficiency')
     """
     shown = printed_unit(unit)
-    return quantity.replace("_", " ") + (f" / {shown}" if shown else "")
+    return quantity.replace("_", " ") + (f" / ({shown})" if "/" in shown else f" / {shown}" if shown else "")
 
 
 def is_compatible(unit: str, target: str) -> bool:

@@ -224,14 +224,16 @@ class BandLevels(RecordingResult):
             title=f"{self.label}: {division_name(self.fraction)} levels, {self.how}\n{found[0].title}".rstrip()
         )
         found += [self._percentiles(row) for row in range(len(self.channels)) if self.percentile_dB]
-        exceeded = "LN: level exceeded during N % of the time that follows settling.\n"
+        exceeded = "LN: level exceeded during N % of the time after settling.\n"
         meanings = {
             "low-BT": f"narrow band, short section: the level of noise scatters by {LOW_BT_DB:g} dB or more",
             "unsettled": "the filter and the time weighting take longer to settle than the section lasts",
         }
         if self.other is not None:
             way = "with" if self.other.name == "counted" else "without"
-            meanings["edges"] = f"the ends of the section change the level; {self.other.name}: {way} them"
+            meanings["edges"] = (
+                f"the ends of the section change the level ({self.other.name}: the level {way} them)"
+            )
         below = "u: standard deviation of noise." + explained(meanings, found)
         if self.settings.get("settling") == "left-out":
             below += f" Settling: {self.settling}."

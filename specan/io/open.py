@@ -230,7 +230,7 @@ def _refuse(path: Path) -> NoReturn:
         os.scandir(path).close()
     except OSError as fault:
         raise InputError(
-            f"{path} is a directory that cannot be read ({fault.strerror}); what it holds is not analysed",
+            f"{path} is a directory that cannot be read ({fault.strerror}); its files are not analysed",
             remedy="give read permission",
         ) from None
     raise InputError(f"{path} is a directory", expected="a recording")

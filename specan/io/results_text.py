@@ -204,7 +204,7 @@ def write_table(
         return
     if decimal != ".":
         header = [*header, _COMMA[2:-1]]
-        blocks = (_NUMBER.sub(r"\1,\2", block) for block in blocks)
+        blocks = map(with_comma, blocks)
     with text_file(path) as file:
         if decimal != "." and form == ".csv":
             file.write("\ufeff")
@@ -220,8 +220,19 @@ def write_table(
         file.writelines(blocks)
 
 
-# A number with a point: a cell, or in a flag such as ``counted-max=66.99``.
-_NUMBER = re.compile(r"(?<![^\t\n=])(-?\d+)\.(\d+(?:e[-+]\d+)?)(?![^\t\n ])")
+# A number with a point: a cell, or in a flag such as ``left-out=12.40/55.31``.
+_NUMBER = re.compile(r"(?<![^\t\n=/])([-+]?\d+)\.(\d+(?:e[-+]?\d+)?)(?![^\t\n /])")
+
+
+def with_comma(cells: str) -> str:
+    """Cells of a table with the decimal comma.
+
+    Examples
+    --------
+    >>> with_comma("0.94 %\\tedges left-out=12.40/55.31\\tsine_0125.3Hz.tdms")
+    '0,94 %\\tedges left-out=12,40/55,31\\tsine_0125.3Hz.tdms'
+    """
+    return _NUMBER.sub(r"\1,\2", cells)
 
 
 _SHEET_ROWS = 1_048_576  # of a workbook

@@ -117,7 +117,7 @@ def role_of(name: str, properties: Mapping[str, Any], unit: str, quantity: str) 
         role = _UNIT_ROLES.get(si_unit(text)[0]) if text else None
         if role:
             return role, why
-    return "other", "neither name, sensor nor unit tells the role"
+    return "other", "neither name, sensor nor unit indicates the role"
 
 
 def derivatives_of(role: Role, unit: str, decisions: dict[str, str]) -> int:

@@ -85,7 +85,7 @@ def scaling_of(
     Raises
     ------
     InputError
-        A scale of an unknown type, one that lacks a coefficient, or one that leads back to itself.
+        A scale of an unknown type, one that lacks a coefficient, or one that refers to itself.
     """
     for properties in (channel, group, root):
         unknown = sorted(
@@ -120,7 +120,7 @@ def _follow(scales: list[Any], number: int, way: tuple[int, ...], scalers: tuple
         return
     if number in way:
         raise InputError(
-            f"its scale {number} leads back to itself", expected="a chain that begins at the samples"
+            f"its scale {number} refers to itself", expected="a chain that begins at the samples"
         )
     if not 0 <= number < len(scales):
         raise InputError(f"its scaling refers to scale {number}", expected=f"a number below {len(scales)}")

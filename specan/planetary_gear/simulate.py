@@ -25,7 +25,9 @@ _NEAR = 0.15
     "--duration", type=float, default=10.0, show_default=True, metavar="S", help="Length of the recording."
 )
 def run(model: Model, options: Mapping[str, Any]) -> None:
-    """A recording of forces, torques, accelerations and tachos (-o run.tdms), or order lines (-o lines.csv).
+    """A recording (-o run.tdms), or order lines (-o lines.csv).
+
+    The recording has forces, torques, accelerations and tachos.
 
     --noise is the standard deviation of the noise of a channel, V.
 

@@ -221,7 +221,7 @@ def _draw(axes: Axes, found: SignalLevels, rows: list[int]) -> None:
 
 def figure_decay(found: DecayTimes) -> Drawing:
     """Reverberation time T20 with its standard deviation, and clarity C80, of every channel."""
-    x, top = found.exact_hz, float(np.nanmax(found.t20_s + found.u_t20_s, initial=0.0)) or 1.0
+    x, top = found.nominal_hz, float(np.nanmax(found.t20_s + found.u_t20_s, initial=0.0)) or 1.0
     rows = list(enumerate(found.channels))
     t20, u = found.t20_s, found.u_t20_s
     times = tuple(Curve(name, x, t20[r], t20[r] - u[r], t20[r] + u[r]) for r, name in rows)

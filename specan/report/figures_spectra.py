@@ -11,7 +11,7 @@ from specan.arrays import Real
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.limits import LimitCurve
 from specan.data.orders import OrderSpectrum
-from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum
+from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum, SpectrumScale
 from specan.report.figure_style import band_about, level_label, micro, with_gaps
 from specan.report.panels import Curve, Drawing, Panel, Picture, grouped, level_panels, with_bounds
 from specan.result import counted
@@ -88,14 +88,19 @@ def figure_spectrum(found: Spectrum, *, limits: LimitCurve | None = None) -> Dra
         label = f"Phase{over}\n/ degrees"
         curves = tuple(Curve(name, f, phase) for name, phase in zip(found.channels, phases, strict=True))
         panels.append(Panel(label, curves, share=2, leads=False, phase=True, kind="dots"))
-    about = (
-        f"{scale.scaling}, {scale.window}, {found.averaging} averaging of {counted(found.n_blocks, 'block')}, "
-        f"line spacing {scale.line_spacing_hz:.4g} Hz, noise bandwidth {scale.enbw_hz:.4g} Hz"
-    )
+    about = f"{_said(scale)}, {found.averaging} averaging of {counted(found.n_blocks, 'block')}"
     facts = [about, _strongest(found)]
     if found.phase_deg is not None:
         facts.append(f"Phases of lines within {_PHASE_DB:.0f} dB of the highest")
     return Drawing(found.label or "Spectrum", tuple(facts), "Frequency / Hz", tuple(panels), hertz=True)
+
+
+def _said(scale: SpectrumScale) -> str:
+    """What a line is, in words."""
+    return (
+        f"{scale.scaling.replace('psd', 'power spectral density')}, {scale.window} window, line spacing "
+        f"{scale.line_spacing_hz:.4g} Hz, noise bandwidth {scale.enbw_hz:.4g} Hz"
+    )
 
 
 def _strongest(found: Spectrum) -> str:
@@ -118,10 +123,7 @@ def figure_spectrogram(found: Spectrogram) -> Drawing:
                 f"Level / {micro(scale.level_text(unit))}", hertz=True)
         for name, unit, level in zip(found.channels, found.units, found.level_dB, strict=True)
     ]  # fmt: skip
-    about = (
-        f"{scale.scaling}, {scale.window}, line spacing {scale.line_spacing_hz:.4g} Hz, noise bandwidth "
-        f"{scale.enbw_hz:.4g} Hz, {counted(found.blocks_per_column, 'block')} per column"
-    )
+    about = f"{_said(scale)}, {counted(found.blocks_per_column, 'block')} per column"
     return Drawing(
         found.label or "Spectrogram", (about,), "Time / s", pictures=tuple(pictures), dynamics_dB=_PICTURE_DB,
     )  # fmt: skip

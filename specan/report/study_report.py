@@ -143,7 +143,7 @@ def _what_is_missing(found: Diagnosis | None) -> list[str]:
         f"<p><b>{escape(headline(found))}</b> {escape(reason(found.to_dict()))}</p>",
     ]
     if found.residual_law is not None:
-        parts.append(f"<p>This law would fit better: {escape(found.residual_law['text'])}.</p>")
+        parts.append(f"<p>A law of this form would fit better: {escape(found.residual_law['text'])}.</p>")
     parts += [f"<p>{escape(remark[:1].upper() + remark[1:])}.</p>" for remark in found.remarks]
     if found.ranking:
         parts.append(picture(figure_diagnosis(found), "error that each candidate leaves"))

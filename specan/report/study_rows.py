@@ -70,7 +70,7 @@ class Rows:
             "residual": (
                 left,
                 tuple({-reach, 0.0, reach}),
-                axis_label(f"Measured - model {first}", self.units[first]),
+                axis_label(f"{first.capitalize()}, measured - model", self.units[first]),
             ),
             "pair": (frame["model"], (), axis_label(first.capitalize(), self.units[first])),
         }[kind]

@@ -56,7 +56,8 @@ def _remark(p: Mapping[str, Any]) -> str:
 
 def value_text(p: Mapping[str, Any]) -> str:
     """``9.37 (7.02 to 11.6) W``."""
-    return f"{p['value']:.3g} ({p['low']:.3g} to {p['high']:.3g}) {unit_text(p['unit'])}".rstrip()
+    value, low, high = (f"{float(f'{p[key]:.3g}'):g}" for key in ("value", "low", "high"))
+    return f"{value} ({low} to {high}) {unit_text(p['unit'])}".rstrip()
 
 
 def amount(error: Mapping[str, Any]) -> str:

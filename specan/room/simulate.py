@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     "--field", "plane", metavar="AXIS=M", help="Level and phase on a plane, z=0.35, as .csv or as a figure."
 )
 def run(model: Model, options: Mapping[str, Any]) -> None:
-    """A recording of microphones, vibrometer and generator (-o recording.tdms), or with --field the sound field.
+    """A recording (-o run.tdms), or the sound field (--field).
+
+    The recording has microphones, vibrometer and generator.
 
     --noise is the standard deviation of the noise of a microphone, Pa.
 

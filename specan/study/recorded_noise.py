@@ -86,7 +86,7 @@ def _lies_in_few(o: TimeObservation, left: Array) -> str:
     few, worst = int(np.searchsorted(share, 0.5)) + 1, int(order[0])
     return (
         f"half of the squared error of {o.observable[worst]} is in {few} of {left.size} samples, around "
-        f"{o.place_of(worst)}: noise is not like that. Did a sensor fail there, or the machine run away? Look at "
+        f"{o.place_of(worst)}: that is not noise. Did a sensor fail there, or did the machine run away? Look at "
         "the recording, and leave that time out (--hold-out time=FROM..TO)"
     )
 

@@ -367,7 +367,7 @@ VERDICTS = {
     "group": "Missing: {names}; these data cannot tell which.",
     "nothing-missing": "Nothing is missing, as far as these data can tell{sure}.",
     "nothing-named": "No effect can be named: perhaps nothing is missing{sure}{names}.",
-    "fits-only-if": "It fits, but only with values outside what is known.",
+    "fits-only-if": "It fits, but only with values outside their known range.",
     "unknown-effect": "Something is missing that is not on the list of effects{sure}.",
     "faulty-data": "The data have a fault: {fault}{sure}.",
     "cannot-tell": "These data cannot tell.",

@@ -27,10 +27,10 @@ def efficiency_map(chosen: ChosenModel) -> Figure:
     figure = new_figure(4.2, 6.4)
     axes = figure.subplots()
     levels = np.arange(5 * np.floor(20 * z.min()), 100 * z.max() + 2.5, 2.5)
-    filled = axes.contourf(x, y, 100 * z, levels=levels, cmap="viridis")
+    filled = axes.contourf(x, y, 100 * z, levels=levels, cmap="cividis")
     lines = axes.contour(x, y, 100 * z, levels=[50, 60, 70, 80, 85, 90, 95], colors="k", linewidths=0.6)
     axes.clabel(lines, fmt="%g %%")
     figure.colorbar(filled, ax=axes, ticks=range(0, 101, 10)).set_label("Efficiency / %")
-    axes.set(xlabel="Input speed / r/min", ylabel="Output torque / N·m")
-    heading(figure, "Efficiency of the worm gear")
+    axes.set(xlabel="Input speed / rpm", ylabel="Output torque / N·m")
+    heading(figure, "Efficiency of the worm gear", f"Oil temperature {rows['oil_temperature_C'][0]:g} °C")
     return figure

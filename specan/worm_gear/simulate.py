@@ -27,7 +27,9 @@ LOOKUP_COLUMNS = ("speed_rpm", "output_torque_Nm", "oil_temperature_C", "efficie
 )  # fmt: skip
 @click.option("--plot", type=OutputFile(), help="Draw the efficiency map into this file.")
 def run(model: Model, options: Mapping[str, Any]) -> None:
-    """A table over the limits of the rig unless --grid or --conditions say otherwise; a look-up table, or a map.
+    """A table, a look-up table, or an efficiency map.
+
+    The table covers the limits of the rig unless --grid or --conditions say otherwise.
 
     --noise is the standard deviation of one reading, N*m.
 

@@ -168,7 +168,7 @@ def test_candidates_stand_in_the_order_of_the_diagnosis():
     one.show(study, ["a", "b", "c", "d"], {"e": "needs a load"}, found)
     shown = [getattr(c, "children", [c])[0] for c in one.list.children]
     assert [getattr(w, "name", None) or w.text for w in shown] == [
-        "<b><small>The data support one of these; which one is open: remaining error, probability</small></b>",
+        "<b><small>Supported by the data, not distinguished: remaining error, probability</small></b>",
         "try-c", "try-b",
         "<b><small>Not plausible: remaining error, probability</small></b>",
         "try-a",

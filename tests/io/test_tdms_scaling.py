@@ -64,8 +64,8 @@ class TestScaling:
         ("scale", "message"),
         [
             ({"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Logarithm"}, "'Logarithm' is not known"),
-            (tb.linear(2.0, source=0), "leads back to itself"),
-            ({**tb.linear(2.0, source=1), **tb.linear(3.0, number=1, source=0)}, "leads back to itself"),
+            (tb.linear(2.0, source=0), "refers to itself"),
+            ({**tb.linear(2.0, source=1), **tb.linear(3.0, number=1, source=0)}, "refers to itself"),
             (tb.linear(2.0, source=7), "refers to scale 7"),
             ({"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear"}, "not complete"),
             ({"NI_Number_Of_Scales": 1}, "has no type"),

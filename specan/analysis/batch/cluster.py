@@ -124,7 +124,7 @@ def _outcomes(
                 continue
             refused[position][found.worker] = found.reason
             if found.everywhere or not set(client.nthreads()) - set(refused[position]):
-                remedy = "mount the recordings on a path that every worker sees, the same as here; what is done is kept"
+                remedy = "mount the recordings under the same path on every worker; finished results are kept"
                 if found.everywhere:
                     remedy = "install the same versions everywhere and restart the workers"
                 raise RequestError(found.reason, remedy=remedy)
@@ -140,7 +140,7 @@ def _wait_for_workers(client: Client) -> None:
     except TimeoutError:
         raise RequestError(
             f"the scheduler {client.scheduler.address} has no worker",  # type: ignore[union-attr]
-            remedy="start some with 'dask worker ADDRESS'; what is done is kept",
+            remedy="start some with 'dask worker ADDRESS'; finished results are kept",
         ) from None
 
 

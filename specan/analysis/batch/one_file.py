@@ -56,7 +56,7 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
             return _of_run(recording, settings)
         return _together([(run, _attempted(run, settings)) for run in runs])
     except SpecanError as fault:
-        kind: Kind = "aside" if isinstance(fault, NoSignalError) else "failed"
+        kind: Kind = "skipped" if isinstance(fault, NoSignalError) else "failed"
         return FileResult(entry.label, kind, entry.neutral(str(fault)))
     except OSError as fault:
         return FileResult(entry.label, "failed", f"it cannot be read ({fault.strerror or fault})")

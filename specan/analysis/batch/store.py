@@ -221,7 +221,7 @@ class Store:
         except RequestError as fault:
             raise RequestError(
                 f"the result of {result.label} cannot be kept: {fault.found}",
-                expected="room in the output directory",
+                expected="space in the output directory",
                 remedy="free some space and repeat the command; finished results are kept",
             ) from None
         kept = self.find(result.label)

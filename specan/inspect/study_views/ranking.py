@@ -105,9 +105,7 @@ class Ranking:
         others = found.ranking[len(found.alternatives) :]
         likely = [r for r in others if r.plausible]
         unlikely = [r for r in others if not r.plausible]
-        alone = (
-            "Supported by the data" if len(asked) == 1 else "The data support one of these; which one is open"
-        )
+        alone = "Supported by the data" if len(asked) == 1 else "Supported by the data, not distinguished"
         children: list[Any] = []
         for text, ranked in ((alone, asked), ("Refitted, less likely", likely), ("Not plausible", unlikely)):
             if ranked:

@@ -322,7 +322,7 @@ def _noise_of(
     if reading is not None:
         total = reading.at(grows, part.n) + declared_setting(model, centre, part)
         dof = float(np.mean(total) ** 2 / np.mean(reading.at(grows, part.n) ** 2 / reading.dof))
-        said.append("such repeats do not show what setting a condition anew changes: " + _anew(model, rows))
+        said.append("such repeats contain no scatter of setting: " + _anew(model, rows))
         return Noise(reading, None, dof, reading.dof), said
     if told:
         size, step = np.sqrt(np.median(declared)), np.median(part.steps[""])
@@ -400,7 +400,7 @@ def _about_conditions(model: Model, rows: Rows) -> list[str]:
         if name == TIME or not condition.varies:
             continue
         distinct = np.unique(rows.levels[name]).size
-        kind = "set values" if rows.is_set[name] else "read values (their scatter is known, no noise)"
+        kind = "set values" if rows.is_set[name] else "values as read (reading noise neglected)"
         if condition.group:
             names = rows.groups[name]
             said.append(f"{name}: {len(names)} groups of rows, {first_of(names, 8)}")

@@ -115,7 +115,7 @@ class _Telling:
             ),
             model_discrepancy_percent=float(self.problem.assembly.model.rig.discrepancy_percent),
             fails_at=tuple(block.as_dict() for block in fails_at[:MOST_TOLD]),
-            residual_law=law and {"text": law.text_with_values, "quantity": law.quantity},
+            residual_law=law and {"text": law.text, "quantity": law.quantity},
             smallest_visible=visible,
             not_testable=self.explanations.not_testable,
             other_form=_form(self._best.best) if kind == "nothing-missing" else "",
@@ -153,7 +153,7 @@ class _Telling:
         values = " and ".join(p.text for p in far[:3])
         with_what = f"with {_names(self.judged.sets)} it" if self.judged.sets[0].uses else "the model"
         telling = what_would_tell(best)
-        return f"{with_what} fits only with {values}" + (f"; {telling} would tell" if telling else "")
+        return f"{with_what} fits only with {values}" + (f"; to decide: {telling}" if telling else "")
 
     def _reason(self, kind: str) -> str:
         judged, sets, parts = self.judged, self.judged.sets, []
@@ -294,7 +294,7 @@ def larger_noise(problem: Problem) -> str:
     """A sentence where what is taken for noise of a recording is larger than declared: a lack may hide in it."""
     # 2.0: times the declared noise of a recording, from which its user has to know
     found = [
-        f"what is taken for noise of {name} ({noise.words}) is {noise.times:.2g} times as large as declared"
+        f"the noise of {name} ({noise.words}) seems {noise.times:.2g} times as large as declared"
         for o in problem.observations
         if isinstance(o, TimeObservation)
         for name, noise in o.noise.items()

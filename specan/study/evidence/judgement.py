@@ -35,7 +35,7 @@ class Stated:
         if self.kind == "effects":
             return names
         if self.kind == "beyond":
-            return (names or "nothing is missing") + ", with values beyond what is known"
+            return (names or "nothing is missing") + ", with values outside their known range"
         if self.kind == "fault":
             return self.fault + (f" beside {names}" if names else "")
         return {"nothing": "nothing is missing", "unknown": "something else"}[self.kind]

@@ -66,16 +66,6 @@ class Law:
         scaled = f"{self.quantity} x (1 + size x {product})"
         return scaled if self.formula.scales else f"{self.quantity} + size x {product}"
 
-    @property
-    def text_with_values(self) -> str:
-        """The same with the fitted values."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        found = self.text.replace("+ size", f"{'-' if self.size < 0 else '+'} {abs(self.size):.3g}{unit}")
-        for shape, value in zip(self.formula.shapes, self.shapes, strict=True):
-            own = "" if shape.unit == "1" else f" {shape.unit}"
-            found = found.replace(shape.name, f"{value:.3g}{own}")
-        return found
-
 
 @dataclass(frozen=True)
 class LawSearch:

@@ -53,7 +53,7 @@ def _hum(o: TimeObservation, name: str, off: Array, mains: float) -> Iterator[Sp
     turns = 2 * np.pi * f * time[:, None] * np.arange(1, count + 1)
     waves = np.hstack([np.cos(turns), np.sin(turns)])
     columns = np.hstack([waves * np.isin(np.arange(o.n), rows)[:, None] for rows in chains])
-    text = f"there is hum of the mains in {name}, at {f:.4g} Hz and multiples"
+    text = f"there is mains hum in {name}, at {f:.4g} Hz and multiples"
     yield "hum", text, columns, float(np.log(steps))
 
 
@@ -72,7 +72,7 @@ def _cut_off(o: TimeObservation, name: str) -> Iterator[Spoilt]:
         for k, rest in enumerate(rests):
             columns[rows[rest], k] = 1 - np.linspace(-1, 1, rest.size + 2)[1:-1] ** 2
         text = f"{name} rests on its {end} value, {sign * top:.4g}, in {on.size} samples"
-        yield "samples cut off", f"{text}: it was cut off there", columns, 0.0
+        yield "clipped samples", f"{text}: it is clipped there", columns, 0.0
 
 
 def unspoilt(problem: Problem, theta: Array, residual: Array) -> Array:

@@ -95,8 +95,8 @@ class Block:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        levels = "" if self.level_dB is None else " level_dB phase_deg z_phase most_at place"
-        return picked(self, "where observable z p_value error_percent error unit n text" + levels)
+        levels = "" if self.level_dB is None else " level_dB phase_deg z_phase most_at"
+        return picked(self, "where place observable z p_value error_percent error unit n text" + levels)
 
 
 @dataclass(frozen=True)
