@@ -118,7 +118,7 @@ def test_something_unknown_is_called_unknown_and_described(toy):
     assert found.unknown_possible
     law = likeliest_law(Refit(frozenset(), problem, fit(problem)))
     assert _left_of(6 * toy.x**3, law, toy) < 0.03
-    assert found.residual_law == {"text": law.text_with_values, "quantity": "heat"}
+    assert found.residual_law == {"text": law.text, "quantity": "heat"}
 
 
 def test_what_a_named_effect_leaves_is_told(toy):
