@@ -12,6 +12,8 @@ from typing import Any
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
+from bokeh.core.validation import silence
+from bokeh.core.validation.warnings import EMPTY_LAYOUT
 from bokeh.document import Document
 from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
@@ -24,6 +26,7 @@ from tornado.web import OutputTransform, RedirectHandler, RequestHandler
 from specan.errors import RequestError
 
 LOOPBACK = "127.0.0.1"
+silence(EMPTY_LAYOUT)  # a tab without settings has an empty row of them
 
 
 def start_server(fill: Callable[[Document], object], address: str = LOOPBACK, port: int = 0) -> PageServer:

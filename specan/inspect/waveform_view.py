@@ -36,8 +36,9 @@ class WaveformView:
         self._opened = opened
         self._waveforms: dict[str, Waveform] = {}
         self._end = max(opened.duration_s, 1e-3)
-        self.plot = PanelPlot(height=150, tip=("s", "value"))
+        self.plot = PanelPlot(height=165, tip=("s", "value"))
         self.sheet = self.plot.sheet
+        self.sheet.xaxis[0].axis_label = "Time / s"
         select = BoxSelectTool(dimensions="width", description="Choose the time section")
         self.sheet.add_tools(select)
         self.sheet.toolbar.active_drag = select

@@ -54,9 +54,7 @@ def heading(figure: Any, title: str, *facts: str) -> None:
     plain = [line for fact in facts if fact for line in textwrap.wrap(fact, int(15.5 * width))]
     # The blank lines keep the room for the grey ones, which hang from the title's box.
     whole = "\n".join([*bold, *("" for _ in plain)]) + (" " if plain else "")
-    # 0.05: inches above it, also where the layout leaves none between axes
-    high = 1 - 0.05 / float(figure.get_size_inches()[1])
-    top = figure.suptitle(whole, x=0.012, y=high, ha="left", fontsize=10, fontweight="bold", linespacing=1.25)
+    top = figure.suptitle(whole, x=0.012, ha="left", fontsize=10, fontweight="bold", linespacing=1.25)
     if plain:
         figure.add_artist(
             Annotation(

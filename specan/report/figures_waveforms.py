@@ -64,7 +64,7 @@ def figure_waveforms(
             axes.spines["bottom"].set_visible(False)
             axes.tick_params(axis="x", length=0)
     if rows > 6:
-        figure.get_layout_engine().set(h_pad=0.0, hspace=0.0)  # type: ignore[union-attr, call-arg]
+        figure.get_layout_engine().set(h_pad=0.015, hspace=0.0)  # type: ignore[union-attr, call-arg]
     else:
         figure.align_ylabels(sheet)
     if drawn:

@@ -22,7 +22,7 @@ class OrdersTab(Tab):
 
     def add_controls(self, view: View) -> None:
         """Tacho or speed, orders, the map."""
-        self.channel_choice(view, "tacho", "Tacho", "the only one")
+        self.channel_choice(view, "tacho", "Tacho", "automatic")
         self.number(view, "pulses", "Pulses per revolution", 140)
         self.number(view, "ratio", "Ratio", 70)
         self.number(view, "speed", "Speed / Hz")
