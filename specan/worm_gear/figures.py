@@ -32,5 +32,6 @@ def efficiency_map(chosen: ChosenModel) -> Figure:
     axes.clabel(lines, fmt="%g %%")
     figure.colorbar(filled, ax=axes, ticks=range(0, 101, 10)).set_label("Efficiency / %")
     axes.set(xlabel="Input speed / rpm", ylabel="Output torque / N·m")
-    heading(figure, "Efficiency of the worm gear", f"Oil temperature {rows['oil_temperature_C'][0]:g} °C")
+    oil = model.conditions["indicated_oil_temperature"]
+    heading(figure, "Efficiency of the worm gear", f"Oil temperature {oil.default:g} °C")
     return figure
