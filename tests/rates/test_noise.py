@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
 from scipy.signal import lfilter
+from scipy.stats import invgamma
 
 from specan.models import Model, Signal, State
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import covariance, fit, intervals_95
 from specan.study.observation.autoregression import excess, innovations, of_process
-from specan.study.observation.time import TimeObservation
+from specan.study.observation.time import Noise, TimeObservation
 from specan.study.selection.candidates import base_problem
 from tests.rates.runge_kutta import displacement, halves
 from tests.rates.test_solver import cubic_spring, damper, dv, dx, spring
@@ -101,6 +102,17 @@ def test_what_no_candidate_describes_is_no_noise(model):
     )  # fmt: skip
     found = diagnose(base_problem(poor, [seen]))
     assert found.verdict == "unknown-effect"
+
+
+@pytest.mark.parametrize("doubtful", [1.0, 100.0])
+def test_noise_beyond_what_is_stated_is_likelier_something_else(model, doubtful):
+    """A variance 100 times that which ten degrees of freedom tell: scipy's density of that over one of any size."""
+    seen = replace(observed(model, np.random.default_rng(0), 0.0, 0.0), noise_dof=10.0)
+    seen = replace(seen, noise={"x": Noise("autoregressive", (0.5,), 1, 10.0)})
+    known = invgamma.logpdf(100, 5, scale=5) + np.log(100)
+    expected = np.log(1 / np.log(1e6)) - known if doubtful < 10 else 0.0
+    prediction = seen.measured - 10.0
+    assert seen.ln_not_noise(prediction, np.full(COUNT, doubtful)) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("runs_away", [True, False])

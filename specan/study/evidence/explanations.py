@@ -35,6 +35,7 @@ from specan.study.evidence.noise import Noise, autoregressions, chains_of, scatt
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
+from specan.study.observation.time import TimeObservation
 from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import Candidate, without
 from specan.study.selection.refits import Refit, Refits
@@ -217,6 +218,7 @@ class Explanations:
         for one in [e for e in self._top(BESIDE) if e.uses]:
             self._add_unknown(one)
         self._noise()
+        self._not_noise()
         self._faults()
 
     def set_up(self) -> None:
@@ -473,6 +475,20 @@ class Explanations:
                 forms = autoregressions(chains, left, self._bends)
                 self.found += [self._under(one, noise) for noise in forms]
             self.found += self._scattered(one)
+
+    def _not_noise(self) -> None:
+        """Something else in place of the noise of recordings, where that is larger than known."""
+        for one in self._top(BESIDE) if self._bends else ():
+            predicted = one.tangent.problem.predictions(one.tangent.theta)
+            *before, _ = self.problem.split(one.form.predicted)
+            gain = sum(
+                o.ln_not_noise(now, FORMS[-1] * (now - then))
+                for o, now, then in zip(self.problem.observations, predicted, before, strict=True)
+                if isinstance(o, TimeObservation)
+            )
+            if gain > 0:
+                chance = log(UNKNOWN / NOTHING)
+                self.found.append(one.but(chance, one.ln_evidence + gain, kind="unknown", uses=frozenset()))
 
     def _scattered(self, one: Explanation) -> Iterator[Explanation]:
         """An explanation of tables where the readings scatter more than declared, of the likeliest sizes."""

@@ -209,7 +209,8 @@ class Catalogue:
             return 1.0
         n = self.problem.n_data
         grown = self.worth * where.curvature(column[:n]) / where.curvature(one.columns[:n, 0])
-        return max(float(np.log(max(grown, 1e-300)) / np.log(multiple**2)), 0.01)
+        # 0.5: nothing grows less than with the root of a size, but by rounding and where motions are chaotic
+        return max(float(np.log(max(grown, 1e-300)) / np.log(multiple**2)), 0.5)
 
     def _certificate(self, beside: Marginal, candidate: Candidate) -> Promise | None:
         """An instrument error whose prior is removed: its columns are those of the fit, beside its other amplitudes."""

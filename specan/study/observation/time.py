@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaln
 
 from specan.models import Assembly
 from specan.models.rates import TIME
@@ -89,6 +90,23 @@ class TimeObservation(TableObservation):
         own = {n: v[number] if np.ndim(v) else v for n, v in values.items()}
         with np.errstate(all="ignore"):
             return float(np.std(assembly.evaluate(conditions, own)[state]))
+
+    def ln_not_noise(self, predicted: Array, doubtful: Array) -> float:
+        """ln of the evidence that what is taken for noise is none: that of any size over one that is nearly known.
+
+        The variance is known with some degrees of freedom: 1 over it follows a gamma distribution. What is none has
+        any variance up to a million times that, and is more than what is doubtful of a prediction.
+        """
+        half, found = self.noise_dof / 2, 0.0
+        for name, form in self.noise.items():
+            rows = np.concatenate(self.chains[name])
+            if form.times > 1 and np.sum((self.measured - predicted)[rows] ** 2) > np.sum(
+                doubtful[rows] ** 2
+            ):
+                ratio = form.times**2
+                known = half * np.log(half) - gammaln(half) - half * (np.log(ratio) + 1 / ratio)
+                found -= known + np.log(np.log(1e6))
+        return float(found)
 
     def settled(self, assembly: Assembly, values: Mapping[str, Any]) -> bool:
         """Whether the solver takes steps enough at some values; if not, it does from then on."""
