@@ -159,6 +159,8 @@ def _assumed(begun: Begun, content: Mapping[str, Any]) -> Iterator[str]:
     for name, needed in held_for_want_of_variation(study.problem).items():
         columns = ", ".join(study.model.conditions[n].column for n in needed if n in study.model.conditions)
         yield f"{name} is held at its default: {columns or ', '.join(needed)} does not vary"
+    if begun.units:
+        yield f"{begun.units}; the numbers are taken as they are (specan model check refuses this)"
     for name in begun.held:
         yield f"{name} is held: these data do not determine it (fixed = true in study.toml)"
     if content["rig_defaults_used"]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Union, Unpack
 
+from specan import __version__
 from specan.errors import RequestError
 from specan.io.output_file import check_output
 from specan.study.study import Study as OpenedStudy
@@ -372,5 +373,7 @@ def _paths(given: Measured, place: Path, name: str) -> list[Path]:
         place.mkdir(parents=True, exist_ok=True)
         found.append(place / f"{name}{'' if len(whole) == 1 else f'_{number}'}.csv")
         check_output(found[-1])
-        one.to_csv(found[-1], index=False)
+        with found[-1].open("w", encoding="utf-8", newline="") as file:
+            file.write(f"# specan {__version__} data frame\n")
+            one.to_csv(file, index=False)
     return found

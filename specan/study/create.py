@@ -32,11 +32,14 @@ class Begun:
     ----------
     held : tuple of str
         Parameters that the data do not determine and that were fixed.
+    units : str
+        The first formula that contradicts its units, of which only the numbers count here.
     """
 
     study: Study
     step: Step
     held: tuple[str, ...]
+    units: str = ""
 
 
 def begin(
@@ -107,7 +110,7 @@ def begin(
 
 @contextmanager
 def new_directory(directory: Path) -> Iterator[None]:
-    """A directory that is to hold a study; what is written there goes again where there is a fault.
+    """A directory that is to hold a study; where there is a fault it goes again, unless it was there before.
 
     Raises
     ------
@@ -116,15 +119,13 @@ def new_directory(directory: Path) -> Iterator[None]:
     """
     if (directory / NAME).exists():
         raise RequestError(f"{directory} holds a study already", remedy="choose another directory")
-    before = set(directory.iterdir()) if directory.is_dir() else None
+    existed = directory.exists()
     directory.mkdir(parents=True, exist_ok=True)
     try:
         yield
     except BaseException:
-        if (directory / NAME).exists():
-            raise
-        for path in {directory} if before is None else set(directory.iterdir()) - before:
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        if not existed and not (directory / NAME).exists():
+            shutil.rmtree(directory, ignore_errors=True)
         raise
 
 
@@ -133,19 +134,25 @@ def _begun(directory: Path, model_name: str, content: dict[str, Any]) -> Begun:
     if is_file(model_name):
         own, sha256 = take_in_model(directory, Path(model_name))
         content = {"schema": 1, "model": own, "model_sha256": sha256, **dict(list(content.items())[2:])}
+
+    def named(fault: str) -> str:
+        """Told of the file that the user has: the study's copy may go."""
+        return fault.replace(str(directory / content["model"]), model_name)
+
     try:
         study, held = hold_undetermined(Study(directory, draft=StudyText.begin(directory / NAME, content)))
-        if study.model.is_own:
-            check_units(study.model, study.data.fitted[0].conditions)
     except RequestError as fault:
-        # told of the file that the user has: the study's copy goes
-        found = fault.found.replace(str(directory / content["model"]), model_name)
-        raise type(fault)(found, expected=fault.expected, remedy=fault.remedy) from None
+        raise type(fault)(named(fault.found), expected=fault.expected, remedy=fault.remedy) from None
     step = study.step("new")
     with changing(directory):
         if (directory / NAME).exists():
             raise RequestError(f"{directory} holds a study already", remedy="choose another directory")
         study.keep(step)
+    try:
+        if study.model.is_own:
+            check_units(study.model, study.data.fitted[0].conditions)
+    except RequestError as fault:
+        return Begun(study, step, held, named(fault.found))
     return Begun(study, step, held)
 
 
