@@ -22,6 +22,7 @@ from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyText, read_study_file, use_of
 from specan.study.user_effects import rival_laws
+from specan.units import printed_unit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -244,10 +245,12 @@ def _remarks_on_adding(
         ends = new.problem.domain(name.whole)
         end = min(ends, key=lambda e: abs(e - new.best.theta[new.best.names.index(name)]))
         parameter = new.problem.assembly.parameters[name.whole]
-        remarks.append(f"{name} lies at the end of its domain, {parameter.from_si(end):g} {parameter.unit}")
+        value = f"{parameter.from_si(end):g} {printed_unit(parameter.unit)}".rstrip()
+        remarks.append(f"{name} lies at the end of its domain, {value}")
     for other, row in new.parameters.items():
         if not row["plausible"]:
-            remarks.append(f"{other} = {row['value']:.3g} {row['unit']} lies outside what is plausible")
+            value = f"{row['value']:.3g} {printed_unit(row['unit'])}".rstrip()
+            remarks.append(f"{other} = {value} lies outside its known range")
     free = [n for n in undetermined(new.problem, new.best.theta) if n.whole not in new.problem.priors]
     remarks += [f"{name} is not determined by these data at the values that were found" for name in free]
     if new.data.known:
