@@ -266,7 +266,7 @@ def main() -> None:
                 spent, said = time.process_time() - began, [tuple(sorted(a)) for a in found.alternatives]
                 good = bool(LACKS[case] & set(said)) if case in LACKS else found.verdict == "nothing-missing"
                 fall = ""
-                for name in found.alternatives[0] if found.alternatives else ():
+                for name in found.alternatives[0] if found.alternatives and unseen else ():
                     rows = study.add(name).columns()
                     held = list(rows["data"]).index("held-out")
                     fall = f"{fall}{rows['before'][held]:.3g} -> {rows['after'][held]:.3g} mm "

@@ -1,17 +1,19 @@
 """Noise of recordings: its predictor against that of Kalman, and models that lack nothing beside it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import expm, solve_discrete_are, toeplitz
 from scipy.signal import lfilter
-from scipy.stats import invgamma
+from scipy.stats import invgamma, multivariate_normal
 
 from specan.models import Model, Signal, State
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import covariance, fit, intervals_95
-from specan.study.observation.autoregression import excess, innovations, of_process
+from specan.study.evidence.noise import own_noises
+from specan.study.observation.autoregression import coloured, excess, innovations, ln_volume, of_process
 from specan.study.observation.time import Noise, TimeObservation
 from specan.study.selection.candidates import base_problem
 from tests.rates.runge_kutta import displacement, halves
@@ -102,6 +104,28 @@ def test_what_no_candidate_describes_is_no_noise(model):
     )  # fmt: skip
     found = diagnose(base_problem(poor, [seen]))
     assert found.verdict == "unknown-effect"
+
+
+@pytest.mark.parametrize("reflections", [(), (0.9,), (0.9, -0.3, 0.2)])
+def test_what_has_the_innovations_of_rows_is_the_rows(reflections):
+    rows = np.random.default_rng(1).standard_normal((50, 2))
+    assert coloured(innovations(rows, [np.arange(50)], reflections), reflections) == pytest.approx(rows)
+
+
+def test_each_explanation_has_the_likeliest_noise_of_its_own():
+    """A noise with a memory of 0.99, whitened as one of 0.95: ln of its likelihood is that of the rows at first."""
+    rng, rows = np.random.default_rng(1), np.arange(COUNT)
+    own = 5 * lfilter([np.sqrt(1 - 0.99**2)], [1, -0.99], rng.standard_normal(COUNT))
+    before = Noise("autoregressive", (0.95,), 1)
+    seen = replace(observed(None, rng, 0.0, 0.0), noise={"x": before}, covariance=np.ones(COUNT))
+    whitened = innovations(own, [rows], before.reflections)
+    (found,) = own_noises(SimpleNamespace(observations=[seen]), whitened)
+    assert found.reflections[0] == pytest.approx(0.99, abs=0.01)
+    left = found.innovations(whitened)
+    matrix = found.size**2 * toeplitz(found.reflections[0] ** rows.astype(float))
+    expected = multivariate_normal.logpdf(own, cov=matrix) + 0.5 * COUNT * np.log(2 * np.pi)
+    told = -0.5 * left @ left + found.ln_volume + ln_volume([rows], before.reflections)
+    assert told == pytest.approx(expected, abs=1e-4)
 
 
 @pytest.mark.parametrize("doubtful", [1.0, 100.0])

@@ -31,7 +31,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import Fault, Faults, ln_mean
 from specan.study.evidence.form_errors import FORMS, AlongLines, OverConditions
 from specan.study.evidence.marginal import Columns, Marginal, Tangent
-from specan.study.evidence.noise import Noise, autoregressions, chains_of, scatter
+from specan.study.evidence.noise import Noise, autoregressions, chains_of, own_noises, scatter
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
@@ -466,13 +466,16 @@ class Explanations:
         largest = max(top, key=lambda e: e.tangent.theta.size)
         unknown = [e for e in self.found if e.kind == "unknown" and not e.uses]
         for one in [*top, *unknown]:
-            # of recordings each explanation's own: samples that follow each other closely foretell what is missing
-            of = one if self._bends else largest
-            if one.kind != "unknown":
-                left = of.tangent.residual
-                if self._bends:
-                    left = unspoilt(of.tangent.problem, of.tangent.theta, left)
-                forms = autoregressions(chains, left, self._bends)
+            if self._bends and one.kind != "unknown":
+                # each explanation's own: samples that follow each other closely foretell what is missing
+                own, tangent = one, one.tangent
+                for noise in own_noises(
+                    tangent.problem, unspoilt(tangent.problem, tangent.theta, tangent.residual)
+                ):
+                    own = self._under(own, noise)
+                self.found += [own] if own is not one else []
+            elif one.kind != "unknown":
+                forms = autoregressions(chains, largest.tangent.residual)
                 self.found += [self._under(one, noise) for noise in forms]
             self.found += self._scattered(one)
 

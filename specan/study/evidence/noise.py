@@ -10,7 +10,7 @@ that what goes with the operating variables is no noise.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -21,9 +21,12 @@ from numpy.typing import NDArray
 from specan.study.data.setpoints import TIME
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
-from specan.study.observation.autoregression import burg, innovations, ln_volume, of_likely_order
+from specan.study.observation.autoregression import burg, coloured, innovations, ln_volume, of_likely_order
 from specan.study.observation.table import TableObservation
+from specan.study.observation.time import Noise as Form
+from specan.study.observation.time import TimeObservation
 
+WHITE = Form("white")
 ORDER = 2  # most coefficients: an oscillation of what is not measured has two
 
 
@@ -134,21 +137,34 @@ class Autoregression:
         Rows in the order of time, one array for each recording and observable.
     reflections : tuple of float
         Reflection coefficients, each between -1 and 1.
+    size : float
+        Standard deviation, in units of that which whitened the columns.
+    before : specan.study.observation.time.Noise
+        In whose place it stands.
     """
 
     chains: tuple[NDArray[np.intp], ...]
     reflections: tuple[float, ...]
+    size: float = 1.0
+    before: Form = WHITE
     text = "the noise is correlated in time: rows are not independent"
 
     def innovations(self, columns: Array) -> Array:
         """Rows of whitened columns as independent innovations of unit variance (lattice filter)."""
+        columns = columns.copy()
+        for rows in self.chains:
+            columns[rows] = coloured(columns[rows], self.before.reflections) / self.size
         return innovations(columns, self.chains, self.reflections)
 
     @property
     def ln_volume(self) -> float:
         """-1/2 ln det of the correlation, less half ln of the rows for each estimated coefficient (Schwarz 1978)."""
-        price = 0.5 * len(self.reflections) * np.log(sum(rows.size for rows in self.chains))
-        return ln_volume(self.chains, self.reflections) - float(price)
+        count = sum(rows.size for rows in self.chains)
+        price = 0.5 * (len(self.reflections) - self.before.estimated) * np.log(count) + count * np.log(
+            self.size
+        )
+        before = ln_volume(self.chains, self.before.reflections)
+        return ln_volume(self.chains, self.reflections) - before - float(price)
 
 
 Noise = Autoregression | Rough
@@ -160,7 +176,7 @@ def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:
     for o in problem.observations:
         if (
             isinstance(o, TableObservation)
-            and o.kind in ("table", "time")
+            and o.kind == "table"
             and o.recording is not None
             and (lines := o.conditions.get(TIME, o.lines)) is not None
         ):
@@ -173,10 +189,8 @@ def chains_of(problem: Problem) -> tuple[NDArray[np.intp], ...]:
     return tuple(found)
 
 
-def autoregressions(
-    chains: tuple[NDArray[np.intp], ...], residual: Array, likeliest: bool = False
-) -> list[Autoregression]:
-    """Forms of one to two coefficients, or the likeliest, by Burg's recursion over all chains together.
+def autoregressions(chains: tuple[NDArray[np.intp], ...], residual: Array) -> list[Autoregression]:
+    """Forms of one to two coefficients, by Burg's recursion over all chains together.
 
     Examples
     --------
@@ -189,10 +203,19 @@ def autoregressions(
     >>> round(found[0].reflections[0], 1), round(float(np.var(found[0].innovations(r))), 1)
     (0.9, 1.0)
     """
-    if not chains:
-        return []
-    if likeliest:
-        order = of_likely_order(chains, residual)
-        return [Autoregression(chains, order)] if order else []
     found, _ = burg(chains, residual, ORDER)
-    return [Autoregression(chains, tuple(found[:k])) for k in range(1, ORDER + 1)]
+    return [Autoregression(chains, tuple(found[:k])) for k in range(1, ORDER + 1)] if chains else []
+
+
+def own_noises(problem: Problem, residual: Array) -> Iterator[Autoregression]:
+    """The likeliest noise of each observable of recordings, in place of that which whitened the residual."""
+    first = 0
+    for o in problem.observations:
+        assert isinstance(o, TimeObservation)
+        for name, chains in o.chains.items():
+            rows, before = tuple(first + chain for chain in chains), o.noise.get(name, WHITE)
+            own = Autoregression(rows, (), before=before).innovations(residual)
+            if (order := of_likely_order(rows, own)) != before.reflections:
+                size = np.mean(innovations(own, rows, order)[np.concatenate(rows)] ** 2)
+                yield Autoregression(rows, order, float(np.sqrt(size)), before)
+        first += o.n

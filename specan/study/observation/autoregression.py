@@ -39,6 +39,18 @@ def innovations(columns: Array, chains: Chains, reflections: Sequence[float]) ->
     return out
 
 
+def coloured(rows: Array, reflections: Sequence[float]) -> Array:
+    """What has these innovations, of one chain: the inverse of `innovations`."""
+    order, taps = len(reflections), _predictor(tuple(reflections))
+    if not order:
+        return rows
+    scale = np.sqrt(np.prod(1 - np.square(reflections)))
+    first = innovations(np.eye(order), [np.arange(order)], reflections)
+    driven = rows.copy()
+    driven[:order] = lfilter(taps, [scale], np.linalg.solve(first, rows[:order]), axis=0)
+    return np.asarray(lfilter([scale], taps, driven, axis=0))
+
+
 @lru_cache
 def _predictor(reflections: tuple[float, ...]) -> Array:
     """The filter that makes innovations."""
