@@ -87,8 +87,8 @@ def kind_of_phasing(gear: Gear) -> str:
     return "sequentially phased"
 
 
-# Of the sun's turns that are looked at: a runout's, and two that tell it from pitch errors.
-MULTIPLES = (1, 2, 3)
+# Of the sun's turns that are looked at: a runout's, and those that tell it, pitch errors and cracks apart.
+MULTIPLES = (1, 2, 3, 4, 5, 6)
 # Passages beside an order: third powers of a Hann window leave a twentieth at three.
 HEARD = (-2, -1, 0, 1, 2)
 

@@ -70,10 +70,16 @@ def carrier_runout(carrier_turn, planet_angle, pressure_angle, *, cosine=COSINE,
     return cosine * np.sin(at) - sine * np.cos(at)
 
 
+def _of_turn(multiple):
+    """Cosine or sine part so many times a turn: a sum of independent errors of the pitch falls with the multiple."""
+    size = 20.0 / multiple
+    return Parameter(size / 5, "um", min=-size, max=size, lower=-200.0, upper=200.0, doc=f"{multiple} times a turn")
+
+
 @effect(
     "pitch-errors",
     adds_to="sun_error",
-    neutral=dict.fromkeys(("second_cosine", "second_sine", "third_cosine", "third_sine"), 0.0),
+    neutral={f"{part}_{k}": 0.0 for k in range(2, 7) for part in ("cosine", "sine")},
     aliases=("sun-runout", "tooth-crack"),
     separate_by="the whole comb of the sun's turn: runout has its first line only, a crack grows with load",
     reference="ISO 1328-1:2013 (cumulative pitch deviation), as a Fourier series over the turn of the sun",
@@ -81,23 +87,26 @@ def carrier_runout(carrier_turn, planet_angle, pressure_angle, *, cosine=COSINE,
 def pitch_errors(
     sun_wave,
     *,
-    second_cosine=Parameter(
-        2.0, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="twice a turn, in phase"
-    ),
-    second_sine=Parameter(1.0, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="in quadrature"),
-    third_cosine=Parameter(
-        1.0, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="three times, in phase"
-    ),
-    third_sine=Parameter(0.5, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="in quadrature"),
+    cosine_2=_of_turn(2),
+    sine_2=_of_turn(2),
+    cosine_3=_of_turn(3),
+    sine_3=_of_turn(3),
+    cosine_4=_of_turn(4),
+    sine_4=_of_turn(4),
+    cosine_5=_of_turn(5),
+    sine_5=_of_turn(5),
+    cosine_6=_of_turn(6),
+    sine_6=_of_turn(6),
 ):
     """The pitch of the sun's teeth varies: lines at multiples of the turn of the sun, from the second on.
 
     To a sensor on the ring, multiples of the sun's turn and whole passages of the planets beside the mesh: 66h +- 7.5,
-    +- 4.5 and +- 8.25 of the article's gear. The first multiple belongs to runout; those beyond the third are not
-    looked at.
+    +- 4.5 and +- 8.25 of the article's gear. The first multiple belongs to runout; those beyond the sixth are not
+    looked at. What all have in common tells them from a crack: its pulse gives every multiple its phase and its size.
     """
-    second, third = second_cosine - 1j * second_sine, third_cosine - 1j * third_sine
-    return (sun_wave**2 * (second + third * sun_wave)).real
+    parts = (cosine_2 - 1j * sine_2, cosine_3 - 1j * sine_3, cosine_4 - 1j * sine_4, cosine_5 - 1j * sine_5,
+             cosine_6 - 1j * sine_6)  # fmt: skip
+    return sum((part * sun_wave**k).real for k, part in enumerate(parts, 2))
 
 
 @effect(
