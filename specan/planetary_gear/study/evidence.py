@@ -12,13 +12,13 @@ the gain that lines of the ideal set tell of each sensor and harmonic. The relat
 one for each harmonic, kind of motion and order in the carrier's frame, correlated over a resonance; of the path to each
 sensor, a random walk over passages; and of each line. All is Gaussian for a given t, and the evidence is the mean over
 sizes and over how much is known of the answers: nothing is fitted. Effects that the model has already make lines with
-the same errors.
+the same errors. In some recordings lines may be anything: where teeth part, what a set does is no sum of its errors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -31,6 +31,7 @@ from specan.arrays import Complex
 from specan.models import Use
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, resonance, same, strongest
 from specan.study.estimation.problem import Problem
+from specan.study.evidence.faults import ln_mean
 from specan.study.evidence.promises import ONE_SIDED_80
 from specan.study.observation import Array
 from specan.study.selection.candidates import Candidate
@@ -43,6 +44,8 @@ ANSWERS = (1.0, 0.1), (2.0, 0.5)
 FORMS = 1.0, 3.0  # errors of single lines over those of the rig file
 # Probability that a tone of the background falls on a line, of all lines together, and how many may.
 TONE, TONES = 0.05, 3
+# Probability that lines of a recording are anything whatever effect there is, as where teeth part.
+APART = 0.05
 STEP = 1e-3  # of the largest size that is known, for the model's lines
 # Places of a shape parameter that is an angle, of another one, and finer ones in each step about the likeliest angle.
 AROUND, ALONG, FINER = 24, 3, 4
@@ -63,12 +66,15 @@ class Pattern:
         Shape parameters, SI.
     amplitudes : tuple of (str, float)
         Names of the amplitudes, and their values at that size, SI.
+    but : frozenset of int
+        Numbers of recordings whose lines may be anything; it has none there.
     """
 
     lines: Complex
     use: Use | None = None
     values: dict[str, float] = field(default_factory=dict)
     amplitudes: tuple[tuple[str, float], ...] = ()
+    but: frozenset[int] = frozenset()
 
 
 # Rows and numbers of lines about one harmonic, in recordings at one speed or in one recording.
@@ -176,13 +182,47 @@ class LineEvidence:
     # --- evidence ---------------------------------------------------------------------------------
 
     def likeliest(self, candidate: Candidate, patterns: Sequence[Pattern]) -> tuple[Pattern, float, float]:
-        """Likeliest pattern of an effect, ln of its evidence and of the mean over all places of shape parameters."""
+        """Likeliest pattern of an effect, ln of its evidence and of the mean over all places of shape parameters.
+
+        Recordings whose lines are rather anything are taken away one by one.
+        """
+        found = self._likeliest_place(candidate, patterns)
+        while len(left := set(range(len(self.seen.recordings))) - found[0].but) > 1:
+            fewer = [[self._without(p, found[0].but | {k}) for p in patterns] for k in sorted(left)]
+            each = [self._likeliest_place(candidate, some) for some in fewer if any(np.any(p.lines) for p in some)]
+            if not each or (best := max(each, key=lambda one: one[2]))[2] <= found[2]:
+                break
+            found = best
+        return found
+
+    def _likeliest_place(
+        self, candidate: Candidate, patterns: Sequence[Pattern]
+    ) -> tuple[Pattern, float, float]:
         gains, count = [self.ln_evidence([one]) for one in patterns], len(patterns)
         best = patterns[int(np.argmax(gains))]
         if finer := self.patterns(candidate, best)[1:]:
-            gains, patterns, count = [self.ln_evidence([one]) for one in finer], finer, FINER * count
+            patterns = [self._without(p, best.but) for p in finer]
+            gains, count = [self.ln_evidence([one]) for one in patterns], FINER * count
             best = patterns[int(np.argmax(gains))]
         return best, max(gains), float(logsumexp(gains) - np.log(count))
+
+    def _without(self, pattern: Pattern, but: frozenset[int]) -> Pattern:
+        """A pattern without its lines in some recordings, whose lines may be anything."""
+        return replace(pattern, lines=pattern.lines * ~np.isin(self.recording, list(but))[:, None], but=but)
+
+    def ln_in_some(self) -> float:
+        """ln of the evidence that lines are anything in some recordings, over that of noise alone."""
+        return float(np.sum(np.logaddexp(0.0, np.array(self._apart) - np.log(APART)) - np.log(2.0)))
+
+    @cached_property
+    def _apart(self) -> list[float]:
+        """What lines of each recording are likelier as anything than as noise, ln, with the prior."""
+        found, nothing = [], self.ln_evidence([])
+        for k in range(len(self.seen.recordings)):
+            others = frozenset(range(len(self.seen.recordings))) - {k}
+            own = [replace(self._without(p, others), but=frozenset()) for p in self.anything()]
+            found.append(float(ln_mean([self.ln_evidence([p]) for p in own]) - nothing + np.log(APART)))
+        return found
 
     def ln_evidence(self, patterns: Sequence[Pattern], near: Sequence[Pattern] = ()) -> float:
         """ln of the probability of the lines with some patterns over that of noise alone.
@@ -196,6 +236,8 @@ class LineEvidence:
         sizes = [self._likely_sizes(p) if p in near else np.arange(SIZES.size) for p in patterns]
         grid = np.asarray(SIZES[np.array(list(product(*sizes)), dtype=int)], dtype=float)
         ln_count = len(patterns) * np.log(SIZES.size)
+        but = frozenset().union(*(p.but for p in patterns))
+        patterns = [self._without(p, but) for p in patterns] if but else patterns
         found = []
         for form in FORMS:
             found += [
@@ -204,7 +246,7 @@ class LineEvidence:
             for apart in self.free:
                 each = self._each_group(patterns, grid, form, apart)
                 found.append(np.sum(logsumexp(each, axis=1) - ln_count))
-        return float(logsumexp(found) - np.log(len(found)))
+        return float(logsumexp(found) - np.log(len(found))) + sum(self._apart[k] for k in but)
 
     def _likely_sizes(self, pattern: Pattern) -> NDArray[np.intp]:
         """Numbers of the sizes that are not unlikely in every form of the answers."""
@@ -316,7 +358,8 @@ class LineEvidence:
 
     def tones(self, patterns: Sequence[Pattern]) -> tuple[float, list[str]]:
         """Tones of the background beside some patterns: ln of their prior times evidence, and where they are."""
-        free = self.used & ~self._shown(*patterns)
+        but = frozenset().union(*(p.but for p in patterns))
+        free = self.used & ~self._shown(*patterns) & ~np.isin(self.recording, list(but))[:, None]
         of_recording = free.reshape(self._by_recording).all(axis=1)
         gain = np.where(of_recording, self._in_one_recording + np.log(TONE / self.used.sum()), 0.0)
         likely = [divmod(int(k), gain.shape[1]) for k in np.argsort(-gain, axis=None)[:TONES]]

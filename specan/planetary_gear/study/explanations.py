@@ -88,6 +88,7 @@ class OfOrderLines(Explanations):
         anything = self.lines.anything()
         each = [self.lines.ln_evidence([one]) for one in anything]
         likely = [anything[int(np.argmax(each))]]
+        each.append(nothing + self.lines.ln_in_some())
         self._keep_lines("unknown", likely, chance, float(ln_mean(each)))
         order = sorted((use for use in alone if alone[use] > nothing), key=lambda use: -alone[use])
         for k, use in enumerate(order[: PAIRED[0]]):
@@ -111,12 +112,17 @@ class OfOrderLines(Explanations):
         """Keep an explanation by patterns, and the same with lines that tones of the background make."""
         form, uses = self.forms[0], frozenset(p.use for p in patterns if p.use)
         ln_prior = float(self._ln_prior(form, uses) if uses else np.log(NOTHING)) + float(ln_chance)
-        one = OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing")
+        apart = [self.lines.seen.recordings[k] for k in sorted(frozenset().union(*(p.but for p in patterns)))]
+        apart_text = f"lines of {' and '.join(apart)} are of another origin: teeth part there, perhaps" if apart else ""
+        one = OfLines(
+            kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing", tones=apart_text
+        )
         self.found.append(one)
         more, where = self.lines.tones(patterns)
         near = kind != "unknown" and ln_evidence > self._best - self._form_error
         if where and (near or ln_evidence + more > self._best + self._form_error):
             text = f"{' and '.join(where)} stands alone: a tone of the background, perhaps"
+            text = "; ".join(filter(None, [apart_text, text]))
             self.found.append(replace(one, ln_evidence=ln_evidence + more, tones=text))
 
     def _told(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
