@@ -115,7 +115,7 @@ def test_lines_that_a_sharper_path_would_give_are_no_evidence():
     assert not {201.0, 204.0, 216.0, 219.0} & set(found)
     assert {73.5, 67.5, 207.0, 210.0, 213.0} <= set(found)
     article = kinematic_orders(Gear(z_sun=24, z_planet=21, z_ring=66, planets=3, module_mm=2.0))
-    assert article.size == 78
+    assert article.size == 96  # four times the turn of its sun is 11 orders: lines of the ideal set
 
 
 @pytest.mark.parametrize("teeth", [(24, 21, 66, 3), (20, 25, 70, 3), (18, 24, 66, 4), (31, 31, 95, 3)])
@@ -134,7 +134,7 @@ def test_lines_of_an_uneven_sun_are_those_of_a_signal_at_a_sensor(teeth):
     at = 2 * np.pi * turns * np.arange(samples) / samples
     known = kinematic_orders(made)
     for h in (1, 2):
-        for m in (1, 2, 3):
+        for m in range(1, 7):
             heard = np.zeros(samples)
             for place in 2 * np.pi * np.arange(planets) / planets:
                 uneven = np.cos(m * (float(sun_order(made)) * at - place) + 0.3)
@@ -144,7 +144,8 @@ def test_lines_of_an_uneven_sun_are_those_of_a_signal_at_a_sensor(teeth):
             there = np.flatnonzero(size > 0.01 * samples) / turns
             whole = np.rint(there).astype(int)
             ideal = (np.abs(there - whole) < 1e-9) & (mesh_line_strength(made, whole) > 1e-9)
-            assert there.size >= 2 or (planets, h, m) == (4, 2, 2)  # two passages away: no Hann window
+            two_away = planets == 4 and (h * z_ring - m) % 4 == 2  # a Hann window reaches one passage
+            assert there.size >= 2 or two_away
             assert all(np.abs(known - o).min() < 1e-6 for o in there[~ideal])
 
 
@@ -163,7 +164,7 @@ def test_kind_of_mode_is_that_of_the_forces_on_the_planets(teeth):
         if not family.endswith("(sun)"):
             continue
         offset = order - h * z_ring
-        apart = {way: offset - way * z_ring / z_sun for m in (1, 2, 3) for way in (m, -m)}
+        apart = {way: offset - way * z_ring / z_sun for m in range(1, 7) for way in (m, -m)}
         ways = [
             way
             for way, passages in apart.items()

@@ -184,13 +184,15 @@ class LineEvidence:
     def likeliest(self, candidate: Candidate, patterns: Sequence[Pattern]) -> tuple[Pattern, float, float]:
         """Likeliest pattern of an effect, ln of its evidence and of the mean over all places of shape parameters.
 
-        Recordings whose lines are rather anything are taken away one by one.
+        Recordings whose lines are rather anything are left to that, one after the other.
         """
         found = self._likeliest_place(candidate, patterns)
         while len(left := set(range(len(self.seen.recordings))) - found[0].but) > 1:
-            fewer = [[self._without(p, found[0].but | {k}) for p in patterns] for k in sorted(left)]
-            each = [self._likeliest_place(candidate, some) for some in fewer if any(np.any(p.lines) for p in some)]
-            if not each or (best := max(each, key=lambda one: one[2]))[2] <= found[2]:
+            but = [found[0].but | {k} for k in left]
+            each = [
+                self._likeliest_place(candidate, [self._without(p, some) for p in patterns]) for some in but
+            ]
+            if (best := max(each, key=lambda one: one[2]))[2] <= found[2]:
                 break
             found = best
         return found
@@ -318,18 +320,29 @@ class LineEvidence:
         both, rest = size > SEEN * variance, size <= SEEN * variance
         ln -= np.sum(np.abs(measured[rest]) ** 2 / alone[:, rest] + np.log(alone[:, rest]), axis=1)
         errors, y = errors[np.ix_(both, both)], (measured - had)[both]
-        covariance = alone[:, both, None] * np.eye(y.size) + np.outer(had[both], had[both].conj()) * errors
-        columns = []
-        for t, own in zip(grid.T[[bool(p.use) for p in patterns]], of_effects, strict=True):
-            part = np.einsum("qm,qn->mn", own[:, both], own[:, both].conj()) * errors
-            covariance = covariance + t[:, None, None] ** 2 * part
-            columns += [t[:, None] * line for line in own[:, both]]
-        root = np.linalg.cholesky(covariance)
-        right = np.stack([*columns, np.broadcast_to(y, (len(grid), y.size))], axis=-1)
-        found = np.linalg.solve(root, right)
-        left, diagonal = found[..., -1], np.diagonal(root, axis1=1, axis2=2).real
-        ln -= np.sum(np.abs(left) ** 2, axis=1) + 2 * np.sum(np.log(diagonal), axis=1)
-        return ln, found[..., :-1], left
+        use, own = [bool(p.use) for p in patterns], [part[:, both] for part in lines]
+        covariance = [
+            part.T @ part.conj() * errors if named else np.diag(np.abs(part[0]) ** 2)
+            for named, part in zip(use, own, strict=True)
+        ] or [0 * errors]
+        columns = [(k, line) for k, part in enumerate(own) if use[k] for line in part]
+        right = np.stack([y, *(line for _, line in columns)], axis=1)
+        noise = np.diag(variance[both]) + np.outer(had[both], had[both].conj()) * errors
+        white: Complex = np.zeros((len(grid), *right.shape), complex)
+        # In the principal axes of the last pattern's errors all its sizes cost little more than one.
+        last = grid[:, -1:] if patterns else np.zeros((len(grid), 1))
+        sizes, which = np.unique(grid[:, :-1], axis=0, return_inverse=True)
+        for k, others in enumerate(sizes):
+            root = np.linalg.cholesky(noise + sum(t**2 * c for t, c in zip(others, covariance)))
+            half = np.linalg.solve(root, covariance[-1])
+            power, axes = np.linalg.eigh(np.linalg.solve(root, half.conj().T))
+            at = which.ravel() == k
+            total = 1 + last[at] ** 2 * np.maximum(power, 0.0)
+            white[at] = axes.conj().T @ np.linalg.solve(root, right) / np.sqrt(total)[..., None]
+            ln[at] -= np.sum(np.log(total), axis=1) + 2 * np.sum(np.log(np.diagonal(root).real))
+        white[..., 1:] *= grid[:, None, [k for k, _ in columns]]
+        left = white[..., 0]
+        return np.asarray(ln - np.sum(np.abs(left) ** 2, axis=1)), white[..., 1:], left
 
     def _errors(self, group: Group, form: float, response: Array, own: float) -> Array:
         """Covariance of the relative errors of an effect's lines."""

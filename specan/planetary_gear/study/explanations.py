@@ -112,18 +112,16 @@ class OfOrderLines(Explanations):
         """Keep an explanation by patterns, and the same with lines that tones of the background make."""
         form, uses = self.forms[0], frozenset(p.use for p in patterns if p.use)
         ln_prior = float(self._ln_prior(form, uses) if uses else np.log(NOTHING)) + float(ln_chance)
-        apart = [self.lines.seen.recordings[k] for k in sorted(frozenset().union(*(p.but for p in patterns)))]
-        apart_text = f"lines of {' and '.join(apart)} are of another origin: teeth part there, perhaps" if apart else ""
-        one = OfLines(
-            kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing", tones=apart_text
-        )
-        self.found.append(one)
+        apart = frozenset().union(*(p.but for p in patterns))
+        names = " and ".join(name for k, name in enumerate(self.lines.seen.recordings) if k in apart)
+        said = [f"lines of {names} are of another origin: teeth part there, perhaps"] if apart else []
+        one = OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing")
+        self.found.append(replace(one, tones="".join(said)))
         more, where = self.lines.tones(patterns)
         near = kind != "unknown" and ln_evidence > self._best - self._form_error
         if where and (near or ln_evidence + more > self._best + self._form_error):
-            text = f"{' and '.join(where)} stands alone: a tone of the background, perhaps"
-            text = "; ".join(filter(None, [apart_text, text]))
-            self.found.append(replace(one, ln_evidence=ln_evidence + more, tones=text))
+            said.append(f"{' and '.join(where)} stands alone: a tone of the background, perhaps")
+            self.found.append(replace(one, ln_evidence=ln_evidence + more, tones="; ".join(said)))
 
     def _told(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
         """The model with some effects, as large as their lines tell."""

@@ -70,10 +70,12 @@ def carrier_runout(carrier_turn, planet_angle, pressure_angle, *, cosine=COSINE,
     return cosine * np.sin(at) - sine * np.cos(at)
 
 
-def _of_turn(multiple):
+def of_turn(multiple):
     """Cosine or sine part so many times a turn: a sum of independent errors of the pitch falls with the multiple."""
     size = 20.0 / multiple
-    return Parameter(size / 5, "um", min=-size, max=size, lower=-200.0, upper=200.0, doc=f"{multiple} times a turn")
+    return Parameter(
+        size / 5, "um", min=-size, max=size, lower=-200.0, upper=200.0, doc="of so many times a turn"
+    )
 
 
 @effect(
@@ -87,16 +89,16 @@ def _of_turn(multiple):
 def pitch_errors(
     sun_wave,
     *,
-    cosine_2=_of_turn(2),
-    sine_2=_of_turn(2),
-    cosine_3=_of_turn(3),
-    sine_3=_of_turn(3),
-    cosine_4=_of_turn(4),
-    sine_4=_of_turn(4),
-    cosine_5=_of_turn(5),
-    sine_5=_of_turn(5),
-    cosine_6=_of_turn(6),
-    sine_6=_of_turn(6),
+    cosine_2=of_turn(2),
+    sine_2=of_turn(2),
+    cosine_3=of_turn(3),
+    sine_3=of_turn(3),
+    cosine_4=of_turn(4),
+    sine_4=of_turn(4),
+    cosine_5=of_turn(5),
+    sine_5=of_turn(5),
+    cosine_6=of_turn(6),
+    sine_6=of_turn(6),
 ):
     """The pitch of the sun's teeth varies: lines at multiples of the turn of the sun, from the second on.
 
