@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from specan.models import Use
-from specan.planetary_gear.study.evidence import LineEvidence, Pattern
+from specan.planetary_gear.study.evidence import LN_APART, LineEvidence, Pattern
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import (
     NOTHING,
@@ -77,10 +77,6 @@ class OfOrderLines(Explanations):
             self.progress(f"lines of {use}", 0.7 * number / len(self.patterns))
             likeliest[use], most, alone[use] = self.lines.likeliest(candidate, self.patterns[use])
             places[use] = most - alone[use]
-        # An error of a share s in the form of an effect leaves s^2 of the chi-square that it takes away: what else is
-        # to explain that has to add more.
-        self._best = best = max([nothing, *alone.values()])
-        self._form_error = form_error = self.lines.seen.known.near**2 * (best - nothing)
         self._keep_lines("nothing", [], 0.0, nothing)
         for use, gain in alone.items():
             self._keep_lines("effects", [likeliest[use]], 0.0, gain)
@@ -97,9 +93,11 @@ class OfOrderLines(Explanations):
                 second = anything[0] if other is None else likeliest[other]
                 gain = self.lines.ln_evidence([likeliest[use], second], near=[likeliest[use]])
                 gain -= sum(places[u] for u in (use, other) if u)
-                if gain > best + form_error:
-                    kind = "effects" if other else "unknown"
-                    self._keep_lines(kind, [likeliest[use], second], 0.0 if other else chance, gain)
+                kind = "effects" if other else "unknown"
+                self._keep_lines(kind, [likeliest[use], second], 0.0 if other else chance, gain)
+        if alone:
+            best = max(alone, key=lambda use: alone[use])
+            self._coarsen(alone[best] - self.lines.of_another_origin(likeliest[best].but) - nothing)
         near = [e.uses for e in self.found if e.uses and e.ln_joint > self.best + np.log(OF_THE_BEST)]
         fits = {uses: self._told(sorted(uses), likeliest) for uses in dict.fromkeys(near)}
         self.found = [
@@ -111,17 +109,28 @@ class OfOrderLines(Explanations):
     ) -> None:
         """Keep an explanation by patterns, and the same with lines that tones of the background make."""
         form, uses = self.forms[0], frozenset(p.use for p in patterns if p.use)
-        ln_prior = float(self._ln_prior(form, uses) if uses else np.log(NOTHING)) + float(ln_chance)
         apart = frozenset().union(*(p.but for p in patterns))
+        ln_prior = float(self._ln_prior(form, uses) if uses else np.log(NOTHING)) + ln_chance
+        ln_prior, ln_evidence = ln_prior + len(apart) * LN_APART, ln_evidence - len(apart) * LN_APART
         names = " and ".join(name for k, name in enumerate(self.lines.seen.recordings) if k in apart)
         said = [f"lines of {names} are of another origin: teeth part there, perhaps"] if apart else []
         one = OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing")
         self.found.append(replace(one, tones="".join(said)))
         more, where = self.lines.tones(patterns)
-        near = kind != "unknown" and ln_evidence > self._best - self._form_error
-        if where and (near or ln_evidence + more > self._best + self._form_error):
+        if where:
             said.append(f"{' and '.join(where)} stands alone: a tone of the background, perhaps")
-            self.found.append(replace(one, ln_evidence=ln_evidence + more, tones="; ".join(said)))
+            ln_prior, ln_evidence = ln_prior + len(where) * self.lines.ln_tone, ln_evidence + more
+            self.found.append(replace(one, ln_prior=ln_prior, ln_evidence=ln_evidence, tones="; ".join(said)))
+
+    def _coarsen(self, gain: float) -> None:
+        """Count differences of evidence in units of what errors of form make of it.
+
+        An error of a share s in the form of an effect leaves s^2 of the chi-square that it takes away, and what else
+        explains that may be no more than this error. So the evidence is taken to the power 1 / (1 + s^2 gain), of what
+        the best effect gains: a coarsened posterior (Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113).
+        """
+        power = 1 / (1 + self.lines.seen.known.near**2 * max(gain, 0.0))
+        self.found = [replace(e, ln_evidence=power * e.ln_evidence) for e in self.found]
 
     def _told(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
         """The model with some effects, as large as their lines tell."""
