@@ -45,7 +45,7 @@ FORMS = 1.0, 3.0  # errors of single lines over those of the rig file
 # Probability that a tone of the background falls on a line, of all lines together, and how many may.
 TONE, TONES = 0.05, 3
 # Probability that lines of a recording are anything whatever effect there is, as where teeth part.
-LN_APART = float(np.log(0.05))
+APART = 0.05
 STEP = 1e-3  # of the largest size that is known, for the model's lines
 # Places of a shape parameter that is an angle, of another one, and finer ones in each step about the likeliest angle.
 AROUND, ALONG, FINER = 24, 3, 4
@@ -214,9 +214,9 @@ class LineEvidence:
 
     def ln_in_some(self) -> float:
         """ln of the evidence that lines are anything in some recordings, over that of noise alone."""
-        return float(np.sum(np.logaddexp(0.0, np.array(self._apart) - LN_APART) - np.log(2.0)))
+        return float(np.sum(np.logaddexp(0.0, np.array(self._apart) - np.log(APART)) - np.log(2.0)))
 
-    def of_another_origin(self, recordings: Iterable[int]) -> float:
+    def of_another_origin(self, recordings: Iterable[int] = ()) -> float:
         """ln of the evidence that lines of some recordings are anything, with the prior."""
         return sum(self._apart[k] for k in recordings)
 
@@ -227,7 +227,7 @@ class LineEvidence:
         for k in range(len(self.seen.recordings)):
             others = frozenset(range(len(self.seen.recordings))) - {k}
             own = [replace(self._without(p, others), but=frozenset()) for p in self.anything()]
-            found.append(float(ln_mean([self.ln_evidence([p]) for p in own]) - nothing + LN_APART))
+            found.append(float(ln_mean([self.ln_evidence([p]) for p in own]) - nothing + np.log(APART)))
         return found
 
     def ln_evidence(self, patterns: Sequence[Pattern], near: Sequence[Pattern] = ()) -> float:
@@ -373,19 +373,14 @@ class LineEvidence:
         both = gain.reshape(SIZES.size, *self._by_recording).sum(axis=2)
         return np.asarray(logsumexp(both, axis=0) - np.log(SIZES.size))
 
-    @property
-    def ln_tone(self) -> float:
-        """ln of the prior of a tone on a certain line."""
-        return float(np.log(TONE / self.used.sum()))
-
     def tones(self, patterns: Sequence[Pattern]) -> tuple[float, list[str]]:
-        """Tones of the background beside some patterns: ln of their evidence, and where they are."""
+        """Tones of the background beside some patterns: ln of their prior times evidence, and where they are."""
         but = frozenset().union(*(p.but for p in patterns))
         free = self.used & ~self._shown(*patterns) & ~np.isin(self.recording, list(but))[:, None]
         of_recording = free.reshape(self._by_recording).all(axis=1)
-        gain = np.where(of_recording, self._in_one_recording, 0.0)
+        gain = np.where(of_recording, self._in_one_recording + np.log(TONE / self.used.sum()), 0.0)
         likely = [divmod(int(k), gain.shape[1]) for k in np.argsort(-gain, axis=None)[:TONES]]
-        likely = [at for at in likely if gain[at] > -self.ln_tone]
+        likely = [at for at in likely if gain[at] > 0]
         order = self.seen.known.order
         where = [f"order {order[line]:.5g} in {self.seen.recordings[k]}" for k, line in likely]
         return float(sum(gain[at] for at in likely)), where

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from specan.models import Use
-from specan.planetary_gear.study.evidence import LN_APART, LineEvidence, Pattern
+from specan.planetary_gear.study.evidence import LineEvidence, Pattern
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import (
     NOTHING,
@@ -77,6 +77,15 @@ class OfOrderLines(Explanations):
             self.progress(f"lines of {use}", 0.7 * number / len(self.patterns))
             likeliest[use], most, alone[use] = self.lines.likeliest(candidate, self.patterns[use])
             places[use] = most - alone[use]
+        # What an error of a share s in the form of an effect leaves, s^2 of the chi-square that the effect takes away.
+        share = self.lines.seen.known.near**2
+        self._form_errors = {
+            use: share * max(gain - nothing - self.lines.of_another_origin(likeliest[use].but), 0.0)
+            for use, gain in alone.items()
+        }
+        best_use = max(alone, key=lambda use: alone[use], default=None)
+        self._best = best = max([nothing, *alone.values()])
+        self._form_error = form_error = self._form_errors[best_use] if best_use and best > nothing else 0.0
         self._keep_lines("nothing", [], 0.0, nothing)
         for use, gain in alone.items():
             self._keep_lines("effects", [likeliest[use]], 0.0, gain)
@@ -93,11 +102,9 @@ class OfOrderLines(Explanations):
                 second = anything[0] if other is None else likeliest[other]
                 gain = self.lines.ln_evidence([likeliest[use], second], near=[likeliest[use]])
                 gain -= sum(places[u] for u in (use, other) if u)
-                kind = "effects" if other else "unknown"
-                self._keep_lines(kind, [likeliest[use], second], 0.0 if other else chance, gain)
-        if alone:
-            best = max(alone, key=lambda use: alone[use])
-            self._coarsen(alone[best] - self.lines.of_another_origin(likeliest[best].but) - nothing)
+                if gain > best + form_error:
+                    kind = "effects" if other else "unknown"
+                    self._keep_lines(kind, [likeliest[use], second], 0.0 if other else chance, gain)
         near = [e.uses for e in self.found if e.uses and e.ln_joint > self.best + np.log(OF_THE_BEST)]
         fits = {uses: self._told(sorted(uses), likeliest) for uses in dict.fromkeys(near)}
         self.found = [
@@ -109,28 +116,33 @@ class OfOrderLines(Explanations):
     ) -> None:
         """Keep an explanation by patterns, and the same with lines that tones of the background make."""
         form, uses = self.forms[0], frozenset(p.use for p in patterns if p.use)
+        ln_prior = float(self._ln_prior(form, uses) if uses else np.log(NOTHING)) + float(ln_chance)
         apart = frozenset().union(*(p.but for p in patterns))
-        ln_prior = float(self._ln_prior(form, uses) if uses else np.log(NOTHING)) + ln_chance
-        ln_prior, ln_evidence = ln_prior + len(apart) * LN_APART, ln_evidence - len(apart) * LN_APART
         names = " and ".join(name for k, name in enumerate(self.lines.seen.recordings) if k in apart)
         said = [f"lines of {names} are of another origin: teeth part there, perhaps"] if apart else []
-        one = OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing")
-        self.found.append(replace(one, tones="".join(said)))
+        coarse = self._coarse(ln_evidence, patterns)
+        one = OfLines(
+            kind, form, uses, form.tangent, ln_prior, coarse, fitted=kind == "nothing", tones="".join(said)
+        )
+        self.found.append(one)
         more, where = self.lines.tones(patterns)
-        if where:
+        near = kind != "unknown" and ln_evidence > self._best - self._form_error
+        if where and (near or ln_evidence + more > self._best + self._form_error):
             said.append(f"{' and '.join(where)} stands alone: a tone of the background, perhaps")
-            ln_prior, ln_evidence = ln_prior + len(where) * self.lines.ln_tone, ln_evidence + more
-            self.found.append(replace(one, ln_prior=ln_prior, ln_evidence=ln_evidence, tones="; ".join(said)))
+            coarse = self._coarse(ln_evidence + more, patterns)
+            self.found.append(replace(one, ln_evidence=coarse, tones="; ".join(said)))
 
-    def _coarsen(self, gain: float) -> None:
-        """Count differences of evidence in units of what errors of form make of it.
+    def _coarse(self, ln_evidence: float, patterns: Sequence[Pattern]) -> float:
+        """Evidence whose difference from that of the best effect counts in units of what an error of form leaves.
 
-        An error of a share s in the form of an effect leaves s^2 of the chi-square that it takes away, and what else
-        explains that may be no more than this error. So the evidence is taken to the power 1 / (1 + s^2 gain), of what
-        the best effect gains: a coarsened posterior (Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113).
+        A coarsened posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113. Of two effects it is the form of
+        the worse one that may be in error; beside what is anything, that of the best effect.
         """
-        power = 1 / (1 + self.lines.seen.known.near**2 * max(gain, 0.0))
-        self.found = [replace(e, ln_evidence=power * e.ln_evidence) for e in self.found]
+        more = ln_evidence - self._best
+        if len(patterns) != 1 or not (more > 0 or patterns[0].use):
+            return ln_evidence
+        use = patterns[0].use
+        return self._best + more / (1 + (self._form_errors[use] if use and more < 0 else self._form_error))
 
     def _told(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
         """The model with some effects, as large as their lines tell."""
