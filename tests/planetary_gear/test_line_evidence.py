@@ -17,6 +17,12 @@ from specan.study.selection.candidates import base_problem
 MODEL = example_model("planetary-gear")
 KNOWN = MODEL.for_kinds["orders"]
 TORQUES = (60.0, 180.0)  # at which no teeth part
+# Of a sum of independent errors: two parts of each multiple, m, that fall with it.
+PITCH = {
+    f"pitch-errors.{part}_{k}": 2e-6 / k * size
+    for k, sizes in enumerate(np.random.default_rng(4).standard_normal((5, 2)), 2)
+    for part, size in zip(("cosine", "sine"), sizes, strict=True)
+}
 
 
 def recorded(lines, noise, rng) -> OrderLinesObservation:
@@ -99,6 +105,7 @@ def test_the_evidence_is_that_of_a_normal_law():
         ("planet-runout@P3", {"planet-runout@P3.cosine": 2e-6, "planet-runout@P3.sine": 1e-6}, {"planet-runout@P3"}),
         ("planet-position-error@P2", {"planet-position-error@P2.error": 1e-6}, {"planet-position-error@P2"}),
         ("tooth-crack", {"tooth-crack.softer": 0.1, "tooth-crack.place": 0.3}, {"tooth-crack"}),
+        ("pitch-errors", PITCH, {"pitch-errors"}),
     ],
 )  # fmt: skip
 def test_what_makes_the_lines_is_named_however_the_machine_answers(use, values, named):
@@ -111,6 +118,17 @@ def test_what_makes_the_lines_is_named_however_the_machine_answers(use, values, 
     (name, _, place), *_ = (one.partition("@") for one in named)
     assert (name,) in found.alternatives
     assert {where for places in found.at.values() for where in places} == ({place} if place else set())
+
+
+def test_lines_of_another_origin_in_one_recording_cost_no_name():
+    """As where teeth part: in the first, at multiples of the sun's turn, lines that are drawn, thirty times as strong."""
+    seen = drawn("sun-runout", {"sun-runout.cosine": 1e-6, "sun-runout.sine": 2e-6}, 7)
+    of_sun = seen.beyond & np.char.endswith(KNOWN.family, "(sun)") & (np.arange(4) < 2)[:, None]
+    strong = 30 * np.abs(seen.amplitude[of_sun]).max()
+    more = np.random.default_rng(6).standard_normal((*of_sun.shape, 2)) @ np.array([1, 1j])
+    found = diagnose(base_problem(MODEL, [replace(seen, amplitude=seen.amplitude + of_sun * strong * more)]))
+    assert found.alternatives == (("sun-runout",),)
+    assert any("lines of a are of another origin" in remark for remark in found.remarks)
 
 
 def test_an_effect_that_the_model_has_is_not_found_again():

@@ -10,7 +10,8 @@ these the machine has one answer. So the lines y of an effect are
 t its size over the largest that is known, a_q standard normal, s_q the model's lines for a unit of each amplitude, with
 the gain that lines of the ideal set tell of each sensor and harmonic. The relative errors e are those of the answer,
 one for each harmonic, kind of motion and order in the carrier's frame, correlated over a resonance; of the path to each
-sensor, a random walk over passages; and of each line. All is Gaussian for a given t, and the evidence is the mean over
+sensor, a random walk over passages; of the form of an effect, one for each order in that frame, whichever sensor hears
+it; and of each line. All is Gaussian for a given t, and the evidence is the mean over
 sizes and over how much is known of the answers: nothing is fitted. Effects that the model has already make lines with
 the same errors. In some recordings lines may be anything: where teeth part, what a set does is no sum of its errors.
 """
@@ -41,7 +42,7 @@ from specan.study.selection.candidates import Candidate
 SIZES = np.exp2(np.arange(-15.0, 6.0))
 # How well answers are known: errors over those of the rig file, and what part of them each recording has of its own.
 ANSWERS = (1.0, 0.1), (2.0, 0.5)
-FORMS = 1.0, 3.0  # errors of single lines over those of the rig file
+FORMS = 1.0, 3.0  # errors of the form of an effect, over those that the rig file states of single lines
 # Probability that a tone of the background falls on a line, of all lines together, and how many may.
 TONE, TONES = 0.05, 3
 # Probability that lines of a recording are anything whatever effect there is, as where teeth part.
@@ -361,7 +362,7 @@ class LineEvidence:
             np.outer(response, response) * one_answer
             + known.path**2 * side * np.minimum(away[:, None], away)
             + np.outer(unsure, unsure) * same(self.seen.path[row], harmonic)
-            + np.diag(np.full(row.size, (form * known.near) ** 2))
+            + known.near**2 * (form**2 * same(harmonic, known.frame[line]) + np.eye(row.size))
         )
 
     @cached_property

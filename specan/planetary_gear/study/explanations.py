@@ -77,15 +77,12 @@ class OfOrderLines(Explanations):
             self.progress(f"lines of {use}", 0.7 * number / len(self.patterns))
             likeliest[use], most, alone[use] = self.lines.likeliest(candidate, self.patterns[use])
             places[use] = most - alone[use]
-        # What an error of a share s in the form of an effect leaves, s^2 of the chi-square that the effect takes away.
-        share = self.lines.seen.known.near**2
-        self._form_errors = {
-            use: share * max(gain - nothing - self.lines.of_another_origin(likeliest[use].but), 0.0)
-            for use, gain in alone.items()
-        }
-        best_use = max(alone, key=lambda use: alone[use], default=None)
+        # An error of a share s in the form of an effect leaves s^2 of the chi-square that it takes away: what else is
+        # to explain that has to add more.
         self._best = best = max([nothing, *alone.values()])
-        self._form_error = form_error = self._form_errors[best_use] if best_use and best > nothing else 0.0
+        apart = [likeliest[use].but for use, gain in alone.items() if gain == best]
+        own = best - nothing - self.lines.of_another_origin(*apart[:1])
+        self._form_error = form_error = self.lines.seen.known.near**2 * own
         self._keep_lines("nothing", [], 0.0, nothing)
         for use, gain in alone.items():
             self._keep_lines("effects", [likeliest[use]], 0.0, gain)
@@ -120,29 +117,13 @@ class OfOrderLines(Explanations):
         apart = frozenset().union(*(p.but for p in patterns))
         names = " and ".join(name for k, name in enumerate(self.lines.seen.recordings) if k in apart)
         said = [f"lines of {names} are of another origin: teeth part there, perhaps"] if apart else []
-        coarse = self._coarse(ln_evidence, patterns)
-        one = OfLines(
-            kind, form, uses, form.tangent, ln_prior, coarse, fitted=kind == "nothing", tones="".join(said)
-        )
-        self.found.append(one)
+        one = OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing")
+        self.found.append(replace(one, tones="".join(said)))
         more, where = self.lines.tones(patterns)
         near = kind != "unknown" and ln_evidence > self._best - self._form_error
         if where and (near or ln_evidence + more > self._best + self._form_error):
             said.append(f"{' and '.join(where)} stands alone: a tone of the background, perhaps")
-            coarse = self._coarse(ln_evidence + more, patterns)
-            self.found.append(replace(one, ln_evidence=coarse, tones="; ".join(said)))
-
-    def _coarse(self, ln_evidence: float, patterns: Sequence[Pattern]) -> float:
-        """Evidence whose difference from that of the best effect counts in units of what an error of form leaves.
-
-        A coarsened posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113. Of two effects it is the form of
-        the worse one that may be in error; beside what is anything, that of the best effect.
-        """
-        more = ln_evidence - self._best
-        if len(patterns) != 1 or not (more > 0 or patterns[0].use):
-            return ln_evidence
-        use = patterns[0].use
-        return self._best + more / (1 + (self._form_errors[use] if use and more < 0 else self._form_error))
+            self.found.append(replace(one, ln_evidence=ln_evidence + more, tones="; ".join(said)))
 
     def _told(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
         """The model with some effects, as large as their lines tell."""
