@@ -81,13 +81,14 @@ def of_turn(multiple):
 @effect(
     "pitch-errors",
     adds_to="sun_error",
-    neutral={f"{part}_{k}": 0.0 for k in range(2, 7) for part in ("cosine", "sine")},
+    neutral={"alternate": 0.0} | {f"{part}_{k}": 0.0 for k in range(2, 7) for part in ("cosine", "sine")},
     aliases=("sun-runout", "tooth-crack"),
     separate_by="the whole comb of the sun's turn: runout has its first line only, a crack grows with load",
     reference="ISO 1328-1:2013 (cumulative pitch deviation), as a Fourier series over the turn of the sun",
 )
 def pitch_errors(
     sun_wave,
+    sun_teeth,
     *,
     cosine_2=of_turn(2),
     sine_2=of_turn(2),
@@ -99,16 +100,19 @@ def pitch_errors(
     sine_5=of_turn(5),
     cosine_6=of_turn(6),
     sine_6=of_turn(6),
+    alternate=of_turn(12),
 ):
     """The pitch of the sun's teeth varies: lines at multiples of the turn of the sun, from the second on.
 
     To a sensor on the ring, multiples of the sun's turn and whole passages of the planets beside the mesh: 66h +- 7.5,
-    +- 4.5 and +- 8.25 of the article's gear. The first multiple belongs to runout; those beyond the sixth are not
-    looked at. What all have in common tells them from a crack: its pulse gives every multiple its phase and its size.
+    +- 4.5 and +- 8.25 of the article's gear. The first multiple belongs to runout. Of those beyond the sixth that of
+    every second tooth is looked at, `alternate`: it lies at half a mesh. A crack has these lines too, but its pulse
+    gives every multiple its phase and its size.
     """
     parts = (cosine_2 - 1j * sine_2, cosine_3 - 1j * sine_3, cosine_4 - 1j * sine_4, cosine_5 - 1j * sine_5,
              cosine_6 - 1j * sine_6)  # fmt: skip
-    return sum((part * sun_wave**k).real for k, part in enumerate(parts, 2))
+    second_teeth = alternate * (sun_wave ** (sun_teeth // 2)).real if sun_teeth % 2 == 0 else 0.0
+    return sum((part * sun_wave**k).real for k, part in enumerate(parts, 2)) + second_teeth
 
 
 @effect(
