@@ -121,7 +121,7 @@ def test_what_makes_the_lines_is_named_however_the_machine_answers(use, values, 
 
 
 def test_lines_of_another_origin_in_one_recording_cost_no_name():
-    """As where teeth part: in the first, at multiples of the sun's turn, lines that are drawn, thirty times as strong."""
+    """As where teeth part: drawn lines at multiples of the turn of the sun, thirty times as strong, in the first."""
     seen = drawn("sun-runout", {"sun-runout.cosine": 1e-6, "sun-runout.sine": 2e-6}, 7)
     of_sun = seen.beyond & np.char.endswith(KNOWN.family, "(sun)") & (np.arange(4) < 2)[:, None]
     strong = 30 * np.abs(seen.amplitude[of_sun]).max()

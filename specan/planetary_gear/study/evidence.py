@@ -185,7 +185,8 @@ class LineEvidence:
     def likeliest(self, candidate: Candidate, patterns: Sequence[Pattern]) -> tuple[Pattern, float, float]:
         """Likeliest pattern of an effect, ln of its evidence and of the mean over all places of shape parameters.
 
-        Recordings whose lines are rather anything are left to that, one after the other.
+        Recordings whose lines are rather anything are left to that, one after the other, while the effect gains
+        something in the others.
         """
         found = self._likeliest_place(candidate, patterns)
         while len(left := set(range(len(self.seen.recordings))) - found[0].but) > 1:
@@ -193,7 +194,8 @@ class LineEvidence:
             each = [
                 self._likeliest_place(candidate, [self._without(p, some) for p in patterns]) for some in but
             ]
-            if (best := max(each, key=lambda one: one[2]))[2] <= found[2]:
+            best = max(each, key=lambda one: one[2])
+            if best[2] <= max(found[2], self.nothing + self.of_another_origin(best[0].but)):
                 break
             found = best
         return found
@@ -215,7 +217,14 @@ class LineEvidence:
 
     def ln_in_some(self) -> float:
         """ln of the evidence that lines are anything in some recordings, over that of noise alone."""
-        return float(np.sum(np.logaddexp(0.0, np.array(self._apart) - np.log(APART)) - np.log(2.0)))
+        return self.nothing + float(
+            np.sum(np.logaddexp(0.0, np.array(self._apart) - np.log(APART)) - np.log(2.0))
+        )
+
+    @cached_property
+    def nothing(self) -> float:
+        """ln of the evidence of the effects that the model has already."""
+        return self.ln_evidence([])
 
     def of_another_origin(self, recordings: Iterable[int] = ()) -> float:
         """ln of the evidence that lines of some recordings are anything, with the prior."""
@@ -224,11 +233,11 @@ class LineEvidence:
     @cached_property
     def _apart(self) -> list[float]:
         """What lines of each recording are likelier as anything than as noise, ln, with the prior."""
-        found, nothing = [], self.ln_evidence([])
+        found = []
         for k in range(len(self.seen.recordings)):
             others = frozenset(range(len(self.seen.recordings))) - {k}
             own = [replace(self._without(p, others), but=frozenset()) for p in self.anything()]
-            found.append(float(ln_mean([self.ln_evidence([p]) for p in own]) - nothing + np.log(APART)))
+            found.append(float(ln_mean([self.ln_evidence([p]) for p in own]) - self.nothing + np.log(APART)))
         return found
 
     def ln_evidence(self, patterns: Sequence[Pattern], near: Sequence[Pattern] = ()) -> float:

@@ -67,7 +67,7 @@ class OfOrderLines(Explanations):
 
     def look(self) -> None:
         """Nothing, anything, every effect, and the likeliest with a second one or with anything."""
-        nothing = self.lines.ln_evidence([])
+        nothing = self.lines.nothing
         self.found = []
         likeliest: dict[Use, Pattern] = {}
         alone: dict[Use, float] = {}
@@ -90,8 +90,8 @@ class OfOrderLines(Explanations):
         anything = self.lines.anything()
         each = [self.lines.ln_evidence([one]) for one in anything]
         likely = [anything[int(np.argmax(each))]]
-        each.append(nothing + self.lines.ln_in_some())
-        self._keep_lines("unknown", likely, chance, float(ln_mean(each)))
+        some = self.lines.ln_in_some()
+        self._keep_lines("unknown", likely, chance, float(ln_mean([float(ln_mean(each)), some])))
         order = sorted((use for use in alone if alone[use] > nothing), key=lambda use: -alone[use])
         for k, use in enumerate(order[: PAIRED[0]]):
             self.progress(f"lines of {use} with others", 0.7 + 0.05 * k)

@@ -184,7 +184,7 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
 
 
 def _from_a_zero(model: Model) -> str:
-    """A word where a percentage is one of a temperature."""
+    """A word where a percentage is one of a unit with a zero of its own."""
     units = {o.column_unit for o in model.observables.values() if o.name not in model.rig.discrepancies}
     zeros = [unit for unit in sorted(units) if convert(0.0, unit, base_unit(unit)) != 0]
     return (
