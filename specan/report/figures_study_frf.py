@@ -100,7 +100,7 @@ def response_drawing(
     panels = (
         Panel(f"Magnitude / dB re 1 {printed_unit(unit)}", tuple(levels), level_limits(level, _DYNAMICS_DB)),
         Panel("Phase / degrees", tuple(phases), share=2, leads=False, phase=True),
-        Panel("Measured - model / dB", tuple(errors), (-end, end), share=2, leads=False),
+        Panel("Measured - model\n/ dB", tuple(errors), (-end, end), share=2, leads=False),
     )
     ends = float(used.min()), float(used.max())
     return Drawing(found.name, ("",), "Frequency / Hz", panels, hertz=True, x_limits=ends)
