@@ -19,7 +19,7 @@ from specan.result import gathered
 from specan.study.build_problem import undetermined
 from specan.study.history import Step, changing
 from specan.study.observation import kind_of
-from specan.study.study import Study, relative_to
+from specan.study.study import PREDICTED, Study, relative_to
 from specan.study.study_file import NAME, StudyText, file_hash
 from specan.study.user_effects import take_in_model
 
@@ -143,6 +143,10 @@ def _begun(directory: Path, model_name: str, content: dict[str, Any]) -> Begun:
         study, held = hold_undetermined(Study(directory, draft=StudyText.begin(directory / NAME, content)))
     except RequestError as fault:
         raise type(fault)(named(fault.found), expected=fault.expected, remedy=fault.remedy) from None
+    if study.problem.strategy.linearised_covariance and study.best.p_value < PREDICTED:
+        # covariances about a fit that went astray hold it there
+        again = Study(directory, draft=study.text(), near=study.best.values)
+        study = min(study, again, key=lambda one: one.best.chi2)
     step = study.step("new")
     with changing(directory):
         if (directory / NAME).exists():

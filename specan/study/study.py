@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -86,8 +87,9 @@ class Study:
         accept_changes: bool = False,
         effects: Sequence[Path] = (),
         draft: StudyText | None = None,
+        near: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
-        self.directory = directory
+        self.directory, self._given = directory, near
         if draft is None:
             recover(directory)
         self.content = read_study_file(directory) if draft is None else draft.content
@@ -225,7 +227,7 @@ class Study:
     def _starts(self) -> list[Mapping[str, Any]]:
         """Values to fit from: those declared, of the step before, and likely ones of what is new."""
         last = self.history.last
-        known = kept_values(self._assembled, last.parameters) if last else {}
+        known = kept_values(self._assembled, last.parameters) if last else self._given
         new = [Use.parse(u) for u in self.model_effects if last and u not in last.model_effects]
         return starting_values(self._assembled, new, known)
 
@@ -252,7 +254,7 @@ class Study:
             **self.hashes,
             "model": self.content.model_sha256 or "",
             "calibration": file_hash(self.directory / calibration) if calibration else "",
-            "last": [last.parameters, last.model_effects] if last else [],
+            "last": [last.parameters, last.model_effects] if last else dict(self._given),
         }
         return KeptResults(self.directory, state)
 
