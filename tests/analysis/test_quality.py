@@ -201,7 +201,7 @@ def test_noise_cut_at_three_standard_deviations_is_clipped() -> None:
     assert flags(np.round(np.clip(NOISE, -3, 3), 4)) == ("clipped",)
 
 
-@pytest.mark.parametrize("step", [1e-12, 1e-3, 1e-2, 0.1, 0.3])
+@pytest.mark.parametrize("step", [1e-12, 1e-2, 0.3])
 @pytest.mark.parametrize("rate", [8000.0, 48000.0, 102400.0])
 @pytest.mark.parametrize("hz", [0.5, 16.0, 50.0, 997.0, 1000.0, 1000.02, 2500.0])
 def test_no_tone_is_called_clipped_because_it_repeats_or_is_rounded(

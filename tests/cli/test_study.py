@@ -15,6 +15,7 @@ from truth.worm_gear import simulate, write
 
 CHAIN = {"windage": 12.0}
 SAMPLE = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"  # windage is missing
+FEW = Path(__file__).parents[1] / "study" / "few.py"
 
 
 @pytest.fixture(autouse=True)
@@ -48,7 +49,7 @@ def told(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SPECAN_CONFIG_DIR", str(place / "config"))
         patch.chdir(place)
-        new = ("new", "s", "--model", "worm-gear", "--rig", rig, "--measurement", table)
+        new = ("new", "s", "--model", FEW, "--rig", rig, "--measurement", table)
         begun = answer(*new, "--hold-out", "torque=50")
         return place / "s", begun, answer("compare", "s"), answer("diagnose", "s")
 
@@ -57,6 +58,7 @@ def told(tmp_path_factory):
 def begun(told, tmp_path):
     """A copy of it."""
     shutil.copytree(told[0], tmp_path / "s")
+    shutil.copytree(told[0].parent / "config", tmp_path / "config")  # the model's file was named there
     return told[1:]
 
 

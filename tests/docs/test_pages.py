@@ -30,6 +30,7 @@ LONG = {
     *(
         "README",
         "diagnosis",
+        "fmu",
         "inspect",
         "orders",
         "own_model",

@@ -46,6 +46,7 @@ def test_a_band_level_is_that_of_the_command(browser, open_page, serve):
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_zoom_section_and_numbers(browser, open_page, serve):
     from selenium.webdriver.common.action_chains import ActionChains
 
@@ -96,6 +97,7 @@ def test_zoom_section_and_numbers(browser, open_page, serve):
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_every_tab_opens(browser, open_page, serve):
     url = serve(str(NOISE), "--overlay", str(KNOCK))
     page = open_page(url + "?tab=fft&cursor=500&reference=Mic+1")

@@ -148,6 +148,7 @@ def test_the_command_gives_the_same_numbers(run_up, tmp_path):
     assert len(json.loads(shown.stdout)["columns"]["speed_hz"]) > 1
 
 
+@pytest.mark.long
 def test_the_page_shows_orders_and_the_map(open_page, serve, run_up):
     page = open_page(f"{serve(str(run_up))}?tab=orders&pulses=1&max_order=60&order_map=true&cursor=336")
     page.wait(lambda: "order 2" in page.text("readout"))

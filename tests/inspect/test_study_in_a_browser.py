@@ -14,14 +14,24 @@ from specan_cli.study_new import command as study_new
 pytest.importorskip("bokeh")
 
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
+FEW = Path(__file__).parents[1] / "study" / "few.py"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_machine(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SPECAN_CONFIG_DIR", str(tmp_path_factory.mktemp("config")))
+        yield
 
 
 @pytest.fixture(scope="module")
 def begun(tmp_path_factory) -> Path:
+    """Begun and diagnosed: else the page begins to search beside what is tried here."""
     place = tmp_path_factory.mktemp("begun") / "gear"
-    arguments = ["--model", "worm-gear", "--rig", str(BENCH / "rig.toml"), "--hold-out", "torque=50"]
+    arguments = ["--model", str(FEW), "--rig", str(BENCH / "rig.toml"), "--hold-out", "torque=50"]
     arguments += ["--measurement", str(BENCH / "measurement.csv")]
     assert CliRunner().invoke(study_new, [str(place), *arguments]).exit_code == 0
+    assert CliRunner().invoke(study_diagnose, [str(place)]).exit_code == 0
     return place
 
 
@@ -81,10 +91,8 @@ def test_a_tried_effect_is_put_back(open_page, serve, study):
     assert page.script("return Bokeh.documents[0].get_model_by_name('accept').disabled")
 
 
+@pytest.mark.long
 def test_an_effect_is_tried_accepted_and_in_the_history(open_page, serve, study):
-    CliRunner().invoke(
-        study_diagnose, [str(study)]
-    )  # else the page begins to search beside what is tried here
     before = (study / "history.jsonl").read_text()
     page = open_page(serve(str(study)))
     page.wait(lambda: "torque" in page.text("trial"))

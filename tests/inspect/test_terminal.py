@@ -78,7 +78,9 @@ def begun(tmp_path_factory) -> Path:
     return place
 
 
-LONG = re.compile("batch|orders|oscillator.tdms|study (add|diagnose|drop|next|propose|report)")
+LONG = re.compile(
+    "batch|orders|simulate planetary-gear|oscillator.tdms|study (add|diagnose|drop|next|propose|report)"
+)
 
 
 @pytest.mark.parametrize(

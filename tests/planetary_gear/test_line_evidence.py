@@ -101,7 +101,6 @@ def test_the_evidence_is_that_of_a_normal_law():
     ("use", "values", "named"),
     [
         ("", None, set()),
-        ("sun-runout", {"sun-runout.cosine": 1e-6, "sun-runout.sine": 2e-6}, {"sun-runout"}),
         ("planet-runout@P3", {"planet-runout@P3.cosine": 2e-6, "planet-runout@P3.sine": 1e-6}, {"planet-runout@P3"}),
         ("planet-position-error@P2", {"planet-position-error@P2.error": 1e-6}, {"planet-position-error@P2"}),
         ("tooth-crack", {"tooth-crack.softer": 0.1, "tooth-crack.place": 0.3}, {"tooth-crack"}),

@@ -149,8 +149,9 @@ def test_stiff_system_takes_the_implicit_method(way):
     assert "stiff" in model.solver.method()
 
 
-@pytest.mark.parametrize("broken", [False, True])
-@pytest.mark.parametrize(("damping", "method"), [(20.0, "explicit"), (1e6, "implicit")])
+@pytest.mark.parametrize(
+    ("damping", "method", "broken"), [(20.0, "explicit", True), (1e6, "implicit", False)]
+)
 def test_machine_code_is_kept_and_where_it_is_broken_made_anew(
     tmp_path, monkeypatch, damping, method, broken
 ):

@@ -80,7 +80,7 @@ def rumble(seed: int) -> Parts:
 
 
 RATES = [8000.0, 12800.0, 22050.0, 44100.0, 51200.0, 102400.0]
-LOW_TONES = [4.13, 8.3, 16.37, 23.9, 31.5, 47.1, 119.7]
+LOW_TONES = [4.13, 16.37, 31.5, 119.7]
 settled = round(0.8 / INTERVAL)
 
 
@@ -108,7 +108,8 @@ def test_tones_drawn_up_to_nearly_half_the_rate(rate: float) -> None:
 
 @pytest.mark.parametrize("rate", RATES)
 def test_rumble(rate: float) -> None:
-    expected = direct(rumble(3), "A", 0.125)
+    fine = direct(rumble(3), "A", 0.125, INTERVAL / 50)
+    expected = fine[49::50]
     found = history(signal(rumble(3), rate), rate, "A", "fast")
     assert np.abs(found[settled:] - expected[settled : found.size]).max() < 0.1
     later = expected[round(0.625 / INTERVAL) :]
@@ -116,7 +117,7 @@ def test_rumble(rate: float) -> None:
     for percent, value in levels.percentile_dB.items():
         # The readings are not those of the reference, and a few seconds of rumble move by some dB.
         assert value[0] == pytest.approx(np.percentile(later, 100 - percent), abs=0.3)
-    assert levels.max_dB[0] == pytest.approx(direct(rumble(3), "A", 0.125, 1 / 3200).max(), abs=0.1)
+    assert levels.max_dB[0] == pytest.approx(fine.max(), abs=0.1)
 
 
 @pytest.mark.parametrize("parts", [tone(16.37), rumble(5)], ids=["tone", "rumble"])

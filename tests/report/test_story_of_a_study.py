@@ -18,14 +18,20 @@ from specan.study.history import History
 from specan.study.verdict import headline
 
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
+FEW = Path(__file__).parents[1] / "study" / "few.py"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_machine(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SPECAN_CONFIG_DIR", str(tmp_path_factory.mktemp("config")))
+        yield
 
 
 @pytest.fixture(scope="module")
 def story(tmp_path_factory):
     place = tmp_path_factory.mktemp("story") / "gear"
-    study = begin(
-        place, "worm-gear", BENCH / "rig.toml", [BENCH / "measurement.csv"], hold_out=["torque=50"]
-    ).study
+    study = begin(place, FEW, BENCH / "rig.toml", [BENCH / "measurement.csv"], hold_out=["torque=50"]).study
     found = study.diagnose()
     return study, found, add_effect(study, "windage")
 
@@ -92,10 +98,9 @@ def test_the_report_begins_with_the_story_and_ends_with_what_was_rejected(story)
     assert places == sorted(places)
 
 
-def test_a_label_that_is_no_condition_of_the_model_is_drawn_at_the_rows(tmp_path):
+def test_a_label_that_is_no_condition_of_the_model_is_drawn_at_the_rows(story):
     # Rows of a measurement kind of one's own may carry other labels than the model's conditions.
-    place = BENCH / "rig.toml", [BENCH / "measurement.csv"]
-    study = begin(tmp_path / "gear", "worm-gear", *place).study
+    study, *_ = story
     observation = study.problem.observations[0]
     sensor = np.linspace(1.0, 2.0, observation.n)
     marked = replace(observation, labels={"sensor": sensor})

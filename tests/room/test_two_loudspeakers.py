@@ -19,8 +19,8 @@ ADMITTANCE, LEVEL_DB, DELAY_S = 0.01, -3.0, 2e-4
 
 
 @pytest.fixture(scope="module")
-def fields():
-    """Fields of either loudspeaker alone, marched in time; and the rig file of both."""
+def room():
+    """A room, its second loudspeaker, and the rig file of both loudspeakers."""
     layout = draw_layout(np.random.default_rng(1), 6)
     x, y, z = layout.dims_m
     other = next(w for w in ("y1", "z0") if w != layout.piston.wall)
@@ -28,15 +28,20 @@ def fields():
     second = Disc(other, centre, 0.06)
     room = Room(layout.dims_m, 0.0, 0.0, (ADMITTANCE,) * 6, layout.piston, layout.position_m)
     room = replace(at_temperature(room, 20.0), sound_speed=343.2)  # as ISO 9613-1 has it
-    alone = [
-        pressure_per_velocity(march(replace(room, piston=p)), FREQUENCY) for p in (layout.piston, second)
-    ]
     rig = rig_file(layout, 1)
     rig["loudspeakers"] = [
         {"wall": other, "centre_m": centre, "radius_m": 0.06, "level_dB": LEVEL_DB, "delay_s": DELAY_S}
     ]
     rig["recordings"] = [{"file": "a.tdms", "driven": [1]}, {"file": "b.tdms", "driven": [2]}]
-    return alone, rig
+    return room, second, rig
+
+
+@pytest.fixture(scope="module")
+def fields(room):
+    """Fields of either loudspeaker alone, marched in time; and the rig file of both."""
+    room, second, rig = room
+    both = (room.piston, second)
+    return [pressure_per_velocity(march(replace(room, piston=p)), FREQUENCY) for p in both], rig
 
 
 def predicted(rig, file="other.tdms", values=None):
@@ -77,14 +82,15 @@ def test_together_they_add_by_the_stated_ratio_and_by_the_fitted_one(fields):
     rig["loudspeakers"][0]["inverted"] = False
 
 
+@pytest.mark.long
 def test_the_vibrometer_may_look_at_the_other_one_while_both_move(fields):
     (first, second), rig = fields
     turned = {**rig, "recordings": [{"file": "c.tdms", "driven": [2, 1]}]}
     assert_alike(predicted(turned, "c.tdms"), second + first / ratio(LEVEL_DB, DELAY_S))
 
 
-def test_the_ratio_is_held_by_its_stated_uncertainty(fields):
-    rig = fields[1]
+def test_the_ratio_is_held_by_its_stated_uncertainty(room):
+    *_, rig = room
     held = {n.parameter: n.prior_sd for n in load_model("room", rig).nuisances if "loudspeaker" in n.effect}
     assert held == {"level": 0.5, "delay": 1e-5}
     assert "loudspeaker-ratio" in load_model("room", EXAMPLE_RIG).unsuited

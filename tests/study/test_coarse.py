@@ -153,6 +153,7 @@ def leaking(model, wall="z1"):
     return base_problem(model, [recorded(model, [f"leak@{wall}"], true)]), true
 
 
+@pytest.mark.long
 def test_of_starts_that_a_down_weighted_view_takes_for_the_same_a_subsample_chooses(model):
     problem, true = leaking(model)
     there = true | {"leak@z1.across": 0.2, "leak@z1.along": 0.75}

@@ -48,6 +48,7 @@ def test_each_explanation_is_counted_once_where_the_model_is_far_off(promising, 
         assert told(seen, start).alternatives == (("wall-impedance",),)
 
 
+@pytest.mark.long
 def test_what_is_said_of_the_model_is_said_of_the_fit_that_is_shown(monkeypatch):
     """A search may begin from another fit than that of the study: errors and misfit told are the study's."""
     monkeypatch.setattr(OfResponses, "_promises", lambda self, one: iter(()))

@@ -61,7 +61,7 @@ def without(columns, *names):
 
 
 @pytest.mark.parametrize("offset", [-0.45, pytest.param(0.45, marks=pytest.mark.long)])
-@pytest.mark.parametrize("told", ["column", "rig"])
+@pytest.mark.parametrize("told", ["column", pytest.param("rig", marks=pytest.mark.long)])
 def test_an_offset_of_the_output_sensor_is_found_on_both_sides_of_zero(tmp_path, offset, told):
     columns = without(campaign(1, offset), "elapsed_time_s", *([] if told == "column" else ["coupled"]))
     content = rig(operation={} if told == "column" else {"idle_uncoupled": True})

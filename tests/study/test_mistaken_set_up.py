@@ -140,6 +140,7 @@ def test_a_loudspeaker_in_another_wall_is_found_near_its_place(lined):
     assert np.linalg.norm(np.array(there) - true["centre_m"]) < 0.29  # m, a quarter of a wavelength
 
 
+@pytest.mark.long
 def test_a_diagnosis_says_so_and_blames_no_effect(lined):
     found = diagnose(described(lined, exchange))
     assert found.verdict == "cannot-tell"

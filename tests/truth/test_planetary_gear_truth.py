@@ -91,6 +91,7 @@ def test_springs_of_another_law_are_linear_at_exponent_one() -> None:
     assert second == pytest.approx(first, rel=0.2)
 
 
+@pytest.mark.long
 def test_a_pin_on_points_of_contact_goes_with_the_load() -> None:
     """F = K x^1.5: stiffness goes with F^(1/3), and so does the load that a pin takes off."""
     from dataclasses import replace

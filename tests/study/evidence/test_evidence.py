@@ -135,8 +135,8 @@ def test_a_name_whose_equation_would_be_far_off_is_doubted(toy):
     assert not near.unknown_possible
 
 
-def test_nothing_is_missing_in_twenty_complete_models(toy):
-    for seed in range(20):
+def test_nothing_is_missing_in_complete_models(toy):
+    for seed in range(8):
         found = told(toy.problem(lambda x, z: 0.0 * x, CANDIDATES, seed=seed))
         assert found.verdict == "nothing-missing"
         assert found.alternatives == ()
@@ -254,8 +254,7 @@ def test_where_a_model_fails_is_told_of_the_fit_that_a_person_is_shown(toy):
     assert not diagnosis_of(explanations, shown).fails_at
 
 
-@pytest.mark.parametrize("rival", [False, True])
-@pytest.mark.parametrize(("of_speed", "of_temperature"), [(2.0, 40.0), (1.9, 38.0)])
+@pytest.mark.parametrize(("of_speed", "of_temperature", "rival"), [(2.0, 40.0, False), (1.9, 38.0, True)])
 def test_a_strong_pair_and_its_rival_are_found(tmp_path, of_speed, of_temperature, rival):
     """Each effect alone is strained by the other, so that a straight line promises little of the second one."""
 
@@ -309,6 +308,7 @@ def test_an_error_that_repeats_share_is_that_of_their_covariance():
     assert noise.ln_volume == pytest.approx(-0.5 * np.linalg.slogdet(covariance)[1] - 0.25, rel=1e-12)
 
 
+@pytest.mark.long
 def test_a_pair_of_which_neither_half_promises_the_other_is_found(tmp_path):
     """Turbulence hides behind a base that is strained, and drying paste then has the wrong sign."""
 

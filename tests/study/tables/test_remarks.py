@@ -45,7 +45,7 @@ def test_readings_that_share_a_set_up_are_no_drift(tmp_path):
         parameters={"a": (2, 1, 5)},
     )
     random, told = np.random.default_rng(1), 0
-    for _ in range(12):  # each set-up of four places, in three rounds, is read ten times
+    for _ in range(4):  # each set-up of four places, in three rounds, is read ten times
         place = np.repeat(np.tile([2.0, 4.0, 6.0, 8.0], 3), 10)
         number = np.repeat(np.arange(12), 10)
         read = 2 * place + random.normal(0, 0.1, 12)[number] + random.normal(0, 0.02, 120)

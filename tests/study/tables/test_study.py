@@ -177,10 +177,10 @@ def test_a_fit_that_fails_leaves_the_study_as_it_was(study, monkeypatch):
 
 def test_comments_and_order_of_a_person_stay(study):
     changed = edit(study, "[[measurement]]", "# our own bench, winter\n[[measurement]]")
-    add_effect(changed, "seal-drag")
+    add_effect(changed, "load-dependent-friction")
     text = text_of(study)
     assert "# our own bench, winter" in text
-    assert text.index("churning") < text.index("seal-drag")
+    assert text.index("churning") < text.index("load-dependent-friction")
 
 
 def test_an_edit_by_hand_becomes_a_step(study):
