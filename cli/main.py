@@ -17,7 +17,7 @@ from click.shell_completion import CompletionItem
 
 from specan import __file__ as _PACKAGE
 from specan import __version__
-from specan.errors import SpecanError, unforeseen
+from specan.errors import SpecanError, reason_of
 
 # verb -> (module in this package, one line of help). The module holds the click command `command`, or the one named.
 VERBS: dict[str, tuple[str, str]] = {
@@ -164,7 +164,7 @@ def run() -> None:
         if debug:
             raise
         click.echo(
-            f"Error: {unforeseen(fault)}; run again with --debug before the verb and report the traceback.",
+            f"Error: {reason_of(fault)}; run again with --debug before the verb and report the traceback.",
             err=True,
         )
         sys.exit(4)

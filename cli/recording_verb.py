@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan.errors import NoSignalError, RequestError, SpecanError, unforeseen
+from specan.errors import NoSignalError, RequestError, SpecanError, reason_of
 from specan_cli.options import EXCEEDED, opening_options, opt
 from specan_cli.output import (
     TABLES,
@@ -125,7 +125,7 @@ def failures(faults: Mapping[str, Exception]) -> list[dict[str, str]]:
 
 
 def _reason(file: str, fault: Exception) -> str:
-    return str(fault) if isinstance(fault, SpecanError) else f"{Path(file).name}: {unforeseen(fault)}"
+    return str(fault) if isinstance(fault, SpecanError) else f"{Path(file).name}: {reason_of(fault)}"
 
 
 def expand(paths: Sequence[Path]) -> list[Found]:

@@ -60,14 +60,16 @@ class ComputationError(SpecanError):
     exit_code = 4
 
 
-def unforeseen(fault: BaseException) -> str:
-    """A reason for an error that nobody foresaw.
+def reason_of(fault: BaseException) -> str:
+    """What to say of any error: of one that nobody foresaw its kind as well.
 
     Examples
     --------
-    >>> unforeseen(MemoryError())
-    'Internal error: MemoryError'
+    >>> reason_of(InputError("no samples")), reason_of(MemoryError())
+    ('no samples.', 'Internal error: MemoryError')
     """
+    if isinstance(fault, SpecanError):
+        return str(fault)
     said = f"{type(fault).__name__}: {fault}" if str(fault) else type(fault).__name__
     return f"Internal error: {said}"
 

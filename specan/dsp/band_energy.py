@@ -23,8 +23,8 @@ from specan.dsp.multirate import (
     Stage,
     fast_length,
     keep_freed_memory,
-    low_pass,
     stages_of,
+    thinned,
 )
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.record_edges import CutEnergy, Fade, SlowPart
@@ -377,16 +377,10 @@ def add_energy(
                 energy[rows] = total_energy(lines)
             _spread_of_short(stage, points, first).add(nodes[rows], lines)
             if not stage.last:
-                stream = _thinned(transform, count)
+                # With what the low-pass filter rings: the transform is circular, what rings ahead is at the end.
+                low = thinned(transform)
+                stream = np.concatenate([low[:, -_RINGS:], low[:, : -(-count // FACTOR) + _RINGS]], axis=1)
     return energy
-
-
-def _thinned(transform: Complex, count: int) -> Real:
-    """One eighth of the rate, with what the low-pass filter rings before and after the `count` samples."""
-    low = (transform.shape[1] - 1) // FACTOR
-    filtered = np.fft.irfft(transform[:, : low + 1] * low_pass(low), 2 * low)
-    # The transform is circular: what rings ahead is at the end.
-    return np.concatenate([filtered[:, -_RINGS:], filtered[:, : -(-count // FACTOR) + _RINGS]], axis=1)
 
 
 @lru_cache(maxsize=16)

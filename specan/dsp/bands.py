@@ -91,13 +91,10 @@ class Bands:
         return self.mid.size
 
     def __iter__(self) -> Iterator[Band]:
-        rows = zip(self.mid, self.lower, self.upper, self.nominal, self.designator, strict=True)
-        return (Band(*map(float, row)) for row in rows)
+        return (Band(*map(float, row)) for row in zip(*vars(self).values(), strict=True))
 
     def __getitem__(self, which: Any) -> Bands:
-        return Bands(
-            *(each[which] for each in (self.mid, self.lower, self.upper, self.nominal, self.designator))
-        )
+        return Bands(*(each[which] for each in vars(self).values()))
 
 
 def mid_frequencies(index: ArrayLike, fraction: int) -> Real:
@@ -226,10 +223,8 @@ def _even_shift(fraction: int) -> float:
 # IEC 61260-1:2014, table 1, class 1. Breakpoints of octave bands are G^x. The maximum holds inside the
 # band edges (x = 1/2), the minimum of the stop band outside; inside, the minimum is -0.4 dB.
 # Checked against the tables in pyfar 0.8.1 (constants.fractional_octave_filter_tolerance).
-_PASS_X = np.array([0.0, 1 / 8, 1 / 4, 3 / 8, 1 / 2])
 _PASS_MAXIMUM = np.array([0.4, 0.5, 0.7, 1.4, 5.3])
 _PASS_MINIMUM = -0.4
-_STOP_X = np.array([1 / 2, 1.0, 2.0, 3.0, 4.0])
 _STOP_MINIMUM = np.array([1.2, 16.6, 40.5, 60.0, 70.0])
 
 BREAKPOINTS = (0.0, 1 / 8, 1 / 4, 3 / 8, 1 / 2, 1.0, 2.0, 3.0, 4.0)
@@ -265,8 +260,9 @@ def class_1_limits(ratio: ArrayLike, fraction: int) -> tuple[Real, Real]:
     log_ratio = np.abs(np.log(np.asarray(ratio, dtype=np.float64)))
     edge = np.log(OCTAVE_RATIO) / (2 * fraction)
     slack = 1e-9  # a frequency computed to be an edge is one
-    stop = np.interp(log_ratio, np.log(breakpoint_ratio(_STOP_X, fraction)), _STOP_MINIMUM)
-    passed = np.interp(log_ratio, np.log(breakpoint_ratio(_PASS_X, fraction)), _PASS_MAXIMUM)
+    breakpoints = np.log(breakpoint_ratio(BREAKPOINTS, fraction))
+    stop = np.interp(log_ratio, breakpoints[4:], _STOP_MINIMUM)
+    passed = np.interp(log_ratio, breakpoints[:5], _PASS_MAXIMUM)
     minimum = np.where(log_ratio >= edge - slack, stop, _PASS_MINIMUM)
     maximum = np.where(log_ratio <= edge + slack, passed, np.inf)
     return minimum, maximum

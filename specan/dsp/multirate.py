@@ -45,6 +45,12 @@ def low_pass(low: int) -> Real:
     return response
 
 
+def thinned(lines: Complex) -> Real:
+    """Samples at the next rate, of a transform whose number of points is a multiple of twice the factor."""
+    low = (lines.shape[1] - 1) // FACTOR
+    return np.fft.irfft(lines[:, : low + 1] * low_pass(low), 2 * low)
+
+
 class Memory(threading.local):
     """Arrays that are used again: on fresh memory, a transform takes twice the time."""
 
@@ -73,7 +79,6 @@ class Decimator:
     """
 
     def __init__(self) -> None:
-        self._response = low_pass(LENGTH // FACTOR)
         self.rest: Real | None = None
 
     def add(self, spectrum: Complex | None, half: int) -> Real | None:
@@ -86,9 +91,8 @@ class Decimator:
         if spectrum is None:
             return before
         low = LENGTH // FACTOR
-        filtered = np.fft.irfft(spectrum[:, : low + 1] * self._response, 2 * low)
         # The block's own samples stand from half * low on; half a block of ringing on either side.
-        filtered = np.roll(filtered, low // 2 - half * low, axis=1)
+        filtered = np.roll(thinned(spectrum), low // 2 - half * low, axis=1)
         self.rest = filtered[:, low:].copy()
         return filtered[:, :low] if before is None else before + filtered[:, :low]
 
@@ -300,12 +304,7 @@ class Sections:
         rows, lines = self._known.shape[0], self.shape.points // 2 + 1
         self.spectrum = np.fft.rfft(self._known, out=_memory.take("spectrum", rows, lines, np.dtype(complex)))
         if self._thinned:
-            self.low = self._thin(self.spectrum)
+            first = (self.shape.before - LATE) // FACTOR
+            self.low = thinned(self.spectrum)[:, first : first + self.shape.hop // FACTOR]
         if self._factor is not None:
             self.spectrum *= self._factor
-
-    def _thin(self, lines: Complex) -> Real:
-        low = self.shape.points // (2 * FACTOR)
-        first = (self.shape.before - LATE) // FACTOR
-        thin = np.fft.irfft(lines[:, : low + 1] * low_pass(low), 2 * low)
-        return thin[:, first : first + self.shape.hop // FACTOR]

@@ -5,7 +5,7 @@ Decisions: docs/decisions/spectra.md.
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -131,20 +131,11 @@ def estimate(
             nothing = np.full(coherence.shape, np.nan)
             return Estimate(response, coherence, nothing, np.zeros(coherence.shape))
         left = np.maximum(left, np.finfo(float).eps * auto_response)
-        relative, degrees = _random_error(left, gain, n_effective - 1, line_correlation)
+        freedom = n_effective - 1  # one complex parameter was fitted
+        noise = smoothed_noise(left, freedom)
+        degrees = noise_freedom(left, noise, freedom, line_correlation)
+        relative = np.sqrt(noise * gain / (2 * freedom)) * student_factor(degrees)
     return Estimate(response, coherence, relative, degrees)
-
-
-def _random_error(left: Real, gain: Real, freedom: float, line_correlation: float) -> tuple[Real, Real]:
-    """Relative standard uncertainty from what is left of a response, and its degrees of freedom.
-
-    One complex parameter was fitted: `freedom` is the number of averages less one.
-    """
-    noise = smoothed_noise(left, freedom)
-    degrees = noise_freedom(left, noise, freedom, line_correlation)
-    of_lines = _factor_of_lines(left.shape[-1], freedom, line_correlation)
-    factor = np.where(noise == left, student_factor(2 * freedom), of_lines)
-    return np.sqrt(noise * gain / (2 * freedom)) * factor, degrees
 
 
 def _response(
@@ -184,7 +175,7 @@ def smoothed_noise(noise: Real, freedom: float) -> Real:
     logarithm = np.log(np.maximum(noise, np.finfo(float).tiny))
     total, count = np.zeros(noise.shape), np.zeros(n)
     for offset in range(-_SIDE, _SIDE + 1):
-        # The lines whose mean takes in the one that is `offset` away; see `_reach`.
+        # The lines whose mean takes in the one that is `offset` away; see `noise_freedom`.
         far = abs(offset) if abs(offset) > 1 else 0
         low, high = max(far, -offset), n - max(far, offset)
         if low < high:
@@ -194,12 +185,6 @@ def smoothed_noise(noise: Real, freedom: float) -> Real:
     return np.where(noise > level * (1 + 5 / np.sqrt(freedom)), noise, level)
 
 
-def _reach(n: int) -> NDArray[np.int_]:
-    """Lines to either side of each of n that its mean takes in."""
-    line = np.arange(n)
-    return np.maximum(np.minimum(_SIDE, np.minimum(line, line[::-1])), 1)
-
-
 def noise_freedom(noise: Real, smoothed: Real, freedom: float, line_correlation: float) -> Real:
     """Degrees of freedom (..., n) of a noise spectrum that `smoothed_noise` has smoothed.
 
@@ -207,21 +192,11 @@ def noise_freedom(noise: Real, smoothed: Real, freedom: float, line_correlation:
     count lines, neighbours correlated by c, are count / (1 + 2 c (1 - 1/count)) independent ones. A line that kept its
     own value has 2 freedom.
     """
-    of_lines = _freedom_of_lines(noise.shape[-1], freedom, line_correlation)
-    return np.where(smoothed == noise, 2 * freedom, of_lines)
-
-
-def _freedom_of_lines(n: int, freedom: float, line_correlation: float) -> Real:
-    """Of lines that took the mean of their neighbourhood."""
-    count = np.minimum(2 * _reach(n) + 1, n)
+    line = np.arange(noise.shape[-1])
+    reach = np.maximum(np.minimum(_SIDE, np.minimum(line, line[::-1])), 1)  # as in `smoothed_noise`
+    count = np.minimum(2 * reach + 1, line.size)
     independent = count / (1 + 2 * line_correlation * (1 - 1 / count))
-    return np.asarray(2 * independent / log_variance(freedom))
-
-
-@lru_cache(maxsize=8)
-def _factor_of_lines(n: int, freedom: float, line_correlation: float) -> Real:
-    """Student's factor of these lines: many recordings have the same."""
-    return student_factor(_freedom_of_lines(n, freedom, line_correlation))
+    return np.where(smoothed == noise, 2 * freedom, 2 * independent / log_variance(freedom))
 
 
 def u_phase_deg(u_relative: Real) -> Real:

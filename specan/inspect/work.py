@@ -14,7 +14,7 @@ from bokeh.document import Document
 from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.errors import SpecanError, unforeseen
+from specan.errors import SpecanError, reason_of
 
 _TELL_S = 0.25
 
@@ -72,10 +72,9 @@ class Work:
             return
         except Exception as fault:
             # The page must go on: what is unexpected is told there, and in full on the terminal.
-            foreseen = isinstance(fault, SpecanError)
-            if not foreseen:
+            if not isinstance(fault, SpecanError):
                 logging.getLogger(__name__).exception("internal error on the page")
-            message = str(fault) if foreseen else unforeseen(fault)
+            message = reason_of(fault)
             self.later(lambda: self._failed(message))
             return
         if ticket == self._ticket:

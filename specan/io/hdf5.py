@@ -34,29 +34,27 @@ def open_recording(path: Path, opening: Opening) -> Recording:
     """
     h5py = library("h5py", "hdf5")
     tree = Tree()
-
-    def attributes(where: tuple[str, ...], node: Any) -> None:
-        for name, value in node.attrs.items():
-            if not name.startswith("MATLAB_"):
-                _sort((*where, name), value, tree)
-
     try:
         with h5py.File(path, "r") as file:
-            attributes((), file)
-            _refuse_links(h5py, file, tree)
 
             def visit(name: str, node: Any) -> None:
-                where = tuple(name.split("/"))
-                if where[0].startswith("#"):  # MATLAB's own store of references
+                where = tuple(filter(None, name.split("/")))
+                if name.startswith("#"):  # MATLAB's own store of references
                     return
-                attributes(where, node)
+                for key, value in node.attrs.items():
+                    if not key.startswith("MATLAB_"):
+                        _sort((*where, key), value, tree)
                 if isinstance(node, h5py.Group):
-                    _refuse_links(h5py, node, tree)
+                    # Names that lead to another file: a file of a stranger could name any file of this machine.
+                    for below in node:
+                        if isinstance(node.get(below, getlink=True), h5py.ExternalLink):
+                            tree.aside["/".join((*where, below))] = _ELSEWHERE
                 elif node.external or node.is_virtual:
                     tree.aside[name] = _ELSEWHERE
                 else:
                     _dataset(h5py, file, path, where, node, tree)
 
+            visit("", file)
             file.visititems(visit)
     except OSError as fault:
         raise InputError(f"{path.name} is a damaged HDF5 file ({fault})", remedy="copy it again") from None
@@ -64,13 +62,6 @@ def open_recording(path: Path, opening: Opening) -> Recording:
 
 
 _ELSEWHERE = "its samples lie in another file, which is not read; copy them into this one"
-
-
-def _refuse_links(h5py: Any, group: Any, tree: Tree) -> None:
-    """Names that lead to another file: a file of a stranger could name any file of this machine."""
-    for name in group:
-        if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
-            tree.aside["/".join((group.name.strip("/"), name)).strip("/")] = _ELSEWHERE
 
 
 def _dataset(h5py: Any, file: Any, path: Path, where: tuple[str, ...], node: Any, tree: Tree) -> None:

@@ -107,31 +107,20 @@ def _objects(
     channels: list[TdmsObject] = []
     for text, about in found.items():
         place = ObjectPath.from_string(text)
-        values = {str(k): _plain(v) for k, v in about.properties.items()}
+        values = {
+            str(k): v.as_datetime64() if isinstance(v, TdmsTimestamp) else v
+            for k, v in about.properties.items()
+        }
         if place.is_root:
             properties = values
         elif place.is_group:
             groups[place.group] = values
         else:
             groups.setdefault(place.group, {})
-            channels.append(_channel(text, place, about, values))
+            kind = about.data_type.__name__ if about.data_type else ""
+            scalers = tuple(about.scaler_data_types or ()) if about.data_type is DaqMxRawData else ()
+            channels.append(TdmsObject(text, place.group, place.channel, kind, values, scalers))
     return properties, groups, channels
-
-
-def _channel(text: str, place: Any, found: Any, properties: dict[str, Any]) -> TdmsObject:
-    counts = found.data_type is DaqMxRawData and found.scaler_data_types
-    return TdmsObject(
-        path=text,
-        group=place.group,
-        name=place.channel,
-        type_name=found.data_type.__name__ if found.data_type else "",
-        properties=properties,
-        scalers=tuple(found.scaler_data_types) if counts else (),
-    )
-
-
-def _plain(value: Any) -> Any:
-    return value.as_datetime64() if isinstance(value, TdmsTimestamp) else value
 
 
 @contextmanager

@@ -177,10 +177,8 @@ class _Builder:
             if daqmx:
                 self.foreign |= _foreign(objects)
                 self._known[key] = _daqmx_chunk(objects, order)
-            elif interleaved and any(o.data_type.size for o in objects):
-                self._known[key] = _interleaved_chunk(objects, order)
             else:
-                self._known[key] = _contiguous_chunk(objects, order)
+                self._known[key] = _plain_chunk(objects, order, interleaved)
         return self._known[key]
 
     def tracks(self) -> dict[str, Track]:
@@ -196,29 +194,21 @@ class _Builder:
         return tracks
 
 
-def _contiguous_chunk(objects: list[Any], order: str) -> tuple[dict[str, Strip], int]:
-    """All samples of one channel, then all of the next; text is stepped over."""
-    strips, offset = {}, 0
-    for o in objects:
-        if o.data_type.size is not None:
-            strips[o.path] = Strip(offset, o.data_type.size, _dtype(o.data_type, order), int(o.number_values))
-        offset += int(o.data_size)
-    return strips, offset
-
-
-def _interleaved_chunk(objects: list[Any], order: str) -> tuple[dict[str, Strip], int]:
-    """One sample of every channel, then the next of every channel."""
-    if any(o.data_type.size is None for o in objects) or len({o.number_values for o in objects}) > 1:
+def _plain_chunk(objects: list[Any], order: str, interleaved: bool) -> tuple[dict[str, Strip], int]:
+    """All samples of one channel, then all of the next, text stepped over; or one of every channel, then the next."""
+    sizes = [o.data_type.size for o in objects]
+    row = sum(filter(None, sizes)) if interleaved else 0
+    if row and (None in sizes or len({o.number_values for o in objects}) > 1):
         raise InputError(
             "an interleaved segment holds channels of unequal length or of text",
             expected="numbers, as many of each channel",
         )
-    row = sum(o.data_type.size for o in objects)
     strips, offset = {}, 0
-    for o in objects:
-        strips[o.path] = Strip(offset, row, _dtype(o.data_type, order), int(o.number_values))
-        offset += o.data_type.size
-    return strips, row * int(objects[0].number_values)
+    for o, size in zip(objects, sizes, strict=True):
+        if size is not None:
+            strips[o.path] = Strip(offset, row or size, _dtype(o.data_type, order), int(o.number_values))
+        offset += size if row else int(o.data_size)
+    return strips, row * int(objects[0].number_values) or offset
 
 
 def _daqmx_chunk(objects: list[Any], order: str) -> tuple[dict[str, Strip], int]:

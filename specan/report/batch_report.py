@@ -25,7 +25,7 @@ from specan.data.calibration import stated
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
 from specan.divisions import division_name
-from specan.errors import SpecanError, unforeseen
+from specan.errors import SpecanError, reason_of
 from specan.report.figure_style import micro
 from specan.report.figures import figure_of
 from specan.report.html_page import page, picture, table
@@ -130,7 +130,7 @@ class _Measured:
             octave = self.settings.octave.model_copy(update={"channels": names})
             self.bands = stated(octave(self.recording), self.recording)
         except Exception as fault:  # one recording costs no other its page
-            self.fault = str(fault) if isinstance(fault, SpecanError) else unforeseen(fault)
+            self.fault = reason_of(fault)
 
     @property
     def excitation(self) -> str:

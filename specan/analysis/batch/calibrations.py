@@ -14,7 +14,7 @@ from specan.analysis.batch.one_file import open_headers
 from specan.analysis.batch.result import FileResult
 from specan.analysis.excitation import CALIBRATOR_WORDS, stated_excitation
 from specan.analysis.insertion import CalibrationSettings
-from specan.errors import SpecanError, unforeseen
+from specan.errors import SpecanError, reason_of
 from specan.io.calibration_file import FILE_NAME, calibration_beside, read_calibration, write_calibration
 from specan.io.tdms_headers import metadata_of
 
@@ -39,8 +39,13 @@ class Assigned:
 
 def _is_calibrator(entry: Input) -> bool:
     """Whether a file says so; one that cannot be opened will be opened again for its own sake, and then says why."""
+    # Much faster than parsing: one of the words that name a calibrator has to be in the metadata. Other formats have no
+    # such properties; a pipe, which would be waited for, is refused when it is opened.
+    if not entry.path.lower().endswith(".tdms") or not os.path.isfile(entry.path):
+        return False
     try:
-        stated = stated_excitation(open_headers(entry)) if _may_be_calibrator(entry.path) else None
+        named = any(w in part for part in map(bytes.lower, metadata_of(entry.path)) for w in _WORDS)
+        stated = stated_excitation(open_headers(entry)) if named else None
     except Exception:
         return False
     return stated is not None and stated.kind == "calibrator"
@@ -115,19 +120,11 @@ def _fault_of(calibration: Path) -> str:
     """Why a calibration cannot be used, or nothing."""
     try:
         read_calibration(calibration)
-    except SpecanError as fault:
-        return str(fault)
     except Exception as fault:
-        return f"{calibration.name}: {unforeseen(fault)}"
+        return (
+            reason_of(fault) if isinstance(fault, SpecanError) else f"{calibration.name}: {reason_of(fault)}"
+        )
     return ""
-
-
-def _may_be_calibrator(path: str) -> bool:
-    """Whether one of the words that name a calibrator is in the metadata: much faster than parsing it."""
-    # Other formats have no such properties; a pipe, which would be waited for, is refused when it is opened.
-    if not path.lower().endswith(".tdms") or not os.path.isfile(path):
-        return False
-    return any(word in part for part in map(bytes.lower, metadata_of(path)) for word in _WORDS)
 
 
 def _nearest(root: str, place: str) -> Path | None:
@@ -156,13 +153,13 @@ def _calibrate(
             insertions.append(evaluate_insertion(open_headers(entry), settings))
             results.append(FileResult(entry.label, "skipped", _USED))
         except Exception as fault:
-            results.append(FileResult(entry.label, "failed", entry.neutral(_said(fault))))
+            results.append(FileResult(entry.label, "failed", entry.neutral(reason_of(fault))))
     if not insertions:
         return results, None
     try:
         calibration = join_insertions(insertions, settings)
     except Exception as fault:
-        return [FileResult(entry.label, "failed", _said(fault)) for entry in entries], None
+        return [FileResult(entry.label, "failed", reason_of(fault)) for entry in entries], None
     write_calibration(calibration, target)
     bad = [
         f"{c.channel} {c.verdict}: {', '.join(c.reasons)}"
@@ -175,7 +172,3 @@ def _calibrate(
 def fingerprint(path: Path) -> str:
     """First twelve digits of the SHA-256 of a file's bytes."""
     return "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()[:12]
-
-
-def _said(fault: Exception) -> str:
-    return str(fault) if isinstance(fault, SpecanError) else unforeseen(fault)

@@ -33,7 +33,7 @@ from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.data.tone import Excitation
-from specan.errors import NoSignalError, SpecanError, unforeseen
+from specan.errors import NoSignalError, SpecanError, reason_of
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.result import picked
@@ -55,13 +55,11 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
         if len(runs) == 1:
             return _of_run(recording, settings)
         return _together([(run, _attempted(run, settings)) for run in runs])
-    except SpecanError as fault:
-        kind: Kind = "skipped" if isinstance(fault, NoSignalError) else "failed"
-        return FileResult(entry.label, kind, entry.neutral(str(fault)))
     except OSError as fault:
         return FileResult(entry.label, "failed", f"it cannot be read ({fault.strerror or fault})")
     except Exception as fault:
-        return FileResult(entry.label, "failed", entry.neutral(unforeseen(fault)))
+        kind: Kind = "skipped" if isinstance(fault, NoSignalError) else "failed"
+        return FileResult(entry.label, kind, entry.neutral(reason_of(fault)))
 
 
 def _of_run(run: Recording, settings: BatchSettings) -> FileResult:

@@ -26,7 +26,7 @@ from specan.data.levels import rms_level
 from specan.data.orders import OrderSpectrum
 from specan.data.recording import Recording
 from specan.data.tone import ToneTable
-from specan.errors import InputError, SpecanError, unforeseen
+from specan.errors import InputError, SpecanError, reason_of
 from specan.io import results_text as text
 from specan.units import LEVEL_REFERENCES
 
@@ -319,6 +319,6 @@ def _stepped_sines(results: Sequence[FileResult]) -> tuple[list[tuple[str, str]]
         try:
             lines[label] = joined_lines(join_stepped_sine(steps, label), tables)
         except Exception as fault:
-            known = fault if isinstance(fault, InputError) else InputError(unforeseen(fault))
+            known = fault if isinstance(fault, InputError) else InputError(reason_of(fault))
             reasons.append((label, f"no stepped-sine characteristic: {known}"))
     return reasons, lines

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from specan.errors import SpecanError, unforeseen
+from specan.errors import SpecanError, reason_of
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import describe
 from specan.study.estimation.problem import Problem
@@ -67,7 +67,7 @@ class _Telling:
         try:
             return find()
         except Exception as fault:
-            reason = fault.found if isinstance(fault, SpecanError) else unforeseen(fault)
+            reason = fault.found if isinstance(fault, SpecanError) else reason_of(fault)
             self.failures.append(f"{what} could not be computed ({reason})")
             return otherwise
 
