@@ -107,7 +107,7 @@ def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDAr
     >>> article = Gear(z_sun=24, z_planet=21, z_ring=66, module_mm=2.0)
     >>> found = kinematic_orders(article, harmonics=1, sidebands=1)
     >>> found[found >= 66].round(3).tolist()
-    [66.0, 66.75, 67.0, 68.143, 68.75, 69.143, 69.75, 70.143, 70.5, 73.5, 74.25]
+    [66.0, 66.75, 67.0, 68.143, 68.75, 69.143, 69.75, 70.143, 70.5, 73.5, 74.25, 78.75, 81.75, 82.5]
     """
     sun, planet = float(sun_order(gear)), float(planet_order(gear))
     found = set()

@@ -23,7 +23,7 @@ from specan.study.evidence.explanations import (
 from specan.study.evidence.faults import ln_mean
 from specan.study.evidence.marginal import Tangent
 from specan.study.evidence.promises import together
-from specan.study.selection.candidates import Candidate, candidates, without
+from specan.study.selection.candidates import Candidate, candidates, confounded_with, without
 
 PAIRED = 3, 6  # likeliest effects that are looked at with others, and with how many of these
 
@@ -78,11 +78,14 @@ class OfOrderLines(Explanations):
             likeliest[use], most, alone[use] = self.lines.likeliest(candidate, self.patterns[use])
             places[use] = most - alone[use]
         # An error of a share s in the form of an effect leaves s^2 of the chi-square that it takes away: what else is
-        # to explain that has to add more.
-        self._best = best = max([nothing, *alone.values()])
-        apart = [likeliest[use].but for use, gain in alone.items() if gain == best]
-        own = best - nothing - self.lines.of_another_origin(*apart[:1])
-        self._form_error = form_error = self.lines.seen.known.near**2 * own
+        # to explain that has to add more, and what is known to look alike is told apart in units of that.
+        share, best = self.lines.seen.known.near**2, max([nothing, *alone.values()])
+        of_form = {
+            use: share * max(gain - nothing - self.lines.of_another_origin(likeliest[use].but), 0.0)
+            for use, gain in alone.items()
+        }
+        first = next((use for use, gain in alone.items() if gain == best), None)
+        self._best, self._form_error = best, of_form[first] if first else 0.0
         self._keep_lines("nothing", [], 0.0, nothing)
         for use, gain in alone.items():
             self._keep_lines("effects", [likeliest[use]], 0.0, gain)
@@ -99,9 +102,11 @@ class OfOrderLines(Explanations):
                 second = anything[0] if other is None else likeliest[other]
                 gain = self.lines.ln_evidence([likeliest[use], second], near=[likeliest[use]])
                 gain -= sum(places[u] for u in (use, other) if u)
-                if gain > best + form_error:
+                if gain > best + self._form_error:
                     kind = "effects" if other else "unknown"
                     self._keep_lines(kind, [likeliest[use], second], 0.0 if other else chance, gain)
+        if first:
+            self._coarsen(first, of_form)
         near = [e.uses for e in self.found if e.uses and e.ln_joint > self.best + np.log(OF_THE_BEST)]
         fits = {uses: self._told(sorted(uses), likeliest) for uses in dict.fromkeys(near)}
         self.found = [
@@ -124,6 +129,18 @@ class OfOrderLines(Explanations):
         if where and (near or ln_evidence + more > self._best + self._form_error):
             said.append(f"{' and '.join(where)} stands alone: a tone of the background, perhaps")
             self.found.append(replace(one, ln_evidence=ln_evidence + more, tones="; ".join(said)))
+
+    def _coarsen(self, first: Use, of_form: Mapping[Use, float]) -> None:
+        """Tell what is known to look like the best effect from it in units of what an error of its form leaves.
+
+        A coarsened posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113.
+        """
+        alike = {frozenset([use]) for use in confounded_with(self.problem.assembly.model, first)}
+        best = max(e.ln_evidence for e in self.found if e.uses == {first} and e.kind == "effects")
+        for k, one in enumerate(self.found):
+            if one.kind == "effects" and one.uses in alike and one.ln_evidence < best:
+                less = (best - one.ln_evidence) / (1 + of_form[min(one.uses)])
+                self.found[k] = replace(one, ln_evidence=best - less)
 
     def _told(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
         """The model with some effects, as large as their lines tell."""
