@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
 from specan_cli.options import json_option, opening_options, opt, section_options
-from specan_cli.output import SAMPLES, Delivery, OutputFile, decimal_option, plot_option, refuse_unsafe, verb
+from specan_cli.output import Delivery, decimal_option, plot_option, samples_option, verb
 from specan_cli.recording_verb import given, opened_with, say_calibration, say_notes
 
 
@@ -23,11 +22,7 @@ from specan_cli.recording_verb import given, opened_with, say_calibration, say_n
 )  # fmt: skip
 @opt("--length length_s", float, "Length of the responses.", "S")
 @section_options
-@opt(
-    "-o --output",
-    OutputFile(*SAMPLES),
-    "The file, in the format of its ending.  [default: FILE_impulse.wav, here]",
-)
+@samples_option("_impulse.wav")
 @decimal_option("CSV")
 @plot_option("the responses")
 @json_option
@@ -44,20 +39,18 @@ def command(file: Path, deliver: Delivery, **options: Any) -> int:
     from specan.api.recordings import impulse
     from specan.io.export_file import Excerpt, write_excerpt
 
-    target = deliver.output or Path(f"{file.stem}_impulse.wav")
-    refuse_unsafe(target)
     source, own = opened_with(file, options)
     found = impulse(source.open(), **given(**own))
     responses = found.recording()
     excerpt = Excerpt(responses, responses.channels, 0, found.samples.shape[1])
-    write_excerpt(excerpt, target, deliver.decimal)
-    deliver = replace(deliver, output=target)
+    assert deliver.output is not None  # it has a default
+    write_excerpt(excerpt, deliver.output, deliver.decimal)
     deliver.draw(found)
 
     def show() -> None:
         click.echo(f"{found.summary()}.")
         say_calibration(found)
 
-    deliver.put_out({"output": str(target), **found.to_dict()}, show)
+    deliver.put_out({"output": str(deliver.output), **found.to_dict()}, show)
     say_notes(found.notes, {})
     return 0

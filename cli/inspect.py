@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import webbrowser
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -55,7 +56,21 @@ def command(
         if effects:
             raise RequestError("--effect is for a study", remedy="leave it out")
         fill = _recording(place, overlay, opening)
-    _serve(fill, address, port, not no_browser)
+    from specan.inspect.server import start_server
+
+    server = start_server(fill, address, port)
+    click.echo(server.url)
+    if address not in ("127.0.0.1", "localhost", "::1"):
+        say(f"Note: everybody who reaches {address} can look at this page.")
+    if not no_browser and not webbrowser.open(server.first_url):
+        say("No browser was found: open the address above in one.")
+    say("Ctrl-C ends it.")
+    try:
+        server.io_loop.start()
+    except KeyboardInterrupt:
+        say("Ended.")
+    finally:
+        server.stop()
     return 0
 
 
@@ -88,24 +103,3 @@ def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], objec
     from specan.inspect.trial import KeptStudy
 
     return partial(StudyPage, kept=KeptStudy(study))
-
-
-def _serve(fill: Callable[[Document], object], address: str, port: int, browser: bool) -> None:
-    import webbrowser
-
-    from specan.inspect.server import start_server
-
-    server = start_server(fill, address, port)
-    url = server.url
-    click.echo(url)
-    if address not in ("127.0.0.1", "localhost", "::1"):
-        say(f"Note: everybody who reaches {address} can look at this page.")
-    if browser and not webbrowser.open(server.first_url):
-        say("No browser was found: open the address above in one.")
-    say("Ctrl-C ends it.")
-    try:
-        server.io_loop.start()
-    except KeyboardInterrupt:
-        say("Ended.")
-    finally:
-        server.stop()

@@ -249,12 +249,15 @@ class Verb(Grouped):
         )
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Refuse targets whose content must not be lost; then do the work."""
+        """Refuse targets whose content must not be lost, as `check_output` says; then do the work."""
+        from specan.io.output_file import check_output
+
         types = {p.name: p.type for p in self.params if isinstance(p.type, OutputFile)}
         given = {name: ctx.params[name] for name in sorted(types) if ctx.params.get(name) is not None}
         targets = list(given.values())
+        inputs = [path for name, value in ctx.params.items() if name not in types for path in _paths(value)]
         for name, target in given.items():
-            refuse_unsafe(target, ctx)
+            check_output(target, inputs, force=ctx.meta.get(_FORCE, False))
             types[name].check_ending(target)
         if _STANDARD_OUTPUT in targets and (ctx.params.get("as_json") or targets.count(_STANDARD_OUTPUT) > 1):
             raise RequestError(
@@ -263,20 +266,14 @@ class Verb(Grouped):
         return super().invoke(ctx)
 
 
-def refuse_unsafe(target: Path, ctx: click.Context | None = None) -> None:
-    """Refuse a file that the verb reads, a recording, and without --force what specan did not write.
+def samples_option(ending: str) -> Callable[[Any], Any]:
+    """The option ``-o`` of samples; without it they are written here, under the name of FILE with `ending`."""
 
-    Raises
-    ------
-    RequestError
-        As `specan.io.output_file.check_output`.
-    """
-    from specan.io.output_file import check_output
+    def chosen(context: click.Context, option: click.Parameter, path: Path | None) -> Path:
+        return path or Path(f"{context.params['file'].stem}{ending}")
 
-    ctx = ctx or click.get_current_context()
-    outputs = {p.name for p in ctx.command.params if isinstance(p.type, OutputFile)}
-    inputs = [path for name, value in ctx.params.items() if name not in outputs for path in _paths(value)]
-    check_output(target, inputs, force=ctx.meta.get(_FORCE, False))
+    text = f"The file to write, in the format of its ending.  [default: FILE{ending}, here]"
+    return opt("-o --output", OutputFile(*SAMPLES), text, callback=chosen)
 
 
 def decimal_option(what: str = "text") -> Callable[[Any], Any]:

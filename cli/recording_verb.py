@@ -171,9 +171,9 @@ class Source:
     def open(self, quantity: Any = None) -> Recording:
         """The recording; on a terminal it shows how far it has been read."""
         from specan.api.recordings import read
-        from specan_cli.progress import Shown
+        from specan_cli.progress import shown
 
-        return Shown.of(read(self.file, quantity=quantity, **self.opening))
+        return shown(read(self.file, quantity=quantity, **self.opening))
 
 
 class ResultDelivery(Delivery):

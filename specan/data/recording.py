@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -492,3 +492,23 @@ class Recording(Result):
         stop = min(c.n_samples for c in channels) if stop is None else stop
         for first in range(start, stop, size):
             yield self.read(channels, first, min(first + size, stop))
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Watched(Recording):
+    """A recording that is watched while it is read.
+
+    Attributes
+    ----------
+    watch : callable
+        ``watch(blocks, channels, length)`` hands on the blocks of a section of so many samples.
+    """
+
+    watch: Callable[[Iterator[Real], Sequence[Channel], int], Iterator[Real]]
+
+    def blocks(
+        self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None
+    ) -> Iterator[Real]:
+        """Consecutive blocks, as of any recording."""
+        stop = min(c.n_samples for c in channels) if stop is None else stop
+        return self.watch(super().blocks(channels, size, start, stop), channels, stop - start)

@@ -6,14 +6,13 @@ import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any
 
 from bokeh.document import Document
 
 from specan.arrays import Real
 from specan.data.channel import Channel
-from specan.data.recording import Recording
+from specan.data.recording import Recording, Watched
 from specan.errors import SpecanError, reason_of
 
 _TELL_S = 0.25
@@ -88,31 +87,21 @@ class Superseded(Exception):
     """Another request came before this one was done."""
 
 
-@dataclass(frozen=True, repr=False)
-class Heard(Recording):
-    """A recording that tells how much of a section an analysis has read, and ends it when told so."""
+def heard(recording: Recording, tell: Tell) -> Recording:
+    """The same recording, which tells how much of a section an analysis has read, and ends it when told so.
 
-    tell: Tell = lambda part: True
+    Raises
+    ------
+    Superseded
+        On reading: `tell` said not to go on.
+    """
 
-    @classmethod
-    def of(cls, recording: Recording, tell: Tell) -> Heard:
-        """The same recording, heard."""
-        return cls(**vars(recording), tell=tell)
-
-    def blocks(
-        self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None
-    ) -> Iterator[Real]:
-        """Consecutive blocks, as of any recording.
-
-        Raises
-        ------
-        Superseded
-            `tell` said not to go on.
-        """
-        stop = min(c.n_samples for c in channels) if stop is None else stop
-        done = start
-        for samples in super().blocks(channels, size, start, stop):
+    def watch(blocks: Iterator[Real], channels: Sequence[Channel], length: int) -> Iterator[Real]:
+        done = 0
+        for samples in blocks:
             yield samples
             done += samples.shape[1]
-            if not self.tell((done - start) / (stop - start)):
+            if not tell(done / length):
                 raise Superseded
+
+    return Watched(**vars(recording), watch=watch)

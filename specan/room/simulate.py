@@ -10,6 +10,7 @@ import click
 from specan.errors import RequestError
 from specan_cli.output import emit_json, note, say
 from specan_cli.simulate_recording import output_path, show_recording, write_recording
+from specan_cli.simulate_table import write
 
 if TYPE_CHECKING:
     from specan.models.chosen_model import ChosenModel
@@ -74,7 +75,6 @@ def _record(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
 
 
 def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
-    from specan.io.output_file import write_csv
     from specan.room.model.field_map import field_map, of_microphones, read_plane
 
     path = output_path(options["output"], ".csv", ".png", ".svg", ".pdf")
@@ -84,9 +84,7 @@ def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
         say(f"Errors of microphones do not change the field: {', '.join(left_out)}.")
     found = field_map(chosen, read_plane(options["plane"]), options["frequency"])
     if path.suffix.lower() == ".csv":
-        columns = found.columns()
-        rows = zip(*columns.values(), strict=True)
-        write_csv(path, columns, ([f"{value:.9g}" for value in row] for row in rows))
+        write(path, found.columns())
     else:
         from specan.report.figure_style import save_figure
         from specan.room.figures import field_figure

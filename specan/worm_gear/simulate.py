@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,7 +11,6 @@ from specan_cli.output import OutputFile, note
 from specan_cli.simulate_table import length, over_limits, simulate, table_options, write
 
 if TYPE_CHECKING:
-    from specan.models.chosen_model import ChosenModel
     from specan.models.model import Model
 
 GRID_POINTS = {"worm_speed": 7, "indicated_output_torque": 11, "indicated_oil_temperature": 3}
@@ -36,7 +34,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     \b
     specan simulate worm-gear sample_data/worm_gear/rig.toml --effects seal-drag -o table.csv
     """
-    from specan.models.chosen_model import choose_model
+    from specan.models.chosen_model import choose_model, grid
     from specan.worm_gear.model.simulated_table import simulated_table
 
     chosen = choose_model(model, options["effects"], options["without"])
@@ -46,18 +44,9 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 
         save_figure(efficiency_map(chosen), options["plot"])
         note(f"efficiency map written to {options['plot']}")
-    if options["lookup"]:
-        _look_up(chosen, options["lookup"])
+    if options["lookup"]:  # the temperature runs fastest, as simulation programs want it
+        rows = simulated_table(chosen, grid(model, over_limits(model, LOOKUP_POINTS)))
+        write(options["lookup"], {name: rows[name] for name in LOOKUP_COLUMNS})
+        note(f"{length(rows)} rows written to {options['lookup']}")
     if options["output"] or not (options["plot"] or options["lookup"]):
         simulate(model, options, simulated_table, GRID_POINTS)
-
-
-def _look_up(chosen: ChosenModel, path: Path) -> None:
-    """A full grid, the temperature running fastest, as look-up tables of simulation programs want it."""
-    from specan.models.chosen_model import grid
-    from specan.worm_gear.model.simulated_table import simulated_table
-
-    model = chosen.assembly.model
-    rows = simulated_table(chosen, grid(model, over_limits(model, LOOKUP_POINTS)))
-    write(path, {name: rows[name] for name in LOOKUP_COLUMNS})
-    note(f"{length(rows)} rows written to {path}")

@@ -12,7 +12,7 @@ from scipy.io import wavfile
 from specan_cli.fft import command as fft
 from specan_cli.frf import command as frf
 from specan_cli.octave import command as octave
-from specan_cli.rms import command as rms
+from specan_cli.single_analyses import rms
 
 pytest.importorskip("bokeh")
 

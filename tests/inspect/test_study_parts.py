@@ -15,7 +15,7 @@ from specan.errors import InputError, RequestError
 from specan.inspect.plots import outline
 from specan.inspect.study_views.ranking import Ranking, uses_of
 from specan.inspect.trial import KeptStudy, as_it_is, try_effects
-from specan.inspect.work import Heard, Superseded
+from specan.inspect.work import Superseded, heard
 from specan.report.residual_map import failing_map
 from specan.study.edit import add_effect
 from specan.study.selection.candidates import candidates
@@ -213,12 +213,12 @@ def test_reading_is_told_and_can_be_ended():
     channel = Channel("Mic", "G", unit="Pa", sampling_rate=1000.0, n_samples=1000)
     one = Recording("a.tdms", (channel,), ArraySource([np.arange(1000.0)]))
     parts = []
-    telling = Heard.of(one, lambda part: parts.append(part) or True)
+    telling = heard(one, lambda part: parts.append(part) or True)
     for _ in telling.blocks((channel,), 250):
         pass
     assert parts == [0.25, 0.5, 0.75, 1.0]
     with pytest.raises(Superseded):
-        list(Heard.of(one, lambda part: False).blocks((channel,), 250))
+        list(heard(one, lambda part: False).blocks((channel,), 250))
 
 
 # --- recordings -----------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from specan.errors import RequestError
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import Plots, Spectral, plain
 from specan.inspect.view import View, settings_of, with_labels
-from specan.inspect.work import Heard, Tell
+from specan.inspect.work import Tell, heard
 from specan.report.figures import description_of
 from specan.report.panels import Drawing, joined
 from specan.result import RecordingResult
@@ -84,7 +84,7 @@ class Tab:
         chosen = self.opened.chosen(self.keys(view))
         if not chosen:
             raise RequestError("no channel is chosen", remedy=f"choose {self.needs} on the left")
-        return [(one.number, self.analyse(view, one, Heard.of(one.recording, tell))) for one in chosen]
+        return [(one.number, self.analyse(view, one, heard(one.recording, tell))) for one in chosen]
 
     def keys(self, view: View) -> Sequence[str]:
         """Of the channels that are analysed."""
