@@ -229,13 +229,9 @@ def cell(value: Any, form: str = ".2f") -> str:
     >>> cell(94.0123), cell(float("nan")), cell(0.012345, ".3g"), cell("Pa")
     ('94.01', '', '0.0123', 'Pa')
     """
-    return (
-        str(value)
-        if isinstance(value, str)
-        else ""
-        if value is None or value != value
-        else format(value, form)
-    )
+    if value is None or value != value:
+        return ""
+    return str(value) if isinstance(value, str) else format(value, form)
 
 
 def _as_html(sheet: Sheet) -> str:

@@ -6,6 +6,7 @@ import stat
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -98,11 +99,7 @@ def _nearest_to_intended(faults: Sequence[Any]) -> Any:
     """
     first = faults[0]
     alike = [f for f in faults if f["loc"][: len(first["loc"]) - 1] == first["loc"][:-1]]
-    return (
-        max(alike, key=lambda f: (not f["type"].endswith("_type"), len(f["loc"])))
-        if len(alike) > 1
-        else first
-    )
+    return max(alike, key=lambda f: (not f["type"].endswith("_type"), len(f["loc"])))
 
 
 def _keys_in(content: Any, place: Sequence[str | int], of_a_key: bool) -> list[str | int]:
@@ -123,15 +120,9 @@ def _keys_in(content: Any, place: Sequence[str | int], of_a_key: bool) -> list[s
 def _spoken(keys: Sequence[str | int]) -> str:
     """``'mics.position_m' entry 2 entry 3``, as a user counts them."""
     words: list[str] = []
-    joined = False
-    for key in keys:
-        if isinstance(key, int):
-            words.append(f"entry {key + 1}")
-        elif joined:
-            words[-1] = f"{words[-1][:-1]}.{key}'"
-        else:
-            words.append(f"'{key}'")
-        joined = isinstance(key, str)
+    for kind, some in groupby(keys, type):
+        names = [f"entry {key + 1}" if isinstance(key, int) else key for key in some]
+        words.append(" ".join(names) if kind is int else f"'{'.'.join(names)}'")
     return " ".join(words)
 
 

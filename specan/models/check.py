@@ -14,7 +14,7 @@ from specan.errors import RequestError
 from specan.models.effect import Effect, ParameterName, Use
 from specan.models.from_function import place_of
 from specan.models.model import Assembly, Model
-from specan.models.trial import check_units, try_assembly, try_model
+from specan.models.trial import check_units, try_model
 
 Conditions = Mapping[str, Real]
 
@@ -178,9 +178,9 @@ def check_model(model: Model, recorded: Conditions | None = None) -> ModelReport
             remedy="give its lowest and highest value",
         )
     conditions = recorded or conditions_over_limits(model)
-    try_model(model, conditions)
-    started = time.perf_counter()
     base = model.assemble(model.base_effects)
+    try_model(base, conditions)
+    started = time.perf_counter()
     base.evaluate(conditions)
     seconds = time.perf_counter() - started
     notes = check_units(model, conditions)
@@ -190,7 +190,7 @@ def check_model(model: Model, recorded: Conditions | None = None) -> ModelReport
         try:
             use = Use(name, model.axes[effect.at][0] if effect.at else "")
             active = model.assemble({*base.uses, use})
-            try_assembly(active, conditions)
+            try_model(active, conditions)
             check_effect(effect, model, conditions)
             _check_determined(active, _own(active, use, conditions), conditions)
         except RequestError as fault:

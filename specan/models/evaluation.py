@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from specan.models.effect import Effect, Parameter, ParameterName, Use
 from specan.models.from_function import place_of, users_mistake
 from specan.models.loops import fixed_point, ordered, reached
 from specan.models.quantity import Quantity
+from specan.result import gathered
 from specan.units import convert
 
 BASE = "base"  # the name of the part of a quantity that is not an effect's
@@ -205,10 +206,7 @@ class Assembly:
         """Quantities in the order of evaluation, those of loops together; and those that are guessed to go around."""
         reads = self._reads
         order, guessed = ordered(reads)
-        readers: dict[str, list[str]] = {name: [] for name in reads}
-        for name, names in reads.items():
-            for read in names:
-                readers[read].append(name)
+        readers = gathered((read, name) for name, names in reads.items() for read in names)
         below, above = reached(guessed, readers), reached(guessed, reads)
         loop = tuple(name for name in order if name in below & above)
         steps: list[tuple[str, ...]] = [(name,) for name in order if name not in below]
@@ -216,32 +214,27 @@ class Assembly:
         return steps + [(name,) for name in order if name in below - above], guessed
 
     @cached_property
-    def _schedules(self) -> dict[Any, tuple[list[str], list[tuple[str, ...]]]]:
-        return {}
+    def _schedule(self) -> Callable[..., tuple[list[str], list[tuple[str, ...]]]]:
+        return cache(self._scheduled)
 
-    def _schedule(
+    def _scheduled(
         self, wanted: tuple[str, ...] | None, changed: tuple[str, ...] | None
     ) -> tuple[list[str], list[tuple[str, ...]]]:
         """Quantities that do not depend on what has changed, and steps of the plan that are worked out."""
-        if (wanted, changed) not in self._schedules:
-            needed = set(self._reads) if wanted is None else reached(wanted, self._reads)
-            touched = set(self._reads)
-            if changed is not None:
-                owners = {ParameterName(name).owner for name in changed}
-                touched = {
-                    name
-                    for name, (base, acting) in self._calls.items()
-                    if base.key in owners or any(call.key in owners for _, _, call in acting)
-                }
-                for step in self._plan[0]:  # what is read comes first, so one pass suffices
-                    if any(name in touched or not touched.isdisjoint(self._reads[name]) for name in step):
-                        touched.update(step)
-            steps = [step for step in self._plan[0] if touched.intersection(step)]
-            self._schedules[wanted, changed] = (
-                [name for name in self._reads if name not in touched],
-                [step for step in steps if needed.intersection(step)],
-            )
-        return self._schedules[wanted, changed]
+        needed = set(self._reads) if wanted is None else reached(wanted, self._reads)
+        touched = set(self._reads)
+        if changed is not None:
+            owners = {ParameterName(name).owner for name in changed}
+            touched = {
+                name
+                for name, (base, acting) in self._calls.items()
+                if base.key in owners or any(call.key in owners for _, _, call in acting)
+            }
+            for step in self._plan[0]:  # what is read comes first, so one pass suffices
+                if any(name in touched or not touched.isdisjoint(self._reads[name]) for name in step):
+                    touched.update(step)
+        kept = [name for name in self._reads if name not in touched]
+        return kept, [s for s in self._plan[0] if touched.intersection(s) and needed.intersection(s)]
 
     def _value(self, name: str, into: Evaluation, parameters: Mapping[str, Any]) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""

@@ -44,12 +44,12 @@ def reached(start: Iterable[str], edges: Mapping[str, Sequence[str]]) -> set[str
     ['a', 'b']
     """
     found: set[str] = set()
-    left = [node for node in start if node in edges]
+    left = list(start)
     while left:
         node = left.pop()
         if node not in found:
             found.add(node)
-            left.extend(edges[node])
+            left.extend(edges.get(node, ()))
     return found
 
 

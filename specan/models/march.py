@@ -14,7 +14,6 @@ from __future__ import annotations
 import hashlib
 import inspect
 import types
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
@@ -29,6 +28,7 @@ from specan.models.effect import ParameterName
 from specan.models.evaluation import Assembly
 from specan.models.loops import reached
 from specan.models.rates import TIME
+from specan.result import gathered
 from specan.user_folder import user_folder
 
 Sets = Sequence[Mapping[str, Any]]  # of parameter values
@@ -52,7 +52,10 @@ class Program:
     def __init__(self, assembly: Assembly, switched: bool) -> None:
         self.assembly, self.switched = assembly, switched
         self.states = assembly.model.rates.states_of(assembly)
-        self.moved = self._moved_by_states()
+        calls = assembly._calls.items()
+        acting = [(name, call) for name, (base, more) in calls for call in (base, *(c for *_, c in more))]
+        readers = gathered((read, name) for name, call in acting for read in call.reads)
+        self.moved = reached(self.states, readers) - set(self.states)  # quantities that depend on a state
         self.uses = assembly.uses
         self.parameters: list[str] = []
         self.functions: dict[str, Callable[..., Any]] = {}
@@ -61,15 +64,6 @@ class Program:
         self._write()
         # of ``explicit``, Runge-Kutta's method, and ``implicit``, for stiff models; compiled when it is asked for
         self.march = cache(self._march)
-
-    def _moved_by_states(self) -> set[str]:
-        """Quantities that depend on a state."""
-        readers = defaultdict(list)
-        for name, (base, acting) in self.assembly._calls.items():
-            for call in (base, *(c for *_, c in acting)):
-                for read in call.reads:
-                    readers[read].append(name)
-        return reached([n for n in self.states if readers[n]], readers) - set(self.states)
 
     def _write(self) -> None:
         order = [name for step in self.assembly._plan[0] for name in step]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING, Any
 
@@ -426,10 +426,7 @@ class Model:
                 raise RequestError(
                     f"{use.name} acts everywhere, not at {use.at!r}", remedy=f"use {use.name!r}"
                 )
-        chosen = tuple(sorted(parsed))
-        if chosen not in self._assemblies:
-            self._assemblies[chosen] = Assembly(self, chosen)
-        return self._assemblies[chosen]
+        return self._assembly(tuple(sorted(parsed)))
 
     @cached_property
     def base_order(self) -> list[str]:
@@ -451,9 +448,9 @@ class Model:
         return Solver(self)
 
     @cached_property
-    def _assemblies(self) -> dict[tuple[Use, ...], Assembly]:
-        """Those made before: a search asks for the same ones again, and each knows its order of evaluation."""
-        return {}
+    def _assembly(self) -> Callable[[tuple[Use, ...]], Assembly]:
+        """What assembles: a search asks for the same ones again, and each knows its order of evaluation."""
+        return cache(partial(Assembly, self))
 
     def candidates(self, assembly: Assembly) -> tuple[Use, ...]:
         """Uses of effects that the assembly lacks, one for each element of the axis they act at.

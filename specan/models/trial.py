@@ -32,12 +32,12 @@ Conditions = Mapping[str, NDArray[np.float64]]
 _EXPONENTS = {-2, -1, -0.5, 0, 0.5, 1, 1.5, 2, 3, 4}  # numbers that a formula has without a unit
 
 
-def try_model(model: Model, conditions: Conditions) -> None:
-    """Evaluate a model's base twice and see that it keeps what every study rests on.
+def try_model(assembly: Assembly, conditions: Conditions) -> None:
+    """Evaluate a model with chosen effects twice and see that it keeps what every study rests on.
 
     Parameters
     ----------
-    model : Model
+    assembly : Assembly
     conditions : mapping
         Arrays of one length, as the model's functions receive them.
 
@@ -47,11 +47,6 @@ def try_model(model: Model, conditions: Conditions) -> None:
         File and line of the function that gives values that are not finite or of another shape, that takes too long,
         or gives other values when it is called again.
     """
-    try_assembly(model.assemble(model.base_effects), conditions)
-
-
-def try_assembly(assembly: Assembly, conditions: Conditions) -> None:
-    """`try_model` for a model with chosen effects."""
     given = {name: np.array(values) for name, values in conditions.items()}
     for values in given.values():
         values.flags.writeable = False  # a function that writes into its arguments fails at that line
@@ -63,7 +58,15 @@ def try_assembly(assembly: Assembly, conditions: Conditions) -> None:
     first = _in_time(evaluate)
     _check_values(assembly.model, first, given)
     second = evaluate()
-    _check_same(assembly.model, first, second)
+    for name, node in assembly.model.quantities.items():
+        if not node.comparable or name not in first.values:
+            continue
+        if not np.array_equal(first.values[name], second.values[name], equal_nan=True):
+            raise RequestError(
+                f"{place_of(node.function)}: {name!r} gives other values when it is called again",
+                expected="the same values for the same conditions and parameters",
+                remedy="take randomness and counters out of the model",
+            )
 
 
 def _in_time(evaluate: Callable[[], Evaluation]) -> Evaluation:
@@ -146,18 +149,6 @@ def _first_place(model: Model, conditions: Conditions, wrong: NDArray[np.bool_])
         shown = convert(float(values[row]), known.unit, known.column_unit or known.unit)
         places.append(f"{known.column or name} = {shown:.6g}")
     return ", the first at " + ", ".join(places)
-
-
-def _check_same(model: Model, first: Evaluation, second: Evaluation) -> None:
-    for name, node in model.quantities.items():
-        if not node.comparable or name not in first.values:
-            continue
-        if not np.array_equal(first.values[name], second.values[name], equal_nan=True):
-            raise RequestError(
-                f"{place_of(node.function)}: {name!r} gives other values when it is called again",
-                expected="the same values for the same conditions and parameters",
-                remedy="take randomness and counters out of the model",
-            )
 
 
 def check_units(model: Model, conditions: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     checked = [read_measurement(f, model) for f in wanted.validations]
     rows = join([*fitted, *checked], model)
     if model.is_own:
-        try_model(model, rows.conditions)
+        try_model(model.assemble(model.base_effects), rows.conditions)
     columns = {model.conditions[name].column: _column(rows, model, name) for name in rows.conditions}
     unseen = rows.recording >= len(fitted)
     aside = put_aside(columns, wanted, rows.recordings, rows.recording, unseen)

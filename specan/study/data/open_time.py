@@ -100,7 +100,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     # samples on which a user's functions are tried; they are compiled before, which takes seconds
     few = {n: v[:1000] for n, v in fitted[0].conditions.items()}
     model.assemble(model.base_effects).evaluate({n: v[:2] for n, v in few.items()})
-    try_model(model, few)
+    try_model(model.assemble(model.base_effects), few)
     statements.append(f"solved by {model.solver.method()}")
     for name, (size, stated) in noise.items():
         how = "as stated" if stated else "from the fastest changes"

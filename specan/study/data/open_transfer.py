@@ -59,7 +59,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     fitted, held_out = parted([(file, whole) for file, whole, _, _ in opened], wanted)
     statements, known = [said for _, _, said, _ in opened], all(told for *_, told in opened)
     if model.is_own:
-        try_model(model, fitted[0].conditions_at_nodes)
+        try_model(model.assemble(model.base_effects), fitted[0].conditions_at_nodes)
     if not known:
         names = ", ".join(o.name for o in model.observables.values() if o.kind == KIND)
         statements.append(
