@@ -66,7 +66,13 @@ def load_model(name: str | Path, rig: Mapping[str, Any] | str | Path | None = No
     elif not isinstance(rig, Mapping):
         rig = read_rig_file(Path(rig))
     if str(name).startswith(_MEMORY):
-        return _from_memory(str(name), rig)
+        if str(name) not in _KEPT:
+            raise RequestError(
+                "the model of this study was in the memory of a program that has ended",
+                expected="a model in a file",
+                remedy="write the model to a Python file and begin a study with it",
+            )
+        return _KEPT[str(name)].with_rig(rig) if rig else _KEPT[str(name)]
     if is_file(name):
         return model_from_file(Path(name), rig)
     model: Model = _package(str(name)).build(rig)
@@ -87,16 +93,6 @@ def keep_in_memory(model: Model) -> str:
     name = f"{_MEMORY}{len(_KEPT)}"
     _KEPT[name] = model
     return name
-
-
-def _from_memory(name: str, rig: Mapping[str, Any]) -> Model:
-    if name not in _KEPT:
-        raise RequestError(
-            "the model of this study was in the memory of a program that has ended",
-            expected="a model in a file",
-            remedy="write the model to a Python file and begin a study with it",
-        )
-    return _KEPT[name].with_rig(rig) if rig else _KEPT[name]
 
 
 def is_file(name: str | Path) -> bool:
@@ -153,10 +149,7 @@ def model_from_file(path: Path, rig: Mapping[str, Any], content: bytes | None = 
     module = _module_from(path, "model", content)
     build = getattr(module, "build", None)
     held = {id(value): value for value in vars(module).values() if isinstance(value, Model)}
-    found: list[Model] = list(held.values())
-    if callable(build):
-        found = []
-        _run(lambda: found.append(build(rig)), path, "model")
+    found = [_run(lambda: build(rig), path, "model")] if callable(build) else list(held.values())
     if len(found) != 1 or not isinstance(found[0], Model):
         raise RequestError(
             f"the model file {path} holds {len(found) or 'no'} model{'s' * (len(found) > 1)}",
@@ -173,13 +166,11 @@ def example_model(name: str) -> Model:
 
 def example_rig(name: str) -> Mapping[str, Any]:
     """The content of the example rig file that comes with a model; empty for a file that states none."""
-    if is_file(name):
-        python = str(name).endswith(".py")
-        rig: Mapping[str, Any] = (
-            getattr(_module_from(Path(name), "model"), "EXAMPLE_RIG", {}) if python else {}
-        )
-        return rig
-    found: Mapping[str, Any] | None = getattr(_package(name), "EXAMPLE_RIG", None)
+    python = str(name).endswith(".py")
+    if is_file(name) and not python:
+        return {}
+    module = _module_from(Path(name), "model") if python else _package(name)
+    found: Mapping[str, Any] | None = getattr(module, "EXAMPLE_RIG", {} if python else None)
     if found is None:
         raise RequestError(f"the model {name!r} comes with no example rig", remedy="name a rig file")
     return found
@@ -247,9 +238,9 @@ def _module_from(path: Path, what: str, content: bytes | None = None) -> Any:
     return module
 
 
-def _run(load: Callable[[], None], path: Path, what: str) -> None:
+def _run(load: Callable[[], Any], path: Path, what: str) -> Any:
     try:
-        load()
+        return load()
     except RequestError as fault:
         raise RequestError(
             f"the {what} file {path}{_line_in(path, fault)}: {fault.found}",

@@ -125,22 +125,6 @@ class Parameter:
         """
         return _converted(value, self.received_unit, self.unit)
 
-    def in_unit(self, value: float, low: float, high: float) -> dict[str, Any]:
-        """A value as the function receives it, and the ends of its interval, as tables of parameters have them.
-
-        Parameters
-        ----------
-        value, low, high : float
-            In SI units.
-
-        Returns
-        -------
-        dict
-            ``value``, ``low``, ``high`` in the declared unit, and ``unit``.
-        """
-        received = {"value": value, "low": low, "high": high}
-        return {name: self.from_si(one) for name, one in received.items()} | {"unit": self.unit}
-
     @property
     def received_unit(self) -> str:
         """Unit in which the function that owns the parameter receives it."""

@@ -25,6 +25,6 @@ class SimulatedChannel:
             return self.samples
         per_volt = self.sensitivity_unit.endswith("/V")
         scale = 1e-3 if self.sensitivity_unit.startswith("mm") else 1.0
-        return (
-            self.samples / (self.sensitivity * scale) if per_volt else self.samples * 1e-3 * self.sensitivity
-        )
+        if per_volt:
+            return self.samples / (self.sensitivity * scale)
+        return self.samples * 1e-3 * self.sensitivity

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -130,21 +130,26 @@ def propose_laws(study: Study) -> ProposedLaws:
     start = Refit(frozenset(), study.problem, study.best)
     found = search_laws(start)
     before, left_out = errors(start)[0], next(iter(left_out_errors(start.problem, start.fit)), None)
-    sources = {name: source_of(law, name, found.tried) for name, law in _named(found.laws).items()}
+    plain = [name_of(law) for law in found.laws]
+    named = {  # all different
+        name if plain.count(name) == 1 else name + ("-scaling" if law.formula.scales else "-added"): law
+        for name, law in zip(plain, found.laws, strict=True)
+    }
+    sources = {name: source_of(law, name, found.tried) for name, law in named.items()}
     files = {name: Path(LAWS) / f"{name}.py" for name in sources}
     # One catalogue for all, so that the refits can be compared.
     own = [e for n, s in sources.items() for e in effects_from_file(study.directory / files[n], s.encode())]
     model = start.problem.assembly.model.with_effect(*own)
     rival = replace(start.problem, assembly=model.assemble(start.problem.assembly.uses))
-    with np.errstate(all="ignore"):  # far from its minimum a law may exceed every number
+    # far from its minimum a law may exceed every number, as may a power of a variable that is zero within the limits
+    with np.errstate(all="ignore"):
         fitted = [
             (*one, sources[name])
-            for name, law in _named(found.laws).items()
+            for name, law in named.items()
             if (one := _fitted(rival, start, law, name, files[name])) is not None
         ]
-    fitted.sort(key=lambda one: -one[0].probability)
-    refits = [refit for _, refit, _ in fitted]
-    with np.errstate(all="ignore"):  # a power of a variable that is zero within the limits
+        fitted.sort(key=lambda one: -one[0].probability)
+        refits = [refit for _, refit, _ in fitted]
         following = (
             propose_measurements(refits, [law.probability for law, *_ in fitted]) if len(refits) > 1 else ()
         )
@@ -162,15 +167,6 @@ def propose_laws(study: Study) -> ProposedLaws:
         unit=before.unit,
         next_measurement=tuple(asdict(p) for p in following),
     )
-
-
-def _named(laws: Sequence[Law]) -> dict[str, Law]:
-    """Laws by the names of their effects, which are all different."""
-    plain = [name_of(law) for law in laws]
-    return {
-        name if plain.count(name) == 1 else name + ("-scaling" if law.formula.scales else "-added"): law
-        for name, law in zip(plain, laws, strict=True)
-    }
 
 
 def _fitted(

@@ -137,7 +137,8 @@ class Study:
             return
         text = self.text()
         for entry in new:
-            text.add_effect_file(entry.model_dump())
+            if not text.set_hash(entry.file, entry.sha256):
+                text.append("effect_file", entry.model_dump())
         self.content = text.content
         if self.draft is None:
             with changing(self.directory):

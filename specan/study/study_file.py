@@ -184,14 +184,6 @@ class StudyText:
         if not entries:
             del self.document[key]
 
-    def add_effect_file(self, entry: Mapping[str, Any]) -> None:
-        """Append a user's effect file, or note its new hash."""
-        for known in self.document.get("effect_file", []):
-            if known["file"] == entry["file"]:
-                known["sha256"] = entry["sha256"]
-                return
-        self.append("effect_file", entry)
-
     def set_role(self, use: Use, role: str) -> None:
         """Make a nuisance a part of the model, or the reverse."""
         for entry in self.document["effect"]:
@@ -212,12 +204,15 @@ class StudyText:
             place["parameters"].add(name, tomlkit.inline_table())
         place["parameters"][name]["fixed"] = True
 
-    def set_hash(self, file: str, sha256: str) -> None:
-        """Note the new hash of a measured file."""
-        for key in ("measurement", "validation"):
-            for entry in self.document.get(key, []):
-                if entry["file"] == file:
-                    entry["sha256"] = sha256
+    def set_hash(self, file: str, sha256: str) -> bool:
+        """Note the new hash of a file; whether the study names it."""
+        entries = [
+            e for key in ("measurement", "validation", "effect_file") for e in self.document.get(key, [])
+        ]
+        named = [entry for entry in entries if entry["file"] == file]
+        for entry in named:
+            entry["sha256"] = sha256
+        return bool(named)
 
     def copy(self) -> StudyText:
         """The same text, to be changed without changing this one."""

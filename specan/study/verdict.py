@@ -111,11 +111,8 @@ class Probability:
     @property
     def spoken(self) -> str:
         """The explanation; a single effect is ``alone``, unlike in a verdict, which adds up all that contain it."""
-        return (
-            f"{self.explanation} alone"
-            if self.kind == "effects" and len(self.effects) == 1
-            else self.explanation
-        )
+        single = self.kind == "effects" and len(self.effects) == 1
+        return f"{self.explanation} alone" if single else self.explanation
 
 
 @dataclass(frozen=True)
@@ -160,16 +157,13 @@ class ErrorFall:
 
 
 def _fall(before: ObservableError, after: ObservableError) -> str:
+    both = [before] if before == after else [before, after]
     unit = "" if before.unit == "1" else f" {before.unit}"
-    if before == after:
-        text = f"{before.rms:.3g}{unit} ({before.relative_rms:.2g} %)"
-        return text if before.level_dB is None else f"{text}, {before.level_of} {before.level_dB:.2g} dB"
-    text = (
-        f"{before.rms:.3g} to {after.rms:.3g}{unit} ({before.relative_rms:.2g} to {after.relative_rms:.2g} %)"
-    )
-    if before.level_dB is None or after.level_dB is None:
-        return text
-    return f"{text}, {before.level_of} {before.level_dB:.2g} to {after.level_dB:.2g} dB"
+    rms = " to ".join(f"{e.rms:.3g}" for e in both)
+    relative = " to ".join(f"{e.relative_rms:.2g}" for e in both)
+    text = f"{rms}{unit} ({relative} %)"
+    levels = [f"{e.level_dB:.2g}" for e in both if e.level_dB is not None]
+    return f"{text}, {before.level_of} {' to '.join(levels)} dB" if len(levels) == len(both) else text
 
 
 @dataclass(frozen=True)
@@ -329,7 +323,8 @@ def parameter_table(
             else abs(value - prior[0]) <= TOO_FAR * prior[1]
         )
         table[name] = {
-            **parameter.in_unit(value, *interval),
+            **dict(zip(("value", "low", "high"), map(parameter.from_si, (value, *interval)), strict=True)),
+            "unit": parameter.unit,
             "plausible": bool(within),
             "at_bound": name in best.at_bound,
             "nuisance": name.whole in problem.priors,
@@ -416,11 +411,8 @@ def headline_of(content: Mapping[str, Any]) -> str:
     told = sure([of[kind]]) if kind in of else ""
     fault = next((one["explanation"] for one in stated if one["kind"] == "fault"), "").split(" beside ")[0]
     beside = f" Missing beside it: {names}." if kind == "faulty-data" and any(content["alternatives"]) else ""
-    if (
-        kind == "nothing-missing"
-        and sum(o["probability"] for o in stated if o["kind"] == "nothing") < 0.5
-        and stated
-    ):
+    of_nothing = sum(one["probability"] for one in stated if one["kind"] == "nothing")
+    if kind == "nothing-missing" and stated and of_nothing < 0.5:
         kind = "nothing-named"
     return VERDICTS[kind].format(names=names, sure=told, fault=fault) + beside
 
