@@ -55,8 +55,17 @@ def command(study: Study, deliver: Delivery, channel: str | None) -> None:
         write_frame(found.residuals, deliver.output, [f"compare {study.directory.name}"], deliver.decimal)
 
     def show() -> None:
+        from specan.report import study_sheets
+
         _print(study, found)
-        _print_bands(study)
+        recorded = study.frf_errors()
+        for one in recorded:
+            click.echo("")
+            show_sheets([study_sheets.bands(one, one.plural)])
+        if recorded:
+            click.echo(
+                "(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)"
+            )
 
     deliver.put_out(found, show)
 
@@ -91,18 +100,6 @@ def _print(study: Study, found: Comparison) -> None:
         show_sheets([study_sheets.blocks(where.fails_at[:BLOCKS])])
     if found.fit.p_value <= FITS:
         click.echo(f"\nNext: specan study diagnose {study.directory}")
-
-
-def _print_bands(study: Study) -> None:
-    """Of transfer functions: errors by third octaves."""
-    from specan.report import study_sheets
-
-    recorded = study.frf_errors()
-    for one in recorded:
-        click.echo("")
-        show_sheets([study_sheets.bands(one, one.plural)])
-    if recorded:
-        click.echo("(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)")
 
 
 def _print_fit(study: Study, best: Fit) -> None:

@@ -165,11 +165,6 @@ def level_limits(
     return max(float(finite.min()), top - dynamics_dB) - below, top + above
 
 
-def phase_axis(axes: Axes, text: str = "Phase / degrees") -> None:
-    """A whole turn, with ticks at quarters."""
-    axes.set(ylabel=text, ylim=(-190, 190), yticks=range(-180, 181, 90))
-
-
 def with_gaps(phase: Real) -> Real:
     """A wrapped phase in degrees with a gap where it jumps instead of a vertical line."""
     gapped = phase.copy()

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, heading, name_rows, new_figure, styled
-from specan.study.verdict import Diagnosis, NextMeasurements, Ranked, headline, percent
+from specan.study.verdict import Diagnosis, NextMeasurements, headline, percent
 from specan.units import axis_label
 
 MOST_ROWS = 16
@@ -39,7 +39,10 @@ def figure_diagnosis(found: Diagnosis) -> Figure:
             place, row.error_after, height=0.72, edgecolor="white" if row.plausible else "0.35", linewidth=0.0,
             color=COLOURS[0] if place - first < named else "#bcd6e6", hatch="" if row.plausible else "////",
         )  # fmt: skip
-        axes.annotate(f" {_beside(row)}", (row.error_after, place), va="center", fontsize=8, color="0.3")
+        beside = f" {row.error_after:.3g}   {percent(row.probability)}" + (
+            "" if row.plausible else "   implausible"
+        )
+        axes.annotate(beside, (row.error_after, place), va="center", fontsize=8, color="0.3")
     name_rows(axes, [*(["model as it is"] if first else []), *(" + ".join(row.names) for row in ranked)])
     axes.set_xlim(0, 1.28 * max([row.error_after for row in ranked] + [now.rms if now else 0.0]))
     what = f"RMS error of {now.observable}" if now else "RMS error"
@@ -53,12 +56,6 @@ def figure_diagnosis(found: Diagnosis) -> Figure:
         "error, probability.",
     )  # fmt: skip
     return figure
-
-
-def _beside(row: Ranked) -> str:
-    """What stands beside a bar: the error, and how probable the set is."""
-    told = f"{row.error_after:.3g}   {percent(row.probability)}"
-    return told + ("" if row.plausible else "   implausible")
 
 
 @styled

@@ -184,6 +184,5 @@ def _curve(study: Study, observation: TableObservation, panel: _Panel, mine: Fla
     first = int(np.flatnonzero(mine)[0])
     at = {n: np.full(POINTS, v[first]) for n, v in _at_levels(study, observation, panel.x).items()}
     at[name] = np.asarray(convert(along, condition.column_unit, condition.unit))
-    one_row = observation.take(np.full(POINTS, first))
-    line = replace(one_row, conditions=at, series=None, position=None, lines=None)
-    return along, line.predict(study.problem.assembly, study.problem.values_at(study.shown.theta))
+    one_row = replace(observation.take(np.full(POINTS, first)), lines=None)
+    return along, _predict(study, one_row, at)

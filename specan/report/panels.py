@@ -21,7 +21,6 @@ from specan.report.figure_style import (
     level_limits,
     new_figure,
     octave_axis,
-    phase_axis,
     style_of,
     styled,
 )
@@ -279,10 +278,9 @@ def draw_panels(sheet: Sequence[Axes], panels: Sequence[Panel]) -> None:
                 axes.plot(curve.x, curve.y, color="0.72", linewidth=0.4, zorder=1.5)
         for curve in panel.bounds:
             _draw(axes, replace(panel, kind="steps"), curve, BOUND)
+        axes.set_ylabel(panel.label)
         if panel.phase:
-            phase_axis(axes, panel.label)
-        else:
-            axes.set_ylabel(panel.label)
+            axes.set(ylim=(-190, 190), yticks=range(-180, 181, 90))
         if panel.amplitude:
             axes.set_yticks([20 * (k + np.log10(n)) for k in range(-15, 16) for n in (1, 2, 5)])
             axes.yaxis.set_major_formatter(lambda level, _: f"{10 ** (level / 20):g}")

@@ -6,7 +6,7 @@ rejected and what is needed to repeat the numbers come last.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from itertools import pairwise
 from pathlib import Path
@@ -69,21 +69,17 @@ def study_report(study: Study) -> str:
 
 def _story(history: History, diagnosis: Diagnosis | None) -> list[str]:
     """What was missing, what that did to the errors, and the error after each step."""
-    parts = [f'<p class="verdict">{escape(line)}</p>' for line in _story_lines(history.steps, diagnosis)]
-    if history.steps:
-        parts.append(picture(figure_history(history), "error after each step"))
-    return parts
-
-
-def _story_lines(steps: Sequence[Step], diagnosis: Diagnosis | None) -> list[str]:
     lines = []
-    for before, after in pairwise(steps):
+    for before, after in pairwise(history.steps):
         if after.action in CHANGES:
             text = f"{after.effect} {CHANGES[after.action]} the error {_falls(before, after)}."
             lines.append(text[:1].upper() + text[1:])
     if diagnosis is not None:
         lines.append(("Now: " if lines else "") + headline(diagnosis))
-    return lines
+    parts = [f'<p class="verdict">{escape(line)}</p>' for line in lines]
+    if history.steps:
+        parts.append(picture(figure_history(history), "error after each step"))
+    return parts
 
 
 def _falls(before: Step, after: Step) -> str:

@@ -24,7 +24,7 @@ from specan.arrays import Complex
 from specan.dsp.bands import band_at, nominal_frequency
 from specan.errors import RequestError, require_known
 from specan.models.effect import ParameterName
-from specan.result import Result, counted, gathered
+from specan.result import Result, counted, gathered, picked
 from specan.room.model.absorption import diffuse_absorption, normal_absorption
 from specan.room.wall_impedance.wall_admittance import WallFit, wall_fit
 from specan.study.build_problem import assemble
@@ -92,8 +92,8 @@ class WallBand:
     def as_dict(self) -> dict[str, Any]:
         """For JSON: numbers, lists [low, high]."""
         text = "" if self.determined else "not determined by these positions"
-        found = {name: getattr(self, name) for name in ("wall", "third_octave_hz", "determined")}
-        return {**found, "text": text, **{name: asdict(getattr(self, name)) for name in FUNCTIONS}}
+        found = {"text": text, **{name: asdict(getattr(self, name)) for name in FUNCTIONS}}
+        return picked(self, "wall third_octave_hz determined") | found
 
 
 @dataclass(frozen=True, eq=False, repr=False)

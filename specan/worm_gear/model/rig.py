@@ -117,7 +117,7 @@ class Gear(Settings):
     bearing_dead_load_N: Positive = 10.0
 
     @model_validator(mode="after")
-    def _geometry_closes(self) -> Gear:
+    def _possible(self) -> Gear:
         # d1 tan(lead) = z1 m and d2 = z2 m for the same module m
         ratio = self.wheel_pitch_diameter_mm * self.z_worm / (self.z_wheel * self.worm_pitch_diameter_mm)
         closing = math.degrees(math.atan(ratio))
@@ -126,10 +126,6 @@ class Gear(Settings):
                 f"a lead angle near {closing:.2f} degrees, which the teeth and pitch diameters give "
                 f"(the file says {self.lead_angle_deg})"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _mesh_between_bearings(self) -> Gear:
         for shaft in ("worm", "wheel"):
             low, high = getattr(self, f"{shaft}_bearing_positions_mm")
             if not low < 0 < high:
