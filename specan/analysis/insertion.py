@@ -15,7 +15,6 @@ from specan.analysis.quality import LARGEST, QualityAccumulator
 from specan.analysis.section import reasons_apart
 from specan.arrays import Complex, Flags, Real
 from specan.data.channel import Channel
-from specan.data.levels import Quality
 from specan.data.recording import Recording
 from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
 from specan.errors import InputError
@@ -504,20 +503,18 @@ def _fit_windows(
             # The windows before and after hold the tone for a part of their time.
             there[row] &= ~np.logical_or.reduce([faint[:-2], faint[1:-1], faint[2:]])
     number = np.maximum(there.sum(axis=1), 1)
+    clipped = [  # the tone rests on a rail, or one sample reaches a range that is known
+        q.clipped or (top is not None and max(q.maximum, -q.minimum) >= top * (1 - 1e-6))
+        for q, top in zip(quality.result(), tops, strict=True)
+    ]
     return _Windows(
         phasors,
         there,
         (amplitude * there).sum(axis=1) / number,
         np.sqrt((rest**2 * there).sum(axis=1) / number),
         np.logical_and.reduce(finite, axis=1),
-        np.array([_clipped(q, top) for q, top in zip(quality.result(), tops, strict=True)]),
+        np.array(clipped),
     )
-
-
-def _clipped(quality: Quality, top: float | None) -> bool:
-    """Whether the tone rests on a rail, or one sample reaches a range that is known."""
-    reaches = top is not None and max(quality.maximum, -quality.minimum) >= top * (1 - 1e-6)
-    return quality.clipped or reaches
 
 
 def _stands_still(samples: Real, period: float) -> Flags:

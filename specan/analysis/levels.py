@@ -102,25 +102,21 @@ class LevelsAccumulator:
         # The weighting's, that of channels for which there is none, and what else sound pressure has.
         first: list[Weighting] = [self._weighting, "Z"]
         self._weightings = [*first, *(w for w in WEIGHTINGS if w not in first and self._pressure.any())]
-        self._filters = [weighting_filter(w) for w in self._weightings]
+        filters = [weighting_filter(w) for w in self._weightings]
+        tau = settings.time_constant
+        step = max(tau / READINGS_PER_TIME_CONSTANT, self.duration / READINGS)
+        times = np.arange(SETTLING_TIME_CONSTANTS * tau + filters[0].settling, self.duration, step)
         rows = len(self.channels)
         slow = slow_part(recording, self.channels, self.start, self.stop)
         self._constant = slow.constant
         self._history = BandHistoryAccumulator(
             Record(rows, self.sampling_rate, self.stop - self.start, slow=slow),
-            self._filters,
-            Average(settings.time_constant, None, self._times()),
+            filters,
+            Average(tau, None, times),
             peak_of=self._weightings.index("C") if self._pressure.any() else None,
             read=len(first),
         )
         self._quality = QualityAccumulator(self.channels)
-
-    def _times(self) -> Real:
-        """When the time-weighted level is read: after it has settled."""
-        tau = self.settings.time_constant
-        settled = SETTLING_TIME_CONSTANTS * tau + self._filters[0].settling
-        step = max(tau / READINGS_PER_TIME_CONSTANT, self.duration / READINGS)
-        return np.arange(settled, self.duration, step)
 
     def add(self, samples: Real) -> None:
         """Take the next samples (channels, m) of `channels`."""

@@ -32,7 +32,7 @@ from specan.dsp.band_history import (
 )
 from specan.dsp.bands import Bands
 from specan.dsp.multirate import LOWEST_BAND
-from specan.dsp.record_edges import Fade, SlowPart
+from specan.dsp.record_edges import Fade
 from specan.dsp.weighting import FAST, IMPULSE, IMPULSE_DECAY, SLOW, WEIGHTINGS, Weighting
 from specan.errors import RequestError
 from specan.result import picked
@@ -250,20 +250,13 @@ class OctaveAccumulator:
         self._zero = np.array([reference.value**2 for reference in self.references])
         self._pressure = np.array([channel.target_unit == "Pa" for channel in self.channels])
         self._derivatives = np.array([channel.derivatives for channel in self.channels])
+        rows, n, lowest = len(self.channels), self.stop - self.start, float(self.bands.lower[0])
+        slow = slow_part(recording, self.channels, self.start, self.stop, lowest)
         self._at_work: BandEnergyAccumulator | BandHistoryAccumulator
         if settings.averaging == "linear":
-            self._at_work = BandEnergyAccumulator(
-                len(self.channels),
-                self.sampling_rate,
-                self.stop - self.start,
-                self._slow_part(),
-                weighted=self._pressure.tolist(),
-            )
-        else:
-            self._at_work = self._history()
-
-    def _history(self) -> BandHistoryAccumulator:
-        settings, n = self.settings, self.stop - self.start
+            weighted = self._pressure.tolist()
+            self._at_work = BandEnergyAccumulator(rows, self.sampling_rate, n, slow, weighted=weighted)
+            return
         filters = [band_filter(band, settings.weighting) for band in self.bands]
         filters += [weighting_filter(weighting) for weighting in self._overall]
         self._duration = n / self.sampling_rate
@@ -271,15 +264,11 @@ class OctaveAccumulator:
         count = int(self._duration / interval + 1e-9)
         self._times = np.linspace(interval, interval * count, count)
         decay = IMPULSE_DECAY if settings.averaging == "impulse" else None
-        return BandHistoryAccumulator(
-            Record(len(self.channels), self.sampling_rate, n, self._derivatives.tolist(), self._slow_part()),
+        self._at_work = BandHistoryAccumulator(
+            Record(rows, self.sampling_rate, n, self._derivatives.tolist(), slow),
             filters,
             Average(settings.time_constant, decay, np.append(self._times, self._duration)),
         )
-
-    def _slow_part(self) -> SlowPart:
-        lowest = float(self.bands.lower[0])
-        return slow_part(self.recording, self.channels, self.start, self.stop, lowest)
 
     def add(self, samples: Real) -> None:
         """Take the next samples (channels, m) of `channels`."""

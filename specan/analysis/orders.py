@@ -137,7 +137,7 @@ class OrderAccumulator:
             recording, others = aligned(recording, [lead, *recording.select(settings.channels)])
         self.recording, self.settings = recording, settings
         chosen, notes = _channels(recording, settings)
-        chosen, remarks = _converted(chosen, settings, recording.label)
+        chosen, remarks = _converted(recording, chosen, settings)
         self.notes = (*others, *notes, *remarks)
         self.channels, self.rate = chosen, chosen[0].sampling_rate
         self.shaft = _shaft(recording, settings)
@@ -326,13 +326,15 @@ class OrderAccumulator:
         rms = np.sqrt(np.maximum(self._square / max(self._seen, 1) - centre**2, 0.0))
         tacho = replace(self.shaft.tacho, speed_hz=self.speed_range)
         notes = (*self.notes, *self.shaft.notes, *self._remarks(tacho))
+        step = self.per_column * max(1, self.block // 2) / self.per_turn
+        first = self.first_turn + self.block_turns / 2 - step / (2 * self.per_column)
         return OrderSpectrum(
             **self.settings.origin(self.recording, self.channels, notes),
             units=tuple(c.target_unit for c in self.channels),
             order=self.order,
             amplitude=np.sqrt(mean),
             speed_hz=speed,
-            time_s=self._time_of(self._middles(power.shape[0])),
+            time_s=self._time_of(first + step * (np.arange(power.shape[0]) + 0.5)),
             map=np.sqrt(power),
             average=average,
             average_turns=self.period,
@@ -344,12 +346,6 @@ class OrderAccumulator:
             n_blocks=self._number,
             lines=self._lines(),
         )
-
-    def _middles(self, columns: int) -> Real:
-        """Turns in the middle of the columns."""
-        step = self.per_column * max(1, self.block // 2) / self.per_turn
-        first = self.first_turn + self.block_turns / 2 - step / (2 * self.per_column)
-        return first + step * (np.arange(columns) + 0.5)
 
     @cached_property
     def _fitted(self) -> tuple[Lines, int] | None:
@@ -470,7 +466,7 @@ def _shaft(recording: Recording, settings: Orders) -> Shaft:
 
 
 def _converted(
-    channels: tuple[Channel, ...], settings: Orders, label: str
+    recording: Recording, channels: tuple[Channel, ...], settings: Orders
 ) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
     """The channels in the quantity that is asked for, and a note on those that have none."""
     if settings.quantity is None:
@@ -480,10 +476,5 @@ def _converted(
             "an envelope cannot be converted to another quantity", remedy="leave one of them out"
         )
     other = [c.label for c in channels if c.unit not in MOTION]
-    if len(other) == len(channels):
-        raise RequestError(
-            f"{label}: no chosen channel can be converted to {settings.quantity}",
-            expected="channels in m, m/s or m/s^2",
-        )
     notes = (f"not converted to {settings.quantity}: {', '.join(other)}",) if other else ()
-    return tuple(c.in_quantity(settings.quantity) for c in channels), notes
+    return replace(recording, channels=channels).in_quantity(settings.quantity).channels, notes

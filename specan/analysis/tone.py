@@ -85,7 +85,11 @@ class ToneAccumulator:
         if settings.reference is not None or recording.by_role("vibrometer"):
             recording, others = compared(recording, settings.reference, settings.channels)
         self.recording, self.settings = recording, settings
-        self.reference = self._find_reference()
+        if settings.reference is not None:
+            self.reference: Channel | None = recording.channel(settings.reference)
+        else:
+            found = (c for c in recording.by_role("vibrometer") if c.sampling_rate > 0 and c.n_samples > 0)
+            self.reference = next(found, None)
         chosen, notes = of_one_rate(recording, settings.channels, like=self.reference)
         self.notes = (*others, *notes)
         leaders = [*recording.by_role("generator"), *([self.reference] if self.reference else [])]
@@ -112,12 +116,6 @@ class ToneAccumulator:
         self._series = ToneSeries(
             rate, frequency, self.block, n_channels=len(self.channels), harmonics=settings.harmonics
         )
-
-    def _find_reference(self) -> Channel | None:
-        if self.settings.reference is not None:
-            return self.recording.channel(self.settings.reference)
-        found = [c for c in self.recording.by_role("vibrometer") if c.sampling_rate > 0 and c.n_samples > 0]
-        return found[0] if found else None
 
     def _find_frequency(self, leaders: Sequence[Channel], rate: float) -> tuple[Channel, float]:
         """The channel with the cleanest tone among the leaders, and the tone's frequency there."""
@@ -342,6 +340,9 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
     values = np.array([[_at_step(step, name) for step in steps] for name in units])
     random, freedom, gain, phase = np.moveaxis(values[..., 1:].real, -1, 0)
     left_out = [t.label for t in tables if t not in usable]
+    words = [
+        {w for t in usable if name in t.channels for w in t.flags[t.channels.index(name)]} for name in units
+    ]
     return FrequencyResponse(
         label=label,
         frequency_hz=np.array([np.mean([t.frequency_hz for t in step]) for step in steps]),
@@ -363,7 +364,7 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
         delay_s=np.zeros(len(units)),
         reference_rms=float(np.sqrt(np.mean([t.reference_rms**2 for t in usable]))),
         reference_unit=usable[0].units[usable[0].channels.index(str(usable[0].reference))],
-        flags=tuple(_flags_of(usable, name) for name in units),
+        flags=tuple(tuple(sorted(mine)) for mine in words),
         notes=tuple(f"{name} is left out: it has no phases over a reference" for name in left_out),
         settings=usable[0].settings,
     )
@@ -382,11 +383,6 @@ def _at_step(step: Sequence[ToneTable], name: str) -> tuple[complex, ...]:
         float(np.mean([t.u_common_percent[i] for t, i in found])),
         float(np.mean([t.u_common_phase_deg[i] for t, i in found])),
     )
-
-
-def _flags_of(tables: Sequence[ToneTable], name: str) -> tuple[str, ...]:
-    found = (t.flags[t.channels.index(name)] for t in tables if name in t.channels)
-    return tuple(sorted({word for words in found for word in words}))
 
 
 def _units(tables: Sequence[ToneTable]) -> dict[str, str]:

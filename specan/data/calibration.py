@@ -142,7 +142,11 @@ class Calibration(Result):
                 "reasons": "; ".join(c.reasons),
             }
             for c in self.channels
-            for frequency, phase, u_phase in _tones(c)
+            for frequency, phase, u_phase in (
+                zip(c.phase.frequency_hz, c.phase.phase_deg, c.phase.u_phase_deg)
+                if c.phase
+                else [(None,) * 3]
+            )
         ]
         return {name: [row[name] for row in rows] for name in (rows[0] if rows else {"channel": ""})}
 
@@ -191,12 +195,6 @@ def _budget(channel: ChannelCalibration) -> list[list[str]]:
         ]
         for part in channel.budget
     ]  # fmt: skip
-
-
-def _tones(channel: ChannelCalibration) -> list[tuple[float | None, float | None, float | None]]:
-    if channel.phase is None:
-        return [(None, None, None)]
-    return list(zip(channel.phase.frequency_hz, channel.phase.phase_deg, channel.phase.u_phase_deg))
 
 
 def apply(calibration: Calibration, recording: Recording) -> Recording:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,14 +116,20 @@ class TdmsSource:
         pieces.sort(key=lambda p: p.position)
         windows = list(_windows(pieces))
         store = np.empty(max(size for _, size, _ in windows), dtype=np.uint8)
-        with self._open() as file:
-            for position, size, inside in windows:
-                self._fill(file, position, store[:size])
-                for piece in inside:
-                    raw: NDArray[Any] = np.ndarray(
-                        piece.shape, piece.dtype, store, piece.position - position, piece.strides
-                    )
-                    use(piece, raw)
+        try:
+            with self.path.open("rb", buffering=0) as file:
+                for position, size, inside in windows:
+                    self._fill(file, position, store[:size])
+                    for piece in inside:
+                        raw: NDArray[Any] = np.ndarray(
+                            piece.shape, piece.dtype, store, piece.position - position, piece.strides
+                        )
+                        use(piece, raw)
+        except OSError as fault:
+            raise InputError(
+                f"{self.path.name} cannot be read any more ({fault.strerror})",
+                remedy="keep the recordings in place while they are analysed",
+            ) from None
 
     def _pieces(self, row: int, path: str, start: int, stop: int) -> Iterator[_Piece]:
         track = self.layout.tracks[path]
@@ -138,23 +145,11 @@ class TdmsSource:
                 shape, strides = (chunks, n), (size, strip.stride)
                 yield _Piece(position, span, row, begin + at - start, shape, strides, strip.dtype)
 
-    def _open(self) -> BinaryIO:
-        try:
-            return self.path.open("rb", buffering=0)
-        except OSError as fault:
-            raise InputError(
-                f"{self.path.name} cannot be opened any more ({fault.strerror})",
-                remedy="keep the recordings in place while they are analysed",
-            ) from None
-
-    def _fill(self, file: BinaryIO, position: int, store: NDArray[np.uint8]) -> None:
+    def _fill(self, file: FileIO, position: int, store: NDArray[np.uint8]) -> None:
         file.seek(position)
         done, view = 0, memoryview(store)  # type: ignore[arg-type]
         while done < len(view):
-            try:
-                got = file.readinto(view[done:])  # type: ignore[attr-defined]
-            except OSError as fault:
-                raise InputError(f"{self.path.name} cannot be read ({fault.strerror})") from None
+            got = file.readinto(view[done:])
             if not got:
                 raise InputError(
                     f"{self.path.name} ends at byte {position + done}, before the samples that its headers name",

@@ -42,7 +42,7 @@ class TestFilesThatChange:
         write(path, [("c", np.arange(50), {"wf_increment": 0.001})])
         recording = open_recording(path)
         path.unlink()
-        with pytest.raises(InputError, match="cannot be opened any more"):
+        with pytest.raises(InputError, match="cannot be read any more"):
             recording.read(recording.channels)
 
 

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from specan.analysis.batch.calibrations import Assigned, assign_calibrations, fingerprint
+from specan.analysis.batch.calibrations import assign_calibrations, fingerprint
 from specan.analysis.batch.inputs import (
     Input,
     check_own,
@@ -202,7 +202,9 @@ def run_batch(
         failed = _work_off(todo, settings, work, made_from, store, kept)
         results = [*assigned.calibrators, *failed, *(one.result for one in kept.values())]
         results.sort(key=lambda result: result.label)
-        header = _header(settings, assigned, channel_table)
+        header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
+        if channel_table is not None:
+            header.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
         written = write_tables(store.place, header, results, kept, settings.decimal)
         _publish(store.place, out, written)
         store.keep_only(kept)
@@ -220,14 +222,6 @@ def _published(entry: Input, place: Path, out: Path) -> Input:
     """A file of a batch whose calibration, where the batch has made it, now lies beside the tables."""
     made = Path(entry.calibration)
     return replace(entry, calibration=str(out / made.name)) if made.parent == place else entry
-
-
-def _header(settings: BatchSettings, assigned: Assigned, channel_table: Path | None) -> list[str]:
-    """Lines above every table."""
-    found = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
-    if channel_table is not None:
-        found.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
-    return found
 
 
 def _work_off(

@@ -188,7 +188,9 @@ class Store:
                     end += size
                 if zlib.crc32(file.read()) != found["checksum"] or file.tell() != end:
                     return None
-                result = _result(found)
+                tones = tuple(map(_tone, found["tones"]))
+                about, aside = _tuples(found["about"]), _tuples(found["set_aside"])
+                result = FileResult(label, found["kind"], found["reason"], about, {}, tones, aside)
                 identity = Identity(**found["identity"])
                 return Kept(result, identity, found["context"], path, places, found["rows"])
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
@@ -239,12 +241,6 @@ class Store:
         return self.place / (
             hashlib.sha256(label.encode("utf-8", "surrogatepass")).hexdigest()[:32] + _SUFFIX
         )
-
-
-def _result(found: Mapping[str, Any]) -> FileResult:
-    tones = tuple(map(_tone, found["tones"]))
-    about, aside = _tuples(found["about"]), _tuples(found["set_aside"])
-    return FileResult(found["label"], found["kind"], found["reason"], about, {}, tones, aside)
 
 
 def _tone(found: Mapping[str, Any]) -> ToneTable:

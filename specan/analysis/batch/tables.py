@@ -259,11 +259,18 @@ def write_tables(
     """
     written = {}
     reasons, joined = _stepped_sines(results)
+    references = ", ".join(f"{unit} re {ref.text}" for unit, ref in LEVEL_REFERENCES.items())
     for name, columns in text.COLUMNS.items():
         here = [r for r in results if r.label in kept and name in kept[r.label].places]
         if name in text.OPTIONAL and not here:
             continue
-        about = [f"file {r.label}: {line}" for r in here for line in r.about]
+        about = [
+            f"specan {__version__} {name}",
+            *header,
+            f"units: {UNITS[name]}",
+            f"level references: {references}",
+        ]
+        about += [f"file {r.label}: {line}" for r in here for line in r.about]
         lines: Iterable[str]
         if name == "skipped.txt":
             skipped = _skipped(results, reasons)
@@ -275,18 +282,8 @@ def write_tables(
         else:
             lines = (kept[r.label].lines(name) for r in here)
             written[name] = sum(kept[r.label].rows[name] for r in here)
-        text.write_table(out / name, [*_head(name, header), *about], columns, lines, decimal)
+        text.write_table(out / name, about, columns, lines, decimal)
     return written
-
-
-def _head(name: str, header: Sequence[str]) -> list[str]:
-    references = ", ".join(f"{unit} re {ref.text}" for unit, ref in LEVEL_REFERENCES.items())
-    return [
-        f"specan {__version__} {name}",
-        *header,
-        f"units: {UNITS[name]}",
-        f"level references: {references}",
-    ]
 
 
 def _skipped(results: Sequence[FileResult], reasons: Sequence[tuple[str, str]]) -> str:
