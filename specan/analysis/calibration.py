@@ -356,6 +356,12 @@ def join_insertions(insertions: Sequence[Insertion], settings: CalibrationSettin
     names = sorted({h.channel for i in insertions for h in i.heard}, key=natural)
     notes += _left_out(insertions, set(names))
     heard = {name: [(i, h) for i in insertions for h in i.heard if h.channel == name] for name in names}
+    decided = gathered(
+        [
+            *((f"level {i.level.dB:g} dB: {i.level.decided}", i.label) for i in insertions),
+            *((f"tone near {i.frequency_hz:.0f} Hz: {i.frequency_decided}", i.label) for i in insertions),
+        ]
+    )
     common, levels = _Common.of(heard, settings), {insertion.level.dB for insertion in insertions}
     return Calibration(
         channels=tuple(
@@ -366,7 +372,10 @@ def join_insertions(insertions: Sequence[Insertion], settings: CalibrationSettin
         calibrator_frequency_hz=_plain(float(np.mean(tones[0]))) if len(tones) == 1 else None,
         calibrator_level_dB=levels.pop() if len(levels) == 1 else None,
         u_calibrator_percent=_plain(common.u_level_percent),
-        calibrator_decided=_decided(insertions),
+        calibrator_decided=tuple(
+            line + ("" if len(labels) == len(insertions) else f" ({', '.join(labels)})")
+            for line, labels in decided.items()
+        ),
         notes=tuple(notes),
         source="calibrator recordings",
     )
@@ -387,23 +396,18 @@ def _phases(
     for channel in sorted(set().union(*chained), key=natural):
         phases[channel], parts[channel], dropped = _phase(channel, tones, chained, settings)
         notes += dropped
-    groups = sorted({phase.group for phase in phases.values()}, key=natural)
+    members = gathered((phase.group, name) for name, phase in phases.items())
+    groups = [members[group] for group in sorted(members, key=natural)]
     if len(groups) > 1:
-        notes.append(_separate(groups, phases))
+        listed = "; ".join(f"{names[0]} ... {names[-1]}" if len(names) > 1 else names[0] for names in groups)
+        notes.append(
+            f"{len(groups)} groups share no microphone ({listed}): their phases are relative within each group "
+            "only, and no phase between groups is known; to join them, calibrate again with one microphone in "
+            "every insertion"
+        )
     for group in groups:
         _correct_polarity(group, phases, doubts)
     return phases, parts, doubts, notes
-
-
-def _decided(insertions: Sequence[Insertion]) -> tuple[str, ...]:
-    """How level and frequency of the calibrator were decided; a line for each way."""
-    levels = [(f"level {i.level.dB:g} dB: {i.level.decided}", i.label) for i in insertions]
-    tones = [(f"tone near {i.frequency_hz:.0f} Hz: {i.frequency_decided}", i.label) for i in insertions]
-    lines = gathered([*levels, *tones])
-    return tuple(
-        line + ("" if len(labels) == len(insertions) else f" ({', '.join(labels)})")
-        for line, labels in lines.items()
-    )
 
 
 def _left_out(insertions: Sequence[Insertion], calibrated: set[str]) -> list[str]:
@@ -453,26 +457,14 @@ def _phase(
     return calibration, [phase for _, phase in kept], dropped
 
 
-def _separate(groups: Sequence[str], phases: dict[str, PhaseCalibration]) -> str:
-    members = [_members(group, phases) for group in groups]
-    listed = "; ".join(f"{names[0]} ... {names[-1]}" if len(names) > 1 else names[0] for names in members)
-    return (
-        f"{len(groups)} groups share no microphone ({listed}): their phases are relative within each group "
-        "only, and no phase between groups is known; to join them, calibrate again with one microphone in "
-        "every insertion"
-    )
-
-
-def _members(group: str, phases: dict[str, PhaseCalibration]) -> list[str]:
-    return [name for name, phase in phases.items() if phase.group == group]
-
-
-def _correct_polarity(reference: str, phases: dict[str, PhaseCalibration], doubts: dict[str, str]) -> None:
+def _correct_polarity(
+    group: Sequence[str], phases: dict[str, PhaseCalibration], doubts: dict[str, str]
+) -> None:
     """Name inverted microphones of a group; their phase is corrected by 180 degrees at all frequencies.
 
     Where the reference itself is inverted, all phases are turned, so that those of the others are near zero.
     """
-    group = _members(reference, phases)
+    reference = phases[group[0]].group
     inverted, unclear = turned_over({name: phases[name].phase_deg for name in group})
     for name in group:
         degrees = phases[name].phase_deg

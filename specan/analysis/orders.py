@@ -11,7 +11,7 @@ from pydantic import Field
 
 from specan.analysis.accumulator import READ_BLOCK
 from specan.analysis.section import SectionSettings, aligned, of_one_rate, section
-from specan.analysis.shaft import DRIFT_PERCENT, Shaft, steady_shaft, tacho_of, tracked_shaft
+from specan.analysis.shaft import DRIFT_PERCENT, steady_shaft, tacho_of, tracked_shaft
 from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.orders import OrderLines, OrderSpectrum, TachoReport
@@ -135,12 +135,18 @@ class OrderAccumulator:
         if settings.speed_hz is None:
             lead = tacho_of(recording, settings.tacho)
             recording, others = aligned(recording, [lead, *recording.select(settings.channels)])
+        elif settings.tacho is not None:
+            raise RequestError("a tacho and a speed are given", remedy="leave one of them out")
         self.recording, self.settings = recording, settings
         chosen, notes = _channels(recording, settings)
         chosen, remarks = _converted(recording, chosen, settings)
         self.notes = (*others, *notes, *remarks)
         self.channels, self.rate = chosen, chosen[0].sampling_rate
-        self.shaft = _shaft(recording, settings)
+        if settings.speed_hz is None:
+            how = settings.tacho, settings.pulses_per_turn, settings.ratio
+            self.shaft = tracked_shaft(recording, *how, (settings.start_s, settings.stop_s))
+        else:
+            self.shaft = steady_shaft(settings.speed_hz)
         self.start, self.stop = self._section()
         self.speed_range = self._speeds()
         self.max_order = self._highest_order()
@@ -454,15 +460,6 @@ def _channels(recording: Recording, settings: Orders) -> tuple[tuple[Channel, ..
             raise InputError(f"{recording.label} has no channel but tachos")
         return kept, notes
     return chosen, notes
-
-
-def _shaft(recording: Recording, settings: Orders) -> Shaft:
-    if settings.speed_hz is not None:
-        if settings.tacho is not None:
-            raise RequestError("a tacho and a speed are given", remedy="leave one of them out")
-        return steady_shaft(settings.speed_hz)
-    section_s = (settings.start_s, settings.stop_s)
-    return tracked_shaft(recording, settings.tacho, settings.pulses_per_turn, settings.ratio, section_s)
 
 
 def _converted(

@@ -10,7 +10,7 @@ from pydantic import Field
 from specan.analysis.accumulator import read_through
 from specan.analysis.excitation import recognise
 from specan.analysis.section import SectionSettings, compared, of_one_rate, section
-from specan.arrays import Complex, Real
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
@@ -154,7 +154,27 @@ class ToneAccumulator:
         for i, c in enumerate(channels):
             if c.derivatives:  # noise cannot be turned into a velocity by one factor
                 rms[i], noise[i] = np.sqrt(np.sum(harmonics[i] ** 2)), np.nan
-        relation = self._relation(fitted, channels, phasors)
+        at = np.array([f])
+        nothing = np.full(len(channels), np.nan)
+        own = fitted.deviations[shown]
+        usable, base, relative, base_phase, base_gain = False, np.nan + 0j, own, 0.0, 0.0
+        if self.reference is not None:
+            row = channels.index(self.reference)
+            base, relative = phasors[row], own - own[row]
+            base_phase = float(self.reference.u_phase_deg(at)[0])
+            base_gain = self.reference.u_gain_percent
+            steady = own.shape[1] < 4 or np.sqrt(variance_of_mean(own[row].real)) < 0.1
+            usable = bool(abs(base) > 0 and steady)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = phasors / base if usable else np.full(len(channels), np.nan + 0j)
+        freedom = freedom_of_mean(own.shape[1])
+        few = float(student_factor(freedom)) if freedom else 1.0
+        random_phase = u_phase_deg(few * np.sqrt(variance_of_mean(relative.imag)))
+        random_percent = 100 * few * np.sqrt(variance_of_mean(relative.real))
+        itself = np.array([c is self.reference for c in channels])
+        common_phase = np.array([np.hypot(c.u_phase_deg(at)[0], base_phase) for c in channels])
+        common_percent = np.array([np.hypot(c.u_gain_percent, base_gain) for c in channels])
+        common_phase[itself], common_percent[itself] = 0.0, 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             thd = 100 * np.sqrt(np.sum(harmonics[:, 1:] ** 2, axis=1)) / harmonics[:, 0]
         return ToneTable(
@@ -171,50 +191,23 @@ class ToneAccumulator:
             noise_rms=noise,
             mean=fitted.mean[shown],
             n_blocks=fitted.deviations.shape[1],
-            **relation,
-        )
-
-    def _relation(self, fitted: Fitted, channels: list[Channel], phasors: Complex) -> dict:
-        """Phase and magnitude over the reference, their uncertainties, and the flags."""
-        f = np.array([fitted.frequency_hz])
-        nothing = np.full(len(channels), np.nan)
-        own = fitted.deviations[self._shown]
-        usable, base, relative, base_phase, base_gain = False, np.nan + 0j, own, 0.0, 0.0
-        if self.reference is not None:
-            row = channels.index(self.reference)
-            base, relative = phasors[row], own - own[row]
-            base_phase = float(self.reference.u_phase_deg(f)[0])
-            base_gain = self.reference.u_gain_percent
-            steady = own.shape[1] < 4 or np.sqrt(variance_of_mean(own[row].real)) < 0.1
-            usable = bool(abs(base) > 0 and steady)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = phasors / base if usable else np.full(len(channels), np.nan + 0j)
-        freedom = freedom_of_mean(own.shape[1])
-        few = float(student_factor(freedom)) if freedom else 1.0
-        random_phase = u_phase_deg(few * np.sqrt(variance_of_mean(relative.imag)))
-        random_percent = 100 * few * np.sqrt(variance_of_mean(relative.real))
-        itself = np.array([c is self.reference for c in channels])
-        common_phase = np.array([np.hypot(c.u_phase_deg(f)[0], base_phase) for c in channels])
-        common_percent = np.array([np.hypot(c.u_gain_percent, base_gain) for c in channels])
-        common_phase[itself], common_percent[itself] = 0.0, 0.0
-        return {
-            "phase_deg": np.where(itself & usable, 0.0, phase_deg(ratio)),
-            "magnitude": np.abs(ratio),
-            "magnitude_units": tuple(
+            phase_deg=np.where(itself & usable, 0.0, phase_deg(ratio)),
+            magnitude=np.abs(ratio),
+            magnitude_units=tuple(
                 quotient(c.target_unit, self.reference.target_unit) if self.reference else ""
                 for c in channels
             ),
-            "u_random_percent": random_percent,
-            "degrees_of_freedom": freedom,
-            "u_common_phase_deg": common_phase,
-            "u_common_percent": common_percent,
-            "u_phase_deg": np.hypot(random_phase, common_phase) if usable else nothing,
-            "u_magnitude_percent": np.hypot(random_percent, common_percent) if usable else nothing,
-            "flags": tuple(
+            u_random_percent=random_percent,
+            degrees_of_freedom=freedom,
+            u_common_phase_deg=common_phase,
+            u_common_percent=common_percent,
+            u_phase_deg=np.hypot(random_phase, common_phase) if usable else nothing,
+            u_magnitude_percent=np.hypot(random_percent, common_percent) if usable else nothing,
+            flags=tuple(
                 (*self.recording.flags, *_flags(fitted, i, usable, random_phase[k]))
-                for k, i in enumerate(self._shown)
+                for k, i in enumerate(shown)
             ),
-        }
+        )
 
     def _remarks(self, fitted: Fitted, channels: list[Channel]) -> list[str]:
         remarks = []

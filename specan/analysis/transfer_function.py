@@ -315,7 +315,13 @@ class TransferFunctionAccumulator:
         return np.stack([np.hypot(of(c), of(self.reference)) for c in self.responses])
 
     def _remarks(self, found: Estimate, lost: Real, cut: Real, drive: Real) -> list[str]:
-        remarks = [*self._on_lines(found, lost), *self._on_the_instrument()]
+        remarks = self._on_lines(found, lost)
+        if self.instrument is None and self.foreign_share > _FOREIGN:
+            remarks.append(
+                f"{100 * self.foreign_share:.2g} % of the power of {self.reference.label} is not the generator's: "
+                f"where that is noise of {self.reference.label}, H1 reads low by as much, and H3c is the unbiased "
+                "choice"
+            )
         if np.nansum(cut * drive) > _NOTED * np.nansum(drive):
             remarks.append(
                 "leakage at lines that are driven at the ends of the section: record silence before and after a sweep"
@@ -362,15 +368,6 @@ class TransferFunctionAccumulator:
         if averages_in(n, block_of(wanted), settings.window, settings.overlap) >= LEAST_AVERAGES:
             return f"use --lines {wanted}"
         return f"--lines {wanted} and a longer recording are needed"
-
-    def _on_the_instrument(self) -> list[str]:
-        share = self.foreign_share
-        if self.instrument is not None or not share > _FOREIGN:
-            return []
-        return [
-            f"{100 * share:.2g} % of the power of {self.reference.label} is not the generator's: where that is noise "
-            f"of {self.reference.label}, H1 reads low by as much, and H3c is the unbiased choice"
-        ]
 
 
 def _percent(share: float) -> str:

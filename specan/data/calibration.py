@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, get_args
 
-from specan.data.channel import Channel, PhaseCalibration, gain_of, matches
+from specan.data.channel import Channel, PhaseCalibration, gain_of, row_meant
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.result import Result, Sheet, cell, counted, picked
@@ -177,9 +177,7 @@ class Calibration(Result):
 
     def find(self, channel: Channel) -> ChannelCalibration | None:
         """The calibration of a channel, None where there is none."""
-        exact = (c for c in self.channels if c.channel in (channel.name, channel.path))
-        wild = (c for c in self.channels if matches(c.channel, channel))
-        return next(exact, None) or next(wild, None)
+        return row_meant(self.channels, channel.name, channel.path)
 
 
 def _budget(channel: ChannelCalibration) -> list[list[str]]:

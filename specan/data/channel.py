@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, Literal
@@ -260,6 +260,12 @@ def matches(pattern: str, channel: Channel) -> bool:
     """Whether a shell-style pattern (``Mic *``) is or fits the channel's name or ``group/name``."""
     names = (channel.name, channel.path)
     return pattern in names or any(fnmatch.fnmatchcase(name, pattern) for name in names)
+
+
+def row_meant(rows: Iterable[Any], *names: str) -> Any:
+    """The row of a table whose ``channel`` is one of the names, else the first whose pattern fits one, else None."""
+    exact = next((row for row in rows if row.channel in names), None)
+    return exact or next((r for r in rows if any(fnmatch.fnmatchcase(n, r.channel) for n in names)), None)
 
 
 def channels_matching(patterns: Sequence[str], channels: Sequence[Channel]) -> tuple[Channel, ...]:

@@ -70,7 +70,7 @@ def leakage_bias(response: Complex, variance: Real, window_name: WindowName, rat
     """
     n = response.shape[-1]
     size = min(SECTION_LINES * ratio, 1 << (n.bit_length() - 1))
-    hop, bell = size // 2, _bell(size)
+    hop, bell = size // 2, 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(size) + 0.5) / size)
     lost = _lost_of_seen(size, ratio, window_name)
     count = -(-n // hop) + 1  # each line lies in two sections
     sections = _cut(_finite(response), size, hop, count)
@@ -100,12 +100,6 @@ def _lost_of_seen(size: int, ratio: int, window_name: WindowName) -> Real:
     lag = np.where(lag < 1 - _BEFORE, lag, lag - 1)
     seen = np.maximum(window_correlations(window_name, lag), _LEAST_CORRELATION)
     return np.asarray((1 - window_correlations(window_name, lag * ratio)) / seen)
-
-
-@lru_cache(maxsize=4)
-def _bell(size: int) -> Real:
-    """Hann window of a section; two neighbours add up to one."""
-    return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(size) + 0.5) / size))
 
 
 def _cut(values: NDArray, size: int, hop: int, count: int) -> NDArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from specan.csv_rows import csv_rows
-from specan.data.channel import SMALLEST_GAIN, Channel, Role, gain_of, is_known, si_unit
+from specan.data.channel import SMALLEST_GAIN, Channel, Role, gain_of, is_known, row_meant, si_unit
 from specan.errors import InputError, RequestError
 from specan.io.roles import derivatives_of
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ
@@ -90,10 +89,7 @@ class ChannelTable:
 
     def find(self, group: str, name: str) -> Row | None:
         """Row of a channel, None where there is none."""
-        names = (name, f"{group}/{name}")
-        exact = (r for r in self.rows if r.channel in names)
-        fits = (r for r in self.rows if any(fnmatch.fnmatchcase(n, r.channel) for n in names))
-        return next(exact, None) or next(fits, None)
+        return row_meant(self.rows, name, f"{group}/{name}")
 
     def applied(self, channel: Channel, label: str) -> Channel:
         """The channel of a recording of that name under its row; one without a row stays as it is.
