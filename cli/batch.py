@@ -86,12 +86,12 @@ def _say(report: BatchReport, page: Path | None, settings: BatchSettings | None,
         say(f"Failed: {result.label}: {result.reason}")
     if len(failed) > SHOWN:
         say(f"Failed: {len(failed) - SHOWN} more; all of them are in skipped.txt.")
-    done, aside = len(report.of_kind("done")), len(report.of_kind("skipped"))
+    done, aside = len(report.of_kind("done")), len(report.of_kind("aside"))
     if settings is not None:
         emit_json(
             {
                 "done": done,
-                "skipped": aside,
+                "aside": aside,
                 "failed": {result.label: result.reason for result in failed},
                 "calibration": report.calibration,
                 "tables": [str(path) for path in report.tables],

@@ -237,6 +237,6 @@ def _skipped(report: BatchReport) -> list[str]:
         [f"{r.label}, {channel}", why] for r in report.results for channel, why in r.set_aside if channel
     ]
     parts = ["<h2>Not analysed</h2>", table(["file", "reason"], rows)] if rows else []
-    aside = gathered((result.reason, result.label) for result in report.of_kind("skipped"))
+    aside = gathered((result.reason, result.label) for result in report.of_kind("aside"))
     lines = [f"Skipped, {why}: {', '.join(files)}." for why, files in aside.items()]
     return [*parts, *(f"<p>{escape(line)}</p>" for line in lines)]

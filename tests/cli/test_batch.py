@@ -290,7 +290,7 @@ def test_a_spectrum_is_put_aside_without_failure(tmp_path: Path, place: Path) ->
     out = tmp_path / "out"
     assert run(place, "-o", out)[0] == 0
     (row,) = table(out / "skipped.txt")
-    assert (row["file"], row["kind"]) == ("spectrum.tdms", "skipped")
+    assert (row["file"], row["kind"]) == ("spectrum.tdms", "aside")
 
 
 def test_calibrator_recordings_of_the_directory_are_used_and_put_aside(
@@ -474,7 +474,7 @@ def test_a_group_at_another_rate_is_analysed_or_named(tmp_path: Path, rig: Rig, 
     if make is sine:
         assert {row["channel"] for row in table(out / "sine.txt")} == {*FEW, "energy-mean"}
         (row,) = table(out / "skipped.txt")
-        assert (row["channel"], row["kind"]) == ("Fast/Spare", "skipped")
+        assert (row["channel"], row["kind"]) == ("Fast/Spare", "aside")
         assert "16000 Hz, not at 8000 Hz" in row["reason"]
     else:
         assert {row["channel"] for row in table(out / "noise.txt")} == set(FEW[:3])
@@ -503,4 +503,4 @@ def test_every_format_that_a_verb_reads_is_taken_by_a_batch(tmp_path: Path) -> N
         name: pytest.approx(np.sqrt(0.5), rel=1e-3) for name in ("signal.csv", "signal.mat")
     }
     aside = {r["file"]: r["kind"] for r in table(tmp_path / "out" / "skipped.txt") if not r["channel"]}
-    assert aside == {"table.csv": "skipped", "numbers.mat": "skipped"}
+    assert aside == {"table.csv": "aside", "numbers.mat": "aside"}

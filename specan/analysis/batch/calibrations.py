@@ -76,7 +76,7 @@ def assign_calibrations(
         (calibrators if entry.label not in known and _is_calibrator(entry) else others).append(entry)
     if given is not None:
         read_calibration(given)
-        aside = [FileResult(entry.label, "skipped", _UNUSED) for entry in calibrators]
+        aside = [FileResult(entry.label, "aside", _UNUSED) for entry in calibrators]
         line = f"calibration: {given.name} ({fingerprint(given)}), given"
         return Assigned([replace(e, calibration=str(given)) for e in others], aside, [line])
     results, made, header = _made(inputs, calibrators, out, settings)
@@ -151,7 +151,7 @@ def _calibrate(
     for entry in entries:
         try:
             insertions.append(evaluate_insertion(open_headers(entry), settings))
-            results.append(FileResult(entry.label, "skipped", _USED))
+            results.append(FileResult(entry.label, "aside", _USED))
         except Exception as fault:
             results.append(FileResult(entry.label, "failed", entry.neutral(reason_of(fault))))
     if not insertions:

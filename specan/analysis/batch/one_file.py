@@ -58,7 +58,7 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
     except OSError as fault:
         return FileResult(entry.label, "failed", f"it cannot be read ({fault.strerror or fault})")
     except Exception as fault:
-        kind: Kind = "skipped" if isinstance(fault, NoSignalError) else "failed"
+        kind: Kind = "aside" if isinstance(fault, NoSignalError) else "failed"
         return FileResult(entry.label, kind, entry.neutral(reason_of(fault)))
 
 

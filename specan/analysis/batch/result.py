@@ -8,7 +8,7 @@ from typing import Literal
 
 from specan.data.tone import ToneTable
 
-Kind = Literal["done", "skipped", "failed"]
+Kind = Literal["done", "aside", "failed"]
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class FileResult:
 
     Attributes
     ----------
-    kind : {"done", "skipped", "failed"}
+    kind : {"done", "aside", "failed"}
         Put aside is what is not a failure: a calibrator, a spectrum, a table.
     reason : str
         Why there is no result, or why the file was taken for what it is.

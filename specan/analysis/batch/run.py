@@ -78,7 +78,7 @@ class BatchReport(Result):
         """What it is, on one line."""
         counts = ", ".join(
             f"{len(self.of_kind(kind))} {words}"
-            for kind, words in (("done", "analysed"), ("skipped", "skipped"), ("failed", "failed"))
+            for kind, words in (("done", "analysed"), ("aside", "skipped"), ("failed", "failed"))
         )
         return f"{counts}; tables in {self.tables[0].parent}"
 
@@ -103,7 +103,7 @@ class BatchReport(Result):
         )
 
     def of_kind(self, kind: str) -> tuple[FileResult, ...]:
-        """Results that are "done", "skipped" or "failed"."""
+        """Results that are "done", "aside" or "failed"."""
         return tuple(r for r in self.results if r.kind == kind)
 
 

@@ -228,7 +228,7 @@ UNITS = {
     "orders.txt": "order: cycles per turn of the shaft; amplitude: peak of the sine, unit; level_dB: of its RMS re the "
     "reference of the unit; phase_deg: at turn zero; u, u_blocks: standard uncertainty of one component, unit, from "
     "the noise about the line and from the scatter of blocks",
-    "skipped.txt": "kind: skipped (no failure) or failed; channel is empty where it is the whole file",
+    "skipped.txt": "kind: aside (no failure) or failed; channel is empty where it is the whole file",
 }
 
 
@@ -291,8 +291,8 @@ def _skipped(results: Sequence[FileResult], reasons: Sequence[tuple[str, str]]) 
     for result in results:
         if result.kind != "done":
             rows.append((result.label, "", result.kind, result.reason))
-        rows += [(result.label, channel, "skipped", reason) for channel, reason in result.set_aside]
-    rows += [(label, "", "skipped", reason) for label, reason in reasons]
+        rows += [(result.label, channel, "aside", reason) for channel, reason in result.set_aside]
+    rows += [(label, "", "aside", reason) for label, reason in reasons]
     columns = zip(*sorted(rows, key=lambda row: row[0]), strict=True)
     return text.rows([list(map(text.word, column)) for column in columns])
 
