@@ -112,7 +112,7 @@ def test_new_says_what_it_assumed(bench):
     text = specan("new", "t", "--model", "worm-gear", "--rig", rig, "--measurement", table).stdout
     for words in (
         "set anew",
-        "read values",
+        "values as read",
         "model discrepancy",
         "Defaults, not stated in the rig file",
         "held at its default",

@@ -103,7 +103,7 @@ def test_repeats_set_anew_give_the_noise_that_there_is(tables, tmp_path):
     observed = data.fitted[0]
     np.testing.assert_allclose(observed.sigma, tables.NOISE, rtol=0.2)
     assert observed.noise_dof == observed.pure_error_dof == pytest.approx(72, abs=6)
-    assert "read values" in " ".join(data.statements)
+    assert "values as read" in " ".join(data.statements)
 
 
 def test_a_torque_that_was_read_is_no_noise_however_the_brake_scatters(tables, tmp_path):
