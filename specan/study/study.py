@@ -255,7 +255,9 @@ class Study:
             **self.hashes,
             "model": self.content.model_sha256 or "",
             "calibration": file_hash(self.directory / calibration) if calibration else "",
-            "last": [last.parameters, last.model_effects] if last else dict(self._given),
+            "last": [last.parameters, last.model_effects]
+            if last
+            else {name: np.asarray(value).tolist() for name, value in self._given.items()},
         }
         return KeptResults(self.directory, state)
 
