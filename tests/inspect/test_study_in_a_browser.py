@@ -17,13 +17,6 @@ BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "ben
 FEW = Path(__file__).parents[1] / "study" / "few.py"
 
 
-@pytest.fixture(scope="module", autouse=True)
-def own_machine(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SPECAN_CONFIG_DIR", str(tmp_path_factory.mktemp("config")))
-        yield
-
-
 @pytest.fixture(scope="module")
 def begun(tmp_path_factory) -> Path:
     """Begun and diagnosed: else the page begins to search beside what is tried here."""

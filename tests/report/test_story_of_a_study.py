@@ -21,13 +21,6 @@ BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "ben
 FEW = Path(__file__).parents[1] / "study" / "few.py"
 
 
-@pytest.fixture(scope="module", autouse=True)
-def own_machine(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SPECAN_CONFIG_DIR", str(tmp_path_factory.mktemp("config")))
-        yield
-
-
 @pytest.fixture(scope="module")
 def story(tmp_path_factory):
     place = tmp_path_factory.mktemp("story") / "gear"

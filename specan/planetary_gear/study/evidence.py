@@ -45,7 +45,7 @@ ANSWERS = (1.0, 0.1), (2.0, 0.5)
 FORMS = 1.0, 3.0  # errors of the form of an effect, over those that the rig file states of single lines
 # Probability that a tone of the background falls on a line, of all lines together, and how many may.
 TONE, TONES = 0.05, 3
-# Probability that lines of a recording are anything whatever effect there is, as where teeth part.
+# Probability, assumed, that lines of a recording are anything whatever effect there is, as where teeth part.
 APART = 0.05
 STEP = 1e-3  # of the largest size that is known, for the model's lines
 # Places of a shape parameter that is an angle, of another one, and finer ones in each step about the likeliest angle.

@@ -30,7 +30,7 @@ PAIRED = 3, 6  # likeliest effects that are looked at with others, and with how 
 
 @dataclass(frozen=True, eq=False)
 class OfLines(Explanation):
-    """One way in which order lines may have come about, with tones of the background or without."""
+    """One way in which order lines may have come about, with lines of another origin or without."""
 
     tones: str = ""
 

@@ -74,7 +74,7 @@ def of_turn(multiple):
     """Cosine or sine part so many times a turn: a sum of independent errors of the pitch falls with the multiple."""
     size = 20.0 / multiple
     return Parameter(
-        size / 5, "um", min=-size, max=size, lower=-200.0, upper=200.0, doc="of so many times a turn"
+        size / 5, "um", min=-size, max=size, lower=-200.0, upper=200.0, doc=f"part {multiple} times a turn"
     )
 
 
@@ -100,7 +100,9 @@ def pitch_errors(
     sine_5=of_turn(5),
     cosine_6=of_turn(6),
     sine_6=of_turn(6),
-    alternate=of_turn(12),
+    alternate=Parameter(
+        1 / 3, "um", min=-5 / 3, max=5 / 3, lower=-200.0, upper=200.0, doc="of every second tooth"
+    ),
 ):
     """The pitch of the sun's teeth varies: lines at multiples of the turn of the sun, from the second on.
 
