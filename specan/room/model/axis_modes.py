@@ -38,6 +38,7 @@ class AxisModes:
     a0: Complex
     norm: Complex
     _at: dict[bytes, Complex] = field(default_factory=dict, repr=False, compare=False)
+    _along: dict[tuple[float, bool], Complex] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def q2(self) -> Complex:
@@ -52,7 +53,11 @@ class AxisModes:
 
     def along(self, x: float, slope: bool = False) -> Complex:
         """Eigenfunctions at a position (m), or their derivatives there, 1/m: array (lines, modes)."""
-        return waves_or_slopes(self.w, self.a0, x / self.length, self.length, slope)
+        if (x, slope) not in self._along:
+            if len(self._along) >= 32:
+                self._along.clear()
+            self._along[x, slope] = waves_or_slopes(self.w, self.a0, x / self.length, self.length, slope)
+        return self._along[x, slope]
 
     def at(self, x: Real) -> Complex:
         """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""

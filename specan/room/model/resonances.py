@@ -46,6 +46,7 @@ class Shapes:
     w: tuple[Complex, ...]
     a0: tuple[Complex, ...]
     _at: dict[tuple[Port, ...], Complex] = field(default_factory=dict, repr=False)
+    _ports: dict[Port, Complex] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, axes: Sequence[AxisModes], orders: NDArray[np.intp]) -> Shapes:
@@ -62,6 +63,11 @@ class Shapes:
 
     def at(self, port: Port) -> Complex:
         """Shapes at a port, averaged over it, or their derivative there."""
+        if port not in self._ports:
+            self._ports[port] = self._at_one(port)
+        return self._ports[port]
+
+    def _at_one(self, port: Port) -> Complex:
         found = np.ones_like(self.w[0])
         for i, length in enumerate(self.lengths):
             part = port.position[i] / length
