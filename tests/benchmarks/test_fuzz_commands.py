@@ -26,6 +26,7 @@ def test_every_command_has_a_line_to_begin_with() -> None:
     assert {path for path, _ in fuzz_commands.commands(main)} == set(fuzz_commands.ARGUMENTS)
 
 
+@pytest.mark.long
 def test_an_odd_value_of_an_option_is_answered_or_refused(good) -> None:
     lines = [words for words in fuzz_commands.tried(1, np.random.default_rng(1)) if words[0] != "simulate"]
     assert [fault for words in lines[::16] for fault in fuzz_commands.on_copies(good, words)] == []

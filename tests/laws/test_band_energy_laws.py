@@ -41,6 +41,7 @@ def whole() -> np.ndarray:
     return levels(SAMPLES, [])
 
 
+@pytest.mark.long
 @settings(max_examples=8, deadline=None)
 @given(pieces=st.lists(st.integers(0, SAMPLES.shape[1]), max_size=4))
 def test_the_pieces_do_not_change_a_bit(whole: np.ndarray, pieces: list[int]) -> None:

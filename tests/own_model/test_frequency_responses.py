@@ -265,6 +265,7 @@ def test_a_model_without_a_frequency(place):
         open_data(model, MeasuredFiles([DataFile("frf.csv", place / "frf.csv")]))
 
 
+@pytest.mark.long
 def test_two_files_share_parameters_and_a_third_octave_can_be_put_aside(place):
     h = receptance(ThreeMasses(), FREQUENCY)
     written(place / "a.csv", FREQUENCY, h, seed=1)

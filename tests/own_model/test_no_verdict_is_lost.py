@@ -90,6 +90,7 @@ def test_a_time_that_goes_on_by_itself_is_nothing_to_set(tmp_path) -> None:
     assert found.next_measurement == ()
 
 
+@pytest.mark.long
 def test_six_conditions_with_limits_have_proposals_in_little_time_and_memory(tmp_path) -> None:
     names = "uvwxyz"
 

@@ -50,6 +50,7 @@ def pair_force(t, x, v, rig, mesh):
     return total
 
 
+@pytest.mark.long
 def test_the_overdamped_pair_moves_as_radau_says():
     rig = pair()
     system = dynamics._system(rig)

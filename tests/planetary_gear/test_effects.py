@@ -320,6 +320,7 @@ def test_a_mesh_that_parts_against_an_integration(swing):
     assert (abs(added).max() > 0) == (abs(first) * 2 > load)
 
 
+@pytest.mark.long
 def test_lines_of_teeth_that_bounce_change_little_by_little():
     """At a light load the places that part never settle; five parts in a million of the inertia are no other line."""
     contact = {"K_N_mm_e": 2.25e5, "exponent": 1.255, "C_Ns_mm": 2335.0}

@@ -101,9 +101,9 @@ def test_the_evidence_is_that_of_a_normal_law():
 @pytest.mark.parametrize(
     ("use", "values", "named"),
     [
-        ("", None, set()),
+        pytest.param("", None, set(), marks=pytest.mark.long),
         ("planet-position-error@P2", {"planet-position-error@P2.error": 1e-6}, {"planet-position-error@P2"}),
-        ("pitch-errors", PITCH, {"pitch-errors"}),
+        pytest.param("pitch-errors", PITCH, {"pitch-errors"}, marks=pytest.mark.long),
         pytest.param(
             "tooth-crack", {"tooth-crack.softer": 0.1, "tooth-crack.place": 0.3}, {"tooth-crack"},
             marks=pytest.mark.long,
@@ -122,6 +122,7 @@ def test_what_makes_the_lines_is_named_however_the_machine_answers(use, values, 
     assert {where for places in found.at.values() for where in places} == ({place} if place else set())
 
 
+@pytest.mark.long
 def test_lines_of_another_origin_in_one_recording_cost_no_name():
     """As where teeth part: drawn lines at multiples of the turn of the sun, thirty times as strong, in the first."""
     seen = drawn("planet-runout@P3", {"planet-runout@P3.cosine": 2e-6, "planet-runout@P3.sine": 1e-6}, 7)

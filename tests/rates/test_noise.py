@@ -76,6 +76,7 @@ def model():
     )  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("disturbed", "coloured"), [(3.0, 0.0), (0.0, 0.9)])
 def test_nothing_is_named_beside_noise_of_any_form(model, disturbed, coloured):
     seen = observed(model, np.random.default_rng(0), disturbed, coloured)
@@ -91,6 +92,7 @@ def test_an_effect_is_named_beside_a_force_that_nobody_measured(model):
     assert found.alternatives == (("cubic-spring",),)
 
 
+@pytest.mark.long
 def test_what_no_candidate_describes_is_no_noise(model):
     """A spring that hardens, for which there is no candidate: what is left answers to the force."""
     seen = observed(model, np.random.default_rng(2), 0.0, 0.0, size=2e7)
@@ -139,6 +141,7 @@ def test_noise_beyond_what_is_stated_is_likelier_something_else(model, doubtful)
     assert seen.ln_not_noise(prediction, np.full(COUNT, doubtful)) == pytest.approx(expected)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("runs_away", [True, False])
 def test_what_lies_in_few_samples_is_no_noise(model, runs_away):
     """A displacement that runs away to 40 m, as 1 / (t0 - t); or one sample of a sensor that fails."""

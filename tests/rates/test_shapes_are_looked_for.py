@@ -48,6 +48,7 @@ def record(path: Path, seed: int) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_adding_an_effect_finds_its_shape(tmp_path: Path) -> None:
     found = shelf.mechanics(force=("spring", 20, "N"), x=("x", 4e-3, "m"), v=("v", 0.2, "m/s"))
     model = Model.from_rates(

@@ -118,6 +118,7 @@ def test_nonlinear_with_a_state_of_an_effect(way):
     assert 1 < np.max(np.abs(found)) < 100
 
 
+@pytest.mark.long
 def test_a_state_that_gets_stiff_in_a_fit(way):
     """Bristles that slip after a fiftieth of what they do by default, at the steps of that: scipy's LSODA at 1e-9."""
     slip, speed = 6e-5, 0.4
@@ -149,6 +150,7 @@ def test_stiff_system_takes_the_implicit_method(way):
     assert "stiff" in model.solver.method()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("damping", "method", "broken"), [(20.0, "explicit", True), (1e6, "implicit", False)]
 )
@@ -219,6 +221,7 @@ def with_events(pull, edges):
     return np.array(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("one", "edges", "pull"),
     [(stop, [1e-3], lambda x: 1e5 * max(x - 1e-3, 0.0)),

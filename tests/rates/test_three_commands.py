@@ -71,7 +71,9 @@ def run(*words):
     return found.stdout
 
 
-@pytest.mark.parametrize("term", TERMS)
+@pytest.mark.parametrize(
+    "term", [one if one == "dry-friction" else pytest.param(one, marks=pytest.mark.long) for one in TERMS]
+)
 def test_named_and_error_falls_elsewhere(tmp_path, term):
     recording(tmp_path / "run.tdms", 1, TERMS[term])
     recording(tmp_path / "again.tdms", 2, TERMS[term])

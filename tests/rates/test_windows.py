@@ -90,6 +90,7 @@ def test_an_effect_is_named_in_pieces(tmp_path: Path) -> None:
     assert rows["after"][list(rows["data"]).index("held-out")] == pytest.approx(NOISE, rel=0.1)
 
 
+@pytest.mark.long
 def test_what_no_fit_finds_in_long_pieces_is_no_noise(tmp_path: Path) -> None:
     """Pieces of a period, two wells, a base far off: what is left is ten times the noise that is stated."""
     begin(tmp_path / "s", keep_in_memory(model(5.0)), None, [record(tmp_path / "run.csv", 1, 48)])

@@ -106,6 +106,7 @@ def test_tones_drawn_up_to_nearly_half_the_rate(rate: float) -> None:
         assert found == pytest.approx(expected, abs=0.03), f
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", RATES)
 def test_rumble(rate: float) -> None:
     fine = direct(rumble(3), "A", 0.125, INTERVAL / 50)

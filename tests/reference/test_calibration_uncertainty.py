@@ -76,6 +76,7 @@ def test_noise_of_a_window_is_that_of_theory() -> None:
         assert np.sqrt(np.mean(np.square(found))) == pytest.approx(1.0, abs=0.05), name
 
 
+@pytest.mark.long
 def test_an_estimated_repeatability_is_that_of_students_distribution() -> None:
     """+-1.96 u from few degrees of freedom holds 95 %; without the t factor four would hold 88 %."""
     rng = np.random.default_rng(3)

@@ -70,6 +70,7 @@ def test_studies_are_drawn(kind, verb, study, tmp_path):
     draw(kind, tmp_path, "study", verb, str(study))
 
 
+@pytest.mark.long
 def test_a_changed_model_is_drawn(study, tmp_path):
     shutil.copytree(study.parent, tmp_path / "own")
     one = str(tmp_path / "own" / "s")

@@ -20,6 +20,7 @@ def room(vectors, soft):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("soft", [0.02, 0.3 + 0.4j, 3.0])
 @pytest.mark.parametrize("most", [48, 3])  # iterations; with 3 most lines fall back to a direct solution
 def test_iteration_and_direct_solution_agree(monkeypatch, soft, most):

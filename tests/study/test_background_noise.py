@@ -62,6 +62,7 @@ def test_the_lines_near_the_background_are_named(room):
     assert "149 to 151" in text
 
 
+@pytest.mark.long
 def test_lines_of_hum_are_not_fitted_and_that_is_said(room):
     found = open_data(*with_background(room, None))
     o = found.fitted[0]

@@ -283,6 +283,7 @@ def _known_only_below(refit, name):
     return problem
 
 
+@pytest.mark.long
 def test_a_noise_that_was_declared_too_small_blames_nobody(toy):
     found = [diagnose(toy.problem(nothing, CATALOGUE, seed=s, noise=2.5)) for s in range(2)]
     assert all(d.alternatives == () for d in found)
@@ -387,6 +388,7 @@ def tide(x, *, c=Parameter(1.0, "W", min=0.0, max=4.0, upper=50.0),
     return c * np.cos(rate * x)
 
 
+@pytest.mark.long
 def test_intervals_cover_the_truth(toy):
     inside = 0
     for seed in range(60):

@@ -132,6 +132,7 @@ def test_noise_in_percent_and_of_read_temperatures_is_counted(tmp_path):
     assert added == pytest.approx(percent + (0.5 * slope) ** 2, rel=0.1)
 
 
+@pytest.mark.long
 def test_a_thermometer_that_stayed_in_the_room_is_told(tmp_path):
     """The oil is set to 40, 55 and 70 degC, twice; the column says what the room has."""
     model = build(rig())

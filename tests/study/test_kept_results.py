@@ -14,13 +14,14 @@ from specan.study.history import FOLDER, MOST_FILES, KeptResults
 from specan.study.study import Study
 
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
+FEW = Path(__file__).parent / "few.py"
 
 
 @pytest.fixture(scope="module")
 def diagnosed(tmp_path_factory):
     """A study that was diagnosed, and its diagnosis."""
     place = tmp_path_factory.mktemp("kept") / "gear"
-    begin(place, "worm-gear", BENCH / "rig.toml", [BENCH / "measurement.csv"], hold_out=["torque=50"])
+    begin(place, FEW, BENCH / "rig.toml", [BENCH / "measurement.csv"], hold_out=["torque=50"])
     return place, Study(place).diagnose()
 
 

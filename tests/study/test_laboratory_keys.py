@@ -111,6 +111,7 @@ def test_a_level_error_of_the_calibrator_is_common_to_all_microphones(recorded):
     assert (reduced(unknown) - reduced(known)) * known.n_data > 100  # six channels, each six times its 0.1 dB
 
 
+@pytest.mark.long
 def test_bands_and_harmonics_of_the_mains_are_left_out(recorded):
     problem, _ = described(recorded, band={"hum_hz": 50.0, "left_out_hz": [[120.0, 130.0]]})
     lines = np.unique(problem.observations[0].conditions["frequency"])

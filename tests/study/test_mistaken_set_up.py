@@ -48,6 +48,7 @@ def exchange(rig):
     places[1], places[4] = places[4], places[1]
 
 
+@pytest.mark.long
 def test_a_lining_is_no_mistake(lined):
     assert not mistaken_set_up(described(lined)).text
 

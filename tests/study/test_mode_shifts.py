@@ -77,6 +77,7 @@ def test_a_small_misfit_that_held_out_data_do_not_show_is_told(reduced, unseen, 
     assert bool(Study._well_predicted(SimpleNamespace(held_out=held), found)) == told
 
 
+@pytest.mark.long
 def test_a_room_of_other_edges_is_told_by_the_modes_that_move():
     """An edge 1.5 % longer, which the fit may not take: c / (2 X) = 187.9 Hz instead of 190.7; y and z stay."""
     model = load_model("room", RIG)

@@ -82,6 +82,7 @@ def test_one_value_everywhere_is_the_same_as_one_a_band(model):
     assert np.allclose(wall.evaluate(here, one)["field"], wall.evaluate(here, many)["field"], rtol=1e-12)
 
 
+@pytest.mark.long
 def test_a_wall_of_no_known_form_is_followed_band_by_band(model):
     mid = 1000 * 10.0 ** (np.arange(-10, -4) / 10)
     true = np.array([0.02, 0.03, 0.08, 0.05, 0.10, 0.06])
@@ -118,6 +119,7 @@ def lining(f):
     return 0.08 / (1 + 0.5j * (f / 180 - 180 / f))
 
 
+@pytest.mark.long
 def test_other_effects_of_the_study_are_fitted_beside_the_walls(model):
     o = observed(model, lining(FREQUENCY))
     louder = o.response * np.where(np.arange(4)[:, None] == 1, 1.06, 1.0)

@@ -188,6 +188,7 @@ def test_places_for_the_next_microphone_are_proposed_with_what_is_expected_there
     assert separations == sorted(separations, reverse=True)
 
 
+@pytest.mark.long
 def test_the_proposed_place_is_the_one_that_separates_most(rivals, model):
     places = free_places(receivers_of(model).rig)
     best = propose_places(rivals, np.array([0.5, 0.5]), 1)[0]

@@ -44,6 +44,7 @@ def test_it_imports_no_model() -> None:
                 assert "specan.planetary_gear" not in ast.unparse(node), path.name
 
 
+@pytest.mark.long
 def test_mean_forces_hold_the_torque(healthy: np.ndarray) -> None:
     assert healthy.mean(axis=1) == pytest.approx(np.full(3, TORQUE / SHARE_ON_BASE_CIRCLES), rel=1e-3)
 

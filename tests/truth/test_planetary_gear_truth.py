@@ -32,6 +32,7 @@ def test_it_imports_no_model() -> None:
                 assert "models" not in ast.unparse(node), path.name
 
 
+@pytest.mark.long
 def test_mean_force_by_statics(healthy: np.ndarray) -> None:
     """Each ring mesh carries T / (n (r_sun + r_ring)) on the base circles."""
     arm = 3 * (24 + 66) * 1e-3 * math.cos(math.radians(20))

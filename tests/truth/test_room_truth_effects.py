@@ -181,6 +181,7 @@ def test_air_that_warms_up_is_marched_from_its_coldest_to_its_warmest(cache):
     assert np.abs(np.diff([r.sound_speed for r in rooms])).max() < 0.31  # half a kelvin
 
 
+@pytest.mark.long
 def test_what_changes_with_time_is_heard_when_it_is_so(cache):
     """Responses that are nothing but a gain: the pressure is the velocity times the gain of that moment."""
     case = simulate(5, n_mics=2, duration_s=1.0, cache=cache)

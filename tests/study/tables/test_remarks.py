@@ -84,6 +84,7 @@ def test_copied_rows_are_named_by_their_lines(tables, tmp_path):
     assert not copies_told(tables, tmp_path, one)
 
 
+@pytest.mark.long
 def test_a_few_copied_rows_are_seen_by_conditions_that_are_read(tables, tmp_path):
     columns = tables.bench(8, repeats=2, setting="read", points=tables.grid(**GRID))
     assert not copies_told(tables, tmp_path, columns)

@@ -211,6 +211,7 @@ def test_what_the_file_says_of_parameters_is_done(study):
     assert "churning.viscosity_exponent" not in problem.names
 
 
+@pytest.mark.long
 def test_a_parameter_may_have_one_value_for_each_file(tables, tmp_path, files):
     rougher = {"speed-dependent-friction.rise": 0.0, "speed-dependent-friction.speed": 1.0}
     columns = tables.bench(seed=3, effects=rougher)
@@ -269,6 +270,7 @@ def test_the_rig_is_part_of_the_state(study, files):
     assert Study(study.directory).record_changes().action == "edit"
 
 
+@pytest.mark.long
 def test_own_effects_work_in_every_step(study, tmp_path):
     own = tmp_path / "mine.py"
     own.write_text(OWN)
@@ -356,6 +358,7 @@ def test_the_ideal_machine_is_a_start(files, tmp_path):
     assert first.after.fit_error["value"] < begun.step.fit_error["value"]
 
 
+@pytest.mark.long
 def test_an_instrument_error_goes_out_of_its_certificate_and_back(tables, tmp_path):
     rig = tables.write_rig(tmp_path / "r.toml", input_torque_zero_Nm=0.01, input_torque_Nm=0.01)
     columns = tables.bench()
