@@ -407,16 +407,28 @@ def _profile(problem: Problem, best: Fit, index: int, allowed: float) -> tuple[f
     return ends[0], ends[1]
 
 
+_NEARBY = 0.2  # of the way from the minimum, over which a Jacobian serves: its error there is of second order
+
+
 def _excess(problem: Problem, best: Fit, index: int, allowed: float) -> Callable[[float], float]:
     """Least chi-square with one element of theta held at a value, less that of the fit and what it may rise."""
     others = np.arange(best.theta.size) != index
     direction = best.covariance[:, index] / max(best.covariance[index, index], 1e-300)
     low, high = (ends[others] for ends in problem.bounds())
 
+    where, kept = np.inf, best.jacobian
+
     def whole(part: Array, value: float) -> Array:
         theta = np.empty(others.size)
         theta[others], theta[index] = part, value
         return theta
+
+    def slopes(part: Array, value: float) -> Array:
+        """Those at a value nearby: along a profile they change little, and cost more than all else."""
+        nonlocal where, kept
+        if not abs(value - where) <= _NEARBY * abs(value - best.theta[index]):
+            where, kept = value, finite(problem.jacobian(whole(part, value)))
+        return kept[:, others]
 
     @cache
     def excess(value: float) -> float:
@@ -426,7 +438,7 @@ def _excess(problem: Problem, best: Fit, index: int, allowed: float) -> Callable
         if guess.size:
             _, chi2 = least_inside(
                 lambda part: finite(problem.residual(whole(part, value))),
-                lambda part: finite(problem.jacobian(whole(part, value)))[:, others],
+                lambda part: slopes(part, value),
                 guess,
                 low,
                 high,
