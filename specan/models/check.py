@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -17,6 +18,8 @@ from specan.models.model import Assembly, Model
 from specan.models.trial import check_units, try_model
 
 Conditions = Mapping[str, Real]
+# the base with an effect, its free parameters, what it predicts at their defaults, and what these change of that
+_Linear = tuple[Assembly, list[str], Real, Real]
 
 STEP = 1e-4  # of a parameter's range: central differences are right to 1e-8 there
 # Share of a column below which nothing but rounding is left: differences are right to some 1e-8, see STEP.
@@ -350,10 +353,19 @@ def _indistinguishable(
             hidden.append(name)
         else:
             traces[name] = (plain + trace, left)
+
+    @cache
+    def linear(name: str) -> _Linear:
+        active = model.assemble({*base.uses, Use(name)})
+        names = [*free, *_own(active, Use(name), conditions)]
+        with_it = _predict(active, conditions, {})
+        changes = _jacobian(active, names, conditions, active.defaults)
+        return active, names, with_it, np.column_stack([changes, with_it - plain])
+
     alike = [
         (one, other)
         for one, other in combinations(traces, 2)
-        if any(_imitates(base, free, conditions, b, *traces[a]) for a, b in ((one, other), (other, one)))
+        if any(_imitates(linear(b), conditions, *traces[a]) for a, b in ((one, other), (other, one)))
     ]
     return tuple(alike), tuple(hidden)
 
@@ -367,19 +379,12 @@ def _beyond(columns: Real, values: Real) -> Real:
     return np.asarray(values - scaled @ np.linalg.lstsq(scaled, values, rcond=1e-10)[0])
 
 
-def _imitates(
-    base: Assembly, free: Sequence[str], conditions: Conditions, name: str, truth: Real, size: float
-) -> bool:
+def _imitates(effect: _Linear, conditions: Conditions, truth: Real, size: float) -> bool:
     """Whether the base with an effect gives some values, whatever its parameters then are."""
     from scipy.optimize import least_squares
 
-    active = base.model.assemble({*base.uses, Use(name)})
-    names = [*free, *_own(active, Use(name), conditions)]
-    with_it = _predict(active, conditions, {})
-    columns = np.column_stack(
-        [_jacobian(active, names, conditions, active.defaults), with_it - _predict(base, conditions, {})]
-    )
-    if base.model.rates:
+    active, names, with_it, columns = effect
+    if active.model.rates:
         return float(np.linalg.norm(_beyond(columns, truth - with_it))) < DETECTED
     # fitted only where linear combination leaves less than three tenths of the trace
     if np.linalg.norm(_beyond(columns, truth - with_it)) > 0.3 * size:

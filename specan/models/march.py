@@ -288,10 +288,15 @@ class Solver:
         self.steps: dict[Any, tuple[bool, int]] = {}
         self.doubted: Assembly | None = None  # whose steps are looked at again, none once they were changed
 
+    @cached_property
+    def _everything(self) -> Assembly:
+        """The model with all of its effects."""
+        found: Assembly = self.model.assemble([e.name for e in self.model.effects.values() if not e.at])
+        return found
+
     def program(self, assembly: Assembly) -> Program:
         """One for all effects of the model, or for these; without numba, or where that fails, as it stands."""
-        everything = self.model.assemble([e.name for e in self.model.effects.values() if not e.at])
-        for key in (everything, assembly):
+        for key in (self._everything, assembly):
             if not set(assembly.uses) <= set(key.uses):
                 continue
             if key.uses not in self._programs:
@@ -323,7 +328,7 @@ class Solver:
     ) -> Callable[[bool, int], Real]:
         """What marches from one set of inputs, starts and parameter values, for a method and its steps a sample."""
         times, drives, starts = _given(program, assembly, conditions, many)
-        defaults = {**self.model.assemble(program.uses).defaults, **assembly.defaults}
+        defaults = {**program.assembly.defaults, **assembly.defaults}
         values = np.array([[float(v.get(n, defaults[n])) for v in many] for n in program.parameters])
         values = values.reshape(len(program.parameters), len(many))
         on = tuple(use in assembly.uses for use in program.uses)

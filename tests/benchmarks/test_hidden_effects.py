@@ -251,15 +251,6 @@ def test_a_failure_is_a_record_and_counts_nowhere(engine, tmp_path):
 
 
 @pytest.mark.long
-def test_the_engine_names_a_strong_effect():
-    found = run.run_case(cases.Case("single", 1500, "idle", {"idle-lag": 4.0}))
-    assert "error" not in found, found["error"]
-    assert found["lambda"] > 100
-    assert found["d"] > 20
-    assert judge.truth_first(found)
-
-
-@pytest.mark.long
 def test_the_engine_finds_nothing_in_a_healthy_gear():
     found = run.run_case(cases.planned("null", 1)[0])
     assert "error" not in found, found["error"]

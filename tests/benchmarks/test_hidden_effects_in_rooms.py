@@ -128,7 +128,7 @@ def opened(case, folder, cache):
 @pytest.mark.long
 def test_what_the_data_could_know_and_what_adding_does(cache, tmp_path):
     """Measured without a search: the verdict is given, and few candidates are."""
-    rivals = {"microphone-gain", "microphone-position", "piston-size"}
+    rivals = {"microphone-gain", "piston-size"}
     held = {"temperature", "dimension-error", "microphone-delay", "vibrometer-delay", "vibrometer-gain"}
     denied = tuple(n for n in example_model("room").effects if n not in rivals | held)
     case = small("single", 1003, {"microphone-gain@Mic 1": 3.0}, validated=True, without=denied)

@@ -55,7 +55,7 @@ def test_a_wall_that_leans_is_named_and_by_its_angle():
         - model.assemble().evaluate(upright.conditions_at_nodes, {}, ["indicated_frf"])["indicated_frf"]
     )
     measured = replace(upright, response=leaning(model) + noise, kept=upright.kept & BAND)
-    few = beside(model, "flanking-source", "microphone-position", "leaning-wall")
+    few = beside(model, "microphone-position", "leaning-wall")
     verdict = diagnose(base_problem(few, [measured]))
     assert verdict.alternatives == (("leaning-wall",),)
     assert [*verdict.at["leaning-wall"]] == ["x1 along z"]
