@@ -38,6 +38,7 @@ def test_no_option_of_any_command_has_a_victim(good) -> None:
     assert [fault for words in lines for fault in fuzz_commands.on_copies(good, words)] == []
 
 
+@pytest.mark.long
 def test_damaged_studies_are_answered_or_refused(good) -> None:
     assert list(fuzz_commands.studies(good, 6, 4)) == []
 

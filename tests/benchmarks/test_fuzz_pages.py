@@ -17,6 +17,8 @@ import specan
 from specan.inspect.opened import Opened, watched
 from specan.inspect.recording_page import RecordingPage
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
@@ -54,6 +56,5 @@ def test_the_fuzz_sees_an_error_of_a_page(fill, monkeypatch):
     assert "internal error on the page: KeyError('x')" in text
 
 
-@pytest.mark.long
 def test_no_page_of_a_study_ends_in_an_error(place):
     assert list(fuzz_pages.studies(place)) == []

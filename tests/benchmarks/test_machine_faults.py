@@ -10,6 +10,8 @@ from specan.study.diagnose import diagnose
 from specan.study.selection.candidates import base_problem
 from tests.study.few import beside
 
+pytestmark = pytest.mark.long
+
 
 def told(case):
     few = beside(case.model, *sorted(case.model.effects)[:3])
@@ -23,9 +25,7 @@ SEEDS = {"cold-spot": 2, "not-set-anew": 16, "range": 1, "later-zero": 0, "copie
 SEED_OF_A_LEVEL = 6
 
 
-@pytest.mark.parametrize(
-    "fault", [one if one == "range" else pytest.param(one, marks=pytest.mark.long) for one in SEEDS]
-)
+@pytest.mark.parametrize("fault", SEEDS)
 def test_a_planted_fault_is_found_by_its_name(fault):
     case = faults.planted(SEEDS[fault], fault)
     assert faults.chi2(case) > faults.VISIBLE
@@ -34,7 +34,6 @@ def test_a_planted_fault_is_found_by_its_name(fault):
     assert any(words in named[0].explanation for words in faults.SAID[fault])
 
 
-@pytest.mark.long
 def test_the_level_that_is_wrong_is_named_with_its_true_value():
     case = faults.planted(SEED_OF_A_LEVEL, "level")
     found, _, _ = told(case)

@@ -68,7 +68,7 @@ def signals() -> np.ndarray:
     return noise
 
 
-@pytest.mark.parametrize("fraction", [1, 3, pytest.param(24, marks=pytest.mark.long)])
+@pytest.mark.parametrize("fraction", [1, *(pytest.param(n, marks=pytest.mark.long) for n in (3, 24))])
 def test_readings_are_those_of_the_whole_record_at_the_full_rate(fraction: int) -> None:
     index = bands.band_range(25.0 if fraction < 24 else 200.0, 16000.0 / fraction**0.1, fraction)
     index = index[:: max(1, len(index) // 18)]

@@ -85,6 +85,7 @@ def test_the_check_of_a_model_takes_it(drive, monkeypatch, tmp_path):
     assert "extra passes" in result.output
 
 
+@pytest.mark.long
 def test_a_study_names_the_effect_that_the_fmu_lacks(drive, tmp_path, monkeypatch):
     monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "config"))
     monkeypatch.chdir(tmp_path)

@@ -110,6 +110,7 @@ def test_no_answer_may_stand_in_a_frame(serve):
         assert "access-control-allow-origin" not in head
 
 
+@pytest.mark.long
 def test_a_websocket_names_the_page_as_its_origin(serve, study):
     before = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in study.glob("*.*") if p.is_file()}
     url = serve(str(study))

@@ -98,18 +98,16 @@ def test_the_evidence_is_that_of_a_normal_law():
     assert found[0] + of_noise == pytest.approx(expected, rel=0, abs=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("use", "values", "named"),
     [
-        pytest.param("", None, set(), marks=pytest.mark.long),
+        ("", None, set()),
         ("planet-position-error@P2", {"planet-position-error@P2.error": 1e-6}, {"planet-position-error@P2"}),
-        pytest.param("pitch-errors", PITCH, {"pitch-errors"}, marks=pytest.mark.long),
-        pytest.param(
-            "tooth-crack", {"tooth-crack.softer": 0.1, "tooth-crack.place": 0.3}, {"tooth-crack"},
-            marks=pytest.mark.long,
-        ),
+        ("pitch-errors", PITCH, {"pitch-errors"}),
+        ("tooth-crack", {"tooth-crack.softer": 0.1, "tooth-crack.place": 0.3}, {"tooth-crack"}),
     ],
-)  # fmt: skip
+)
 def test_what_makes_the_lines_is_named_however_the_machine_answers(use, values, named):
     """The place too; a misplaced pin and an unequal share of one planet have the same lines then."""
     found = diagnose(base_problem(MODEL, [drawn(use, values, 7)]))

@@ -86,6 +86,7 @@ def test_nothing_is_named_beside_noise_of_any_form(model, disturbed, coloured):
     assert any("times as large as declared" in text for text in found.remarks) == (disturbed > 1)
 
 
+@pytest.mark.long
 def test_an_effect_is_named_beside_a_force_that_nobody_measured(model):
     seen = observed(model, np.random.default_rng(1), 3.0, 0.0, size=2e7)
     found = diagnose(base_problem(model, [seen]))
@@ -158,6 +159,7 @@ def test_what_lies_in_few_samples_is_no_noise(model, runs_away):
     assert runs_away or diagnose(base_problem(model, [left])).verdict == "nothing-missing"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [

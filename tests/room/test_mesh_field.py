@@ -60,6 +60,7 @@ def worst_of_third_octaves(got, expected, frequency):
 
 # Elements of degree 4, 0.15 m long under a piston of 0.08 m, have its near field to some 1e-3 of the field. What
 # walls answer to the modes is taken as static, which tells where one is soft at the top of the band.
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("use", "values", "tolerance"),
     [

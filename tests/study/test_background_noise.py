@@ -74,6 +74,7 @@ def test_lines_of_hum_are_not_fitted_and_that_is_said(room):
     assert "not fitted" in said
 
 
+@pytest.mark.long
 def test_a_background_with_the_source_on_is_refused(room):
     with pytest.raises(InputError, match="as loud as take on most lines"):
         open_data(*with_background(room, "recording.tdms"))

@@ -12,6 +12,8 @@ from truth.room import EFFECTS, RoomCase, simulate, write
 from truth.room.layout import UNCERTAINTY
 from truth.room.response import BEFORE_S, SAMPLING_RATE
 
+pytestmark = pytest.mark.long
+
 SEED = 22
 FIELD = {
     "wall-impedance", "panel-resonance", "helmholtz-resonator", "leak", "temperature", "dimension-error",
@@ -39,7 +41,6 @@ def test_every_effect_of_the_list_can_be_hidden() -> None:
     assert set(EFFECTS) == FIELD | named
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(FIELD))
 def test_an_effect_on_the_field_changes_it_and_nothing_else(name: str, plain: RoomCase, cache: Path) -> None:
     case = run(cache, {name: EFFECTS[name].high})
@@ -54,7 +55,6 @@ def test_an_effect_on_the_field_changes_it_and_nothing_else(name: str, plain: Ro
         assert np.count_nonzero(error > 1e-9) == 1
 
 
-@pytest.mark.long
 def test_a_leak_softens_the_room_at_low_frequencies(plain: RoomCase, cache: Path) -> None:
     case = run(cache, {"leak": 5e-3})
     assert np.abs(case.responses.sum(axis=1)).max() < 0.6 * np.abs(plain.responses.sum(axis=1)).min()

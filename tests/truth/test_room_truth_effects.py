@@ -17,6 +17,8 @@ from truth.room.obstacle import Block, _mirrored
 from truth.room.record import DRIVE_V, Session, record
 from truth.room.response import SAMPLING_RATE
 
+pytestmark = pytest.mark.long
+
 C, RHO = 343.2, 1.204
 F = np.arange(60.0, 601.0, 20.0)
 OMEGA = 2 * np.pi * F
@@ -66,7 +68,6 @@ def duct_mode(beta: np.ndarray, along: int, dims: tuple[float, float, float], x:
     )
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("tension", [0.0, 6e4])
 def test_a_sheet_under_tension_answers_each_angle_in_its_own_way(tension):
     """A duct with the sheet as its end: every mode across it has an admittance of its own, that of tension k_y^2."""
@@ -99,7 +100,6 @@ def test_a_sheet_under_tension_answers_each_angle_in_its_own_way(tension):
         assert error.max() < 0.02 * np.sqrt(np.mean(np.abs(exact[low]) ** 2))
 
 
-@pytest.mark.long
 def test_extended_reaction_is_hidden_as_such_a_sheet(cache):
     case = simulate(3, {"extended-reaction": 0.2}, n_mics=3, duration_s=1.0, cache=cache)
     (part,) = case.truth.room.parts
@@ -135,7 +135,6 @@ def test_a_dipole_at_a_wall_feels_its_image():
     )  # the other walls give about the same at both places
 
 
-@pytest.mark.long
 def test_an_object_moves_modes_as_a_perturbation_does():
     """df/f = (V psi^2 - V_i (d psi / k)^2) / (2 integral psi^2): up where pressure, down where velocity is highest."""
     dims = (1.0, 0.31, 0.29)
@@ -170,7 +169,6 @@ def test_dry_air_takes_most_where_nitrogen_relaxes_slowly():
         assert 8686.0 * loss == pytest.approx(decibels, rel=0.06)
 
 
-@pytest.mark.long
 def test_air_that_warms_up_is_marched_from_its_coldest_to_its_warmest(cache):
     truth = simulate(5, n_mics=2, duration_s=1.0, cache=cache).truth
     rooms = _over_time(replace(truth, drift_K=3.0))
@@ -181,7 +179,6 @@ def test_air_that_warms_up_is_marched_from_its_coldest_to_its_warmest(cache):
     assert np.abs(np.diff([r.sound_speed for r in rooms])).max() < 0.31  # half a kelvin
 
 
-@pytest.mark.long
 def test_what_changes_with_time_is_heard_when_it_is_so(cache):
     """Responses that are nothing but a gain: the pressure is the velocity times the gain of that moment."""
     case = simulate(5, n_mics=2, duration_s=1.0, cache=cache)
@@ -198,7 +195,6 @@ def test_what_changes_with_time_is_heard_when_it_is_so(cache):
 # --- in the instruments --------------------------------------------------------------------------------
 
 
-@pytest.mark.long
 def test_a_shaken_stand_adds_its_resonance_to_its_microphones_alone(cache):
     plain, shaken = (
         simulate(5, effects, n_mics=6, duration_s=4.0, noise=False, cache=cache)

@@ -11,6 +11,8 @@ from truth.room.branch import Lining, Motion, Plug
 from truth.room.field import Room, march, pressure_per_velocity
 from truth.room.line import gauss_lobatto, line
 
+pytestmark = pytest.mark.long
+
 C, RHO = 343.2, 1.204
 TUBE = (0.9, 0.1, 0.1)
 END = Disc("x0", (0.0, 0.05, 0.05), 0.045)
@@ -60,7 +62,6 @@ def test_natural_frequencies_of_an_edge_are_right_to_600_hz(edge: float) -> None
     np.testing.assert_allclose(found[1 : len(exact) + 1], exact, rtol=3e-5)
 
 
-@pytest.mark.long
 def test_a_rigid_box_rings_where_it_should() -> None:
     dims = (0.9, 0.6, 0.7)
     room = Room(dims, C, RHO, (0.0,) * 6, Disc("x0", (0.0, 0.05, 0.06), 0.05), ((0.88, 0.58, 0.68),))
@@ -91,7 +92,6 @@ def test_a_tube_with_a_swinging_lining_beside_the_wall() -> None:
     assert_plane_waves(tube(0.1, Lining("x1", motion)), 0.1 + RHO * C / impedance)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("stiffness", [0.0, 3.0e4])
 def test_a_plug_and_the_volume_it_opens(stiffness: float) -> None:
     """Far below the first natural frequency the box is a spring, and neck or opening are beside it."""
@@ -120,7 +120,6 @@ def test_the_diaphragm_takes_no_sound() -> None:
     assert steady == pytest.approx(RHO * C * piston.area_m2 / (0.02 * surface), rel=2e-3)
 
 
-@pytest.mark.long
 def test_each_wall_is_where_it_is_called() -> None:
     """The same room turned by swapping axes and mirrored: what is heard does not change."""
     dims, centre, place = np.array([0.5, 0.4, 0.3]), np.array([0.0, 0.13, 0.2]), np.array([0.3, 0.3, 0.1])
@@ -143,7 +142,6 @@ def test_each_wall_is_where_it_is_called() -> None:
     np.testing.assert_allclose(heard[1], heard[0], rtol=1e-6)
 
 
-@pytest.mark.long
 def test_a_second_source_adds_its_own_field() -> None:
     second = Disc("y1", (0.6, 0.0, 0.05), 0.03)
     both = march(tube(0.3, second=second, second_gain=0.25, second_delay_s=0.0))
@@ -154,7 +152,6 @@ def test_a_second_source_adds_its_own_field() -> None:
     np.testing.assert_allclose(pressure_per_velocity(both, f), expected, rtol=2e-3)
 
 
-@pytest.mark.long
 def test_air_takes_what_the_standard_says() -> None:
     """ISO 9613-1 at 20 degC and 50 %: decay of the only natural frequency of a short rigid tube in the band."""
     from acoustics.standards.iso_9613_1_1993 import (

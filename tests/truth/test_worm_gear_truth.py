@@ -18,6 +18,8 @@ from truth.worm_gear.gear import RATIO, Gear, viscosity
 from truth.worm_gear.mesh import forces, shaft_loads
 from truth.worm_gear.rig import RIG
 
+pytestmark = pytest.mark.long
+
 IDEAL = Gear(film_friction=0.0, boundary_friction=0.0, drag_torque=0.0, bearing_roughness=0.0)
 
 

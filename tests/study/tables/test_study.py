@@ -373,6 +373,7 @@ def test_an_instrument_error_goes_out_of_its_certificate_and_back(tables, tmp_pa
     assert back.study.problem.priors == study.problem.priors
 
 
+@pytest.mark.long
 def test_a_validation_file_is_only_predicted(tables, tmp_path, files):
     other = tables.write_table(tmp_path / "other.csv", tables.bench(seed=5, effects=LOAD))
     study = begin(tmp_path / "s", "worm-gear", files[0], [files[1]], validations=[other]).study
