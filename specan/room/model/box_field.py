@@ -86,12 +86,16 @@ class BoxField:
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Mean of G over both ports, array (lines, receivers), 1/m."""
-        for port in receivers:
+        new = []
+        for port in dict.fromkeys(receivers):
+            if (source, port) in self._done:
+                continue
             # Reciprocity; patches that are large, as pistons, are asked first: what lies across the axis that is summed
             # in closed form is taken for a patch along it.
             if (port, source) in self._done:
                 self._done[source, port] = self._done[port, source]
-        new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]
+            else:
+                new.append(port)
         if new:
             found = self.modes.coupling(source, new)
             # A ball averages away what lies above the truncation, but for its own field.

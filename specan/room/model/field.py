@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -153,12 +153,15 @@ def field(
     ]
     loads += [(port, item.admittance) for port, item in _placed(local_loads, room_modes)]
     factor = 1j * omega * density
+    loads = [(port, admittance) for port, admittance in loads if np.any(admittance)]
     room_modes.prepare([port for port, _ in (*given, *loads)])
-    strengths = _load_strengths(room_modes, factor, given, loads, microphones)
+    receivers = [*(port for port, _ in loads), *microphones]
+    couplings = {
+        port: room_modes.coupling(port, receivers) for port in dict.fromkeys([*dict(given), *dict(loads)])
+    }
     total = np.zeros((len(frequency), len(microphones)), dtype=complex)
-    for port, strength in [*given, *zip((port for port, _ in loads), strengths, strict=True)]:
-        if np.any(strength):
-            total += strength[:, None] * room_modes.coupling(port, microphones)
+    for port, strength in [*given, *_load_strengths(couplings, factor, given, loads)]:
+        total += strength[:, None] * couplings[port][:, len(loads) :]
     return (factor[:, None] * total).T
 
 
@@ -182,33 +185,26 @@ def _placed(collection: Any, modes: BoxField | MeshField) -> list[tuple[Port, An
 
 
 def _load_strengths(
-    modes: BoxField | MeshField,
+    couplings: Mapping[Port, Complex],
     factor: Complex,
-    sources: list[tuple[Port, Complex]],
-    loads: list[tuple[Port, Complex]],
-    microphones: Sequence[Port],
-) -> list[Complex]:
+    sources: Sequence[tuple[Port, Complex]],
+    loads: Sequence[tuple[Port, Complex]],
+) -> list[tuple[Port, Complex]]:
     """Volume velocity that each load returns: ``(1 + F G Y) p = F G q`` at the loads, ``q = -Y p``.
 
-    What the microphones will be asked for is had with it: once a port's modes are there, a receiver costs little.
+    `couplings` are those of each port with the loads first of all.
     """
-    ports = [port for port, _ in loads]
-    lines, count = len(factor), len(loads)
-    if not any(np.any(admittance) for _, admittance in loads):
-        return [np.zeros(lines, dtype=complex)] * count
-    for port in dict.fromkeys([*(port for port, _ in sources), *ports]):
-        modes.coupling(port, [*ports, *microphones])
-    driven = np.zeros((lines, count), dtype=complex)
-    for port, strength in sources:
-        driven += strength[:, None] * modes.coupling(port, ports)
-    between = np.stack([modes.coupling(port, ports) for port in ports], axis=2)  # (lines, at, from)
+    if not loads:
+        return []
+    count, lines = len(loads), len(factor)
+    driven = factor[:, None] * sum(
+        strength[:, None] * couplings[port][:, :count] for port, strength in sources
+    )
+    between = np.stack([couplings[port][:, :count] for port, _ in loads], axis=2)  # (lines, at, from)
     admittance = np.stack([y * np.ones(lines) for _, y in loads], axis=1)
-    if count == 1:
-        (only,) = admittance.T
-        return [-only * factor * driven[:, 0] / (1 + factor * between[:, 0, 0] * only)]
     matrix = np.eye(count) + factor[:, None, None] * between * admittance[:, None, :]
-    pressure = np.linalg.solve(matrix, (factor[:, None] * driven)[..., None])[..., 0]
-    return list((-admittance * pressure).T)
+    pressure = np.linalg.solve(matrix, driven[..., None])[..., 0]
+    return list(zip((port for port, _ in loads), (-admittance * pressure).T, strict=True))
 
 
 @quantity(unit="1", collection=True)
