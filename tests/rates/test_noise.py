@@ -12,6 +12,7 @@ from scipy.stats import invgamma, multivariate_normal
 from specan.models import Model, Signal, State
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import covariance, fit, intervals_95
+from specan.study.evidence.diagnosis import larger_noise
 from specan.study.evidence.noise import own_noises
 from specan.study.observation.autoregression import coloured, excess, innovations, ln_volume, of_process
 from specan.study.observation.time import Noise, TimeObservation
@@ -41,7 +42,7 @@ def test_the_predictor_errs_as_that_of_kalman():
     assert np.var(left) * gain * np.var(y) == pytest.approx(expected, rel=0.03)
 
 
-def observed(model, rng, disturbed, coloured, size=0.0):
+def observed(model, rng, disturbed, coloured, size=0.0, stated=()):
     """A recording of a force in closed form; exact to 1e-4 mm."""
     time, fine = np.arange(COUNT) / RATE, halves(RATE, COUNT, 4)
     lines = 2 * np.pi * np.arange(2, 40, 0.33)
@@ -55,7 +56,7 @@ def observed(model, rng, disturbed, coloured, size=0.0):
     rows = np.arange(COUNT)
     return TimeObservation(
         name="run", observable=np.full(COUNT, "x"), measured=y, conditions=given, covariance=np.full(COUNT, 0.05**2),
-        recordings=("run",), recording=np.zeros(COUNT, dtype=np.intp), noise_dof=1.0,
+        recordings=("run",), recording=np.zeros(COUNT, dtype=np.intp), noise_dof=1.0, stated=stated,
         series=(given, np.zeros(COUNT, dtype=np.intp)), position=rows, lines=rows + 1,
     )  # fmt: skip
 
@@ -76,10 +77,21 @@ def model():
     )  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [(("x",), "4 times as large as declared"), ((), "4 times as large as its fastest changes give")],
+)
+def test_a_larger_noise_is_compared_with_what_it_is_larger_than(model, stated, words):
+    seen = observed(model, np.random.default_rng(0), 0.0, 0.9, stated=stated)
+    coloured = lfilter([1.0], [1, -0.9], np.random.default_rng(2).standard_normal(COUNT))
+    seen = seen.with_noise_of(4.0 * coloured / np.sqrt(np.mean(coloured**2)), {})
+    assert words in larger_noise(base_problem(model, [seen]))
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(("disturbed", "coloured"), [(3.0, 0.0), (0.0, 0.9)])
 def test_nothing_is_named_beside_noise_of_any_form(model, disturbed, coloured):
-    seen = observed(model, np.random.default_rng(0), disturbed, coloured)
+    seen = observed(model, np.random.default_rng(0), disturbed, coloured, stated=("x",))
     found = diagnose(base_problem(model, [seen]))
     assert (found.verdict, found.alternatives) == ("nothing-missing", ())
     # a large force moves the mass by more than the 0.05 mm that are declared; correlation makes no noise larger

@@ -220,6 +220,7 @@ def _observation(
         recording=recording[position],
         # a noise that is stated is known with ten degrees of freedom, one that the data tell with one
         noise_dof=10.0 if all(stated for _, stated in noise.values()) else 1.0,
+        stated=tuple(name for name in names if noise[name][1]),
         series=(series, recording),
         position=position,
         lines=np.concatenate([np.arange(1, n + 1) for n in sizes] * every),

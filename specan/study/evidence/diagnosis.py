@@ -291,10 +291,11 @@ def not_settled(base: Refit) -> str:
 
 
 def larger_noise(problem: Problem) -> str:
-    """A sentence where what is taken for noise of a recording is larger than declared: a lack may hide in it."""
-    # 2.0: times the declared noise of a recording, from which its user has to know
+    """A sentence where what is taken for noise of a recording is larger than it should be: a lack may hide in it."""
+    # 2.0: times the noise that a recording is taken to have, from which its user has to know
     found = [
-        f"the noise of {name} ({noise.words}) seems {noise.times:.2g} times as large as declared"
+        f"the noise of {name} ({noise.words}) seems {noise.times:.2g} times as large as "
+        + ("declared" if name in o.stated else "its fastest changes give")
         for o in problem.observations
         if isinstance(o, TimeObservation)
         for name, noise in o.noise.items()

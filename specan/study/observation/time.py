@@ -54,9 +54,12 @@ class TimeObservation(TableObservation):
     ----------
     noise : mapping
         Of each observable, where it is not white.
+    stated : tuple of str
+        Observables whose noise somebody has stated; that of others comes from their fastest changes.
     """
 
     noise: Mapping[str, Noise] = field(default_factory=dict)
+    stated: tuple[str, ...] = ()
     kind: ClassVar[str] = "time"
     strategy: ClassVar[Strategy] = Strategy(frugal=True, exact_minimum=False)
 
