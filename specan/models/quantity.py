@@ -415,7 +415,7 @@ def rig_statement(
     Raises
     ------
     RequestError
-        A key that names no column.
+        A key that names no column; an uncertainty that is none.
 
     Examples
     --------
@@ -449,6 +449,11 @@ def rig_statement(
             usual = [*known, *(f"{c}_setting_percent" for c in settable), "model_discrepancy_percent"]
             raise RequestError(
                 f"[uncertainty] has the key {key!r}, which names nothing", remedy=nearest(key, usual)
+            )
+        # 1e100: its square is a floating point number, in any unit
+        if not 0 <= float(value) < 1e100:
+            raise RequestError(
+                f"[uncertainty] gives {key} = {value}", expected="a standard uncertainty, zero or more"
             )
         of = known[key.removesuffix(parts[0])]
         si = float(value) * scale_to(of.column_unit or of.unit, of.unit)

@@ -5,8 +5,9 @@ import re
 import pytest
 from click.testing import CliRunner
 
-from specan.errors import SpecanError
-from specan.models import trial
+from specan.errors import RequestError, SpecanError
+from specan.models import Condition, Observable, trial
+from specan.models.quantity import rig_statement
 from specan_cli.main import main
 
 HEAD = "import numpy as np\nfrom specan.models import Model, Parameter, effect\n"
@@ -207,3 +208,14 @@ def test_parameters_of_an_effect_that_only_count_together_are_named(place):
         r"m\.py, line 5: no measurement within the limits determines the parameter bend\.p; only together with bend\.q",
         str(found.exception),
     )
+
+
+@pytest.mark.parametrize("key", ["travel_m_setting", "force_N", "force_N_percent"])
+@pytest.mark.parametrize("value", [-0.01, 1e200, float("nan")])
+def test_an_uncertainty_that_is_none_is_refused(key, value):
+    known = (
+        [Condition("travel", "m", "Travel.", "travel_m", "m")],
+        [Observable("force", "force", "N", "Force.", column="force_N")],
+    )
+    with pytest.raises(RequestError, match=f"{key} = {value}".replace("+", r"\+")):
+        rig_statement({"uncertainty": {key: value}}, *known)
