@@ -441,6 +441,12 @@ def rig_statement(
     reading: dict[str, float] = {}
     percent: dict[str, float] = {}
     given = dict(rig.get("uncertainty", {}))
+    for key, value in given.items():
+        # 1e100: its square is a floating point number, in any unit
+        if not isinstance(value, int | float) or not 0 <= value < 1e100:
+            raise RequestError(
+                f"[uncertainty] gives {key} = {value}", expected="a standard uncertainty, zero or more"
+            )
     discrepancy = float(given.pop("model_discrepancy_percent", 0.0))
     for key, value in given.items():
         fitting = (("", known), ("_percent", known), ("_setting_percent", settable), ("_setting", settable))
@@ -449,11 +455,6 @@ def rig_statement(
             usual = [*known, *(f"{c}_setting_percent" for c in settable), "model_discrepancy_percent"]
             raise RequestError(
                 f"[uncertainty] has the key {key!r}, which names nothing", remedy=nearest(key, usual)
-            )
-        # 1e100: its square is a floating point number, in any unit
-        if not 0 <= float(value) < 1e100:
-            raise RequestError(
-                f"[uncertainty] gives {key} = {value}", expected="a standard uncertainty, zero or more"
             )
         of = known[key.removesuffix(parts[0])]
         si = float(value) * scale_to(of.column_unit or of.unit, of.unit)

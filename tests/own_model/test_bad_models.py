@@ -210,8 +210,8 @@ def test_parameters_of_an_effect_that_only_count_together_are_named(place):
     )
 
 
-@pytest.mark.parametrize("key", ["travel_m_setting", "force_N", "force_N_percent"])
-@pytest.mark.parametrize("value", [-0.01, 1e200, float("nan")])
+@pytest.mark.parametrize("key", ["travel_m_setting", "force_N", "model_discrepancy_percent"])
+@pytest.mark.parametrize("value", [-0.01, 1e200, float("nan"), "x"])
 def test_an_uncertainty_that_is_none_is_refused(key, value):
     known = (
         [Condition("travel", "m", "Travel.", "travel_m", "m")],
