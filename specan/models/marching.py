@@ -12,7 +12,7 @@ import numpy as np
 
 FINEST = 32  # steps between two samples, of those that are taken more finely
 CORNERS = 8  # where a slope has a corner
-SHARE = 0.02  # of a slope, below which its changes matter to nothing
+SHARE = 0.002  # of a slope, below which its changes matter to nothing
 
 
 def rates(s, d, p, on):
