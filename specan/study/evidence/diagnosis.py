@@ -150,7 +150,7 @@ class _Telling:
     def _only_with(self, best: Refit, pulled: Sequence[Pull]) -> str:
         """The values off what is known that a fit needs."""
         far = [p for p in pulled if abs(p.pull) > TOO_FAR or (p.at_bound and p.parameter.owner)]
-        values = " and ".join(p.text for p in far[:3])
+        values = " and ".join(p.text for p in (far or pulled)[:3])
         with_what = f"with {_names(self.judged.sets)} it" if self.judged.sets[0].uses else "the model"
         telling = what_would_tell(best)
         return f"{with_what} fits only with {values}" + (f"; to decide: {telling}" if telling else "")

@@ -13,7 +13,7 @@ from specan.models import Use
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal
-from specan.study.observation import Array
+from specan.study.observation import Array, brought
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.signatures import (
     Known,
@@ -65,7 +65,9 @@ class Promise:
             ]
             left = [float(np.sum(problem.residual(place) ** 2)) for place in places]
             found.append(places[int(np.argmin(np.nan_to_num(left, nan=np.inf)))])
-        return found[::-1]
+        look = brought(problem.observations, "following")
+        led = look(problem, self.origin) if look else None
+        return [*([] if led is None else [problem.start(led)]), *found[::-1]]
 
 
 class Catalogue:
