@@ -27,6 +27,7 @@ Named = tuple[str, float, str]  # name, usual size, unit
 Effects = list[Effect] | list[Unsized]
 
 OVER = 0.005  # (3 % of the usual level) to the power 1.5: a brim lets the usual flow out at that height
+LARGEST = 5.0  # of the usual size, which a model that is far off tells no better
 SHARP = 0.001  # of the usual speed, over which friction turns round
 
 NAYFEH = "A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley 1979"
@@ -71,12 +72,12 @@ class _Shelf:
 
     def either(self, doc: str, per: str = "", by: float = 1.0) -> Parameter:
         """An amplitude of either sign."""
-        return self._amplitude(doc, per, by, -1.0, -20.0)
+        return self._amplitude(doc, per, by, -LARGEST, -20.0)
 
     def _amplitude(self, doc: str, per: str, by: float, low: float, lower: float) -> Parameter:
         below = f"({per})" if set(per) & set("/*") and not per.startswith("(") else per
         unit = f"{self.of.unit}/{below}" if per else self.of.unit
-        return _Usual("", self.of.size / by, unit).part(doc, 0.1, low, 1.0, lower, 20.0)
+        return _Usual("", self.of.size / by, unit).part(doc, 0.1, low, LARGEST, lower, 20.0)
 
     def __call__(
         self, name: str, source: str, *neutral: str, states: Mapping[str, State] | None = None, **given: Any

@@ -19,6 +19,7 @@ from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
+from specan.study.observation.following import following
 from specan.study.observation.time import TimeObservation
 
 
@@ -54,6 +55,7 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, Ca
         promises = sorted(catalogue.promises(marginal), key=lambda p: -p.ln_gain)
         if not promises or promises[0].ln_gain <= 0:
             break
+        promises = _likeliest_first(promises, largest, reached)
         # 5: effects that promise most
         found = [one for promise in promises[:5] for one in _led_with(promise, largest)]
         if not found:
@@ -89,6 +91,20 @@ def _lies_in_few(o: TimeObservation, left: Array) -> str:
         f"{o.place_of(worst)}: that is not noise. Did a sensor fail there, or did the machine run away? Look at "
         "the recording, and leave that time out (--hold-out time=FROM..TO)"
     )
+
+
+def _likeliest_first(promises: list[Promise], problem: Problem, reached: Fit) -> list[Promise]:
+    """Promises in their order, or by what following the recording leaves of each where straight lines lead nowhere."""
+    values = problem.values_at(reached.theta)
+    if following(problem, values) is None:
+        return promises
+
+    def left(promise: Promise) -> float:
+        more = problem.with_uses([promise.use])
+        found = following(more, values)
+        return np.inf if found is None else float(np.sum(more.residual(more.start(found)) ** 2))
+
+    return sorted(promises, key=left)
 
 
 def _led_with(promise: Promise, problem: Problem) -> Iterator[tuple[float, Problem, Array]]:

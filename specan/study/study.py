@@ -274,7 +274,10 @@ class Study:
         found = fit(self.problem, start, starts=STARTS)
         if self.problem.strategy.continuation and found.p_value < PREDICTED:  # another minimum, perhaps
             found = min(found, fit(self.problem, self._near), key=lambda one: one.chi2)
-        known = self._starts[1:] if self.model.rates else ()  # integrated predictions have many minima
+        known = self._starts[1:] if self.model.rates else []  # integrated predictions have many minima
+        led = brought(self.problem.observations, "following")
+        if led and (near := led(self.problem, found.values)):
+            known = [near, *known]
         for near in known:
             with suppress(ComputationError):
                 found = min(found, fit(self.problem, near), key=lambda one: one.chi2)

@@ -30,9 +30,8 @@ def following(problem: Problem, values: Mapping[str, Any]) -> dict[str, Any] | N
 
     None where the model is near the measurement at these values, or no state is measured.
     """
-    observations = problem.observations
+    observations = tuple(o for o in problem.observations if isinstance(o, TimeObservation))
     model = problem.assembly.model
-    assert all(isinstance(o, TimeObservation) for o in observations)
     if not model.rates.scales or not any(_far(o, problem, values) for o in observations):
         return None
     led, uses = _led(model.solver, observations)
@@ -58,14 +57,15 @@ def _far(o: TimeObservation, problem: Problem, values: Mapping[str, Any]) -> boo
 def _led(solver: Any, observations: tuple[TimeObservation, ...]) -> tuple[Model, list[str]]:
     """The model of a solver with one effect more for each measured state, and the names of these."""
     model: Model = solver.model
+    rates: Any = model.rates
     conditions, effects = dict(model.conditions), []
-    for name in model.rates.scales:
-        recorded, unit = f"{name}_recorded", model.rates.states[name].unit
+    for name in rates.scales:
+        recorded, unit = f"{name}_recorded", rates.states[name].unit
         measured = [
             (o.conditions[TIME][rows], o.measured[rows]) for o in observations for rows in o.chains[name]
         ]
-        speed = np.concatenate([np.gradient(y, t) for t, y in measured if y.size > 1])
-        pace = float(np.sqrt(np.mean(speed**2)) / np.std(np.concatenate([y for _, y in measured])))
+        change = np.concatenate([np.gradient(y, t) for t, y in measured if y.size > 1])
+        pace = float(np.sqrt(np.mean(change**2)) / np.std(np.concatenate([y for _, y in measured])))
         conditions[recorded] = Condition(recorded, unit, f"Recorded {name}.", recorded, unit)
 
         @effect(f"following-{name}", adds_to=f"d{name}", neutral={"pace": 0.0})
