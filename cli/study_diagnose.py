@@ -80,7 +80,7 @@ def _print_probabilities(found: Diagnosis) -> None:
     told = [f"{one.spoken} {percent(one.probability)}" for one in likely]
     rest = 1 - sum(one.probability for one in likely)
     told += [f"all others together {percent(rest)}"] if rest >= LEAST_PROBABLE else []
-    click.echo(f"How probable: {', '.join(told)}.")
+    click.echo(f"How probable, each by itself: {', '.join(told)}.")
 
 
 def _print_where(found: Diagnosis) -> None:

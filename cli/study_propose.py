@@ -34,6 +34,7 @@ def show(found: ProposedLaws, study: Study) -> None:
     """The laws, what they do to the error, and what would distinguish them."""
     from specan.report import study_sheets
     from specan.study.verdict import percent
+    from specan.units import printed_unit
 
     if not found.laws:
         click.echo(f"{found.summary()}.")
@@ -48,7 +49,7 @@ def show(found: ProposedLaws, study: Study) -> None:
             f"These data fit {found.more} further families of laws as well: measure more before you choose."
         )
     before = "" if found.left_out_before is None else f", {found.left_out_before:.4g} in cross-validation"
-    click.echo(f"Error now: {found.error_before:.4g} {found.unit}{before}.")
+    click.echo(f"Error now: {found.error_before:.4g} {printed_unit(found.unit)}{before}.")
     table(
         "",
         ["law", "error after", "cross-validated", "probability"],

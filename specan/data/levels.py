@@ -164,35 +164,32 @@ class SignalLevels(RecordingResult):
     def sheets(self) -> list[Sheet]:
         """The signal, its levels, and their percentiles."""
         letter, stop = {"fast": "F", "slow": "S"}[self.averaging], self.start_s + self.duration_s
-        weighted = f"the {self.averaging} level, sound pressure {self.weighting}-weighted"
-        signal = zip(self.channels, self.units, self.rms, self.peak, self.crest_factor, self.mean)
-        levels = zip(
-            self.channels, [r.text for r in self.references], self.level_dB, self.equivalent_dB["A"],
-            self.exposure_dB["A"], self.c_peak_dB, self.max_dB, self.min_dB,
-        )  # fmt: skip
-        header = ["channel", "dB re", "level", "Leq A", "LE A", "C peak", f"{letter} max", f"{letter} min"]
+        pressure = f", sound pressure {self.weighting}-weighted" if "Pa" in self.units else ""
+        exposure = "LE: exposure level; " if pressure else ""
+        weighted = f"the {self.averaging} level{pressure}"
+
+        def sheet(title: str, columns: Mapping[str, Iterable[Any]], form: str) -> Sheet:
+            """The columns that hold something: weighted levels are of sound pressure only."""
+            named = {"channel": self.channels, **columns}
+            texts = {name: [cell(v, form) for v in values] for name, values in named.items()}
+            shown = {name: column for name, column in texts.items() if any(column)}
+            return Sheet(title, list(shown), [list(row) for row in zip(*shown.values())])
+
+        signal = {
+            "unit": self.units, "RMS": self.rms, "peak": self.peak,
+            "crest": map(cell, self.crest_factor), "mean": [cell(v, ".4g") for v in self.mean],
+        }  # fmt: skip
+        levels = {
+            "dB re": [r.text for r in self.references], "level": self.level_dB, "Leq A": self.equivalent_dB["A"],
+            "LE A": self.exposure_dB["A"], "C peak": self.c_peak_dB, f"{letter} max": self.max_dB,
+            f"{letter} min": self.min_dB,
+        }  # fmt: skip
+        percentiles = {f"L{n:g}": values for n, values in self.percentile_dB.items()}
         return [
-            Sheet(
-                f"{self.label}: {self.start_s:g} s to {stop:g} s, about the mean",
-                ["channel", "unit", "RMS", "peak", "crest", "mean"],
-                [
-                    [name, unit, cell(rms, ".5g"), cell(peak, ".5g"), cell(crest), cell(mean, ".4g")]
-                    for name, unit, rms, peak, crest, mean in signal
-                ],
-            ),
-            Sheet(
-                f"Levels; LE: exposure level; {letter} max, min: of {weighted}",
-                header, [[cell(v) for v in row] for row in levels],
-            ),
-            Sheet(
-                f"Percentiles of {weighted}: LN is exceeded during N % of the time",
-                ["channel", *(f"L{n:g}" for n in self.percentile_dB)],
-                [
-                    [name, *(cell(v[row], ".1f") for v in self.percentile_dB.values())]
-                    for row, name in enumerate(self.channels)
-                ],
-            ),
-        ]  # fmt: skip
+            sheet(f"{self.label}: {self.start_s:g} s to {stop:g} s, about the mean", signal, ".5g"),
+            sheet(f"Levels; {exposure}{letter} max, min: of {weighted}", levels, ".2f"),
+            sheet(f"Percentiles of {weighted}: LN is exceeded during N % of the time", percentiles, ".1f"),
+        ]
 
     def about(self) -> list[str]:
         """Lines above the table in a text file."""

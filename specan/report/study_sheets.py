@@ -13,13 +13,9 @@ from specan.study.history import Step, error_pairs
 from specan.study.localisation.frf_errors import FrfErrors
 from specan.study.localisation.localise import Block
 from specan.study.verdict import Diagnosis, Pull, percent, placed
+from specan.units import printed_unit
 
 SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell them apart
-
-
-def unit_text(unit: str) -> str:
-    """A unit in a column of units; nothing for a number."""
-    return "" if unit == "1" else unit
 
 
 def errors(found: Iterable[ObservableError], title: str = "", data: Sequence[str] = ()) -> Sheet:
@@ -28,7 +24,7 @@ def errors(found: Iterable[ObservableError], title: str = "", data: Sequence[str
     rows: list[list[Any]] = [
         [
             e.observable, e.n, f"{e.rms:.4g}", f"{e.bias if abs(e.bias) > 1e-9 * e.rms else 0.0:+.2g}",
-            unit_text(e.unit), f"{e.relative_rms:.2f} %", f"{e.relative_max:.2f} %",
+            printed_unit(e.unit), f"{e.relative_rms:.2f} %", f"{e.relative_max:.2f} %",
         ]
         for e in found
     ]  # fmt: skip
@@ -40,7 +36,7 @@ def errors(found: Iterable[ObservableError], title: str = "", data: Sequence[str
 def parameters(found: Mapping[str, Mapping[str, Any]]) -> Sheet:
     """Fitted parameters with their 95 % intervals."""
     rows = [
-        [name, f"{p['value']:.4g}", f"{p['low']:.4g}", f"{p['high']:.4g}", unit_text(p["unit"]), _remark(p)]
+        [name, *(f"{p[key]:.4g}" for key in ("value", "low", "high")), printed_unit(p["unit"]), _remark(p)]
         for name, p in found.items()
     ]
     return Sheet("Parameters (95 %)", ["parameter", "value", "from", "to", "unit", ""], rows)
@@ -57,12 +53,12 @@ def _remark(p: Mapping[str, Any]) -> str:
 def value_text(p: Mapping[str, Any]) -> str:
     """``9.37 (7.02 to 11.6) W``."""
     value, low, high = (f"{float(f'{p[key]:.3g}'):g}" for key in ("value", "low", "high"))
-    return f"{value} ({low} to {high}) {unit_text(p['unit'])}".rstrip()
+    return f"{value} ({low} to {high}) {printed_unit(p['unit'])}".rstrip()
 
 
 def amount(error: Mapping[str, Any]) -> str:
-    """An error of a step: ``0.0123 N*m``."""
-    return f"{error['value']:.4g} {unit_text(error['unit'])}".rstrip()
+    """An error of a step: ``0.0123 N·m``."""
+    return f"{error['value']:.4g} {printed_unit(error['unit'])}".rstrip()
 
 
 def history(steps: Sequence[Step], title: str = "") -> Sheet:
@@ -102,7 +98,7 @@ def candidates(found: Mapping[str, Any], most: int, title: str = "", *, valued: 
 
 
 def _in_unit(unit: str) -> str:
-    return "" if unit == "1" else f", {unit}"
+    return f", {printed_unit(unit)}".removesuffix(", ")
 
 
 def pulls(found: Iterable[Pull]) -> Sheet:
@@ -135,7 +131,7 @@ def change(before: Step, after: Step) -> Sheet:
     rows = [
         [
             data.split()[0], two["metric"].removeprefix("RMS of "), f"{one['value']:.4g}", f"{two['value']:.4g}",
-            unit_text(two["unit"]), f"{100 * (two['value'] / one['value'] - 1) if one['value'] else 0.0:+.0f} %",
+            printed_unit(two["unit"]), f"{100 * (two['value'] / one['value'] - 1) if one['value'] else 0.0:+.0f} %",
         ]
         for data, one, two in error_pairs(before, after)
     ]  # fmt: skip
@@ -171,7 +167,7 @@ def gains(found: Mapping[str, Any], unit: str) -> Sheet:
     ]
     title = (
         f"{found['recording']}: gains of the path, fitted to these lines. Without them the RMS error is "
-        f"{found['rms_without']:.3g} {unit}."
+        f"{found['rms_without']:.3g} {printed_unit(unit)}."
     )
     return Sheet(title, ["channel", "harmonic", "dB", "phase deg"], rows)
 
@@ -190,6 +186,6 @@ def visible(found: Diagnosis) -> tuple[Sheet, list[str]]:
     """Smallest detectable sizes of effects that the verdict does not name, and effects detectable at no size."""
     sizes = {n: v for n, v in found.smallest_visible.items() if n not in found.effects}
     known = {n: (float(f"{v['value']:.2g}"), v["unit"]) for n, v in sizes.items() if v is not None}
-    rows = [[n, f"{value:g}", unit_text(unit)] for n, (value, unit) in known.items()]
+    rows = [[n, f"{value:g}", printed_unit(unit)] for n, (value, unit) in known.items()]
     sheet = Sheet("Smallest detectable effects", ["effect", "size", ""], rows)
     return sheet, [n for n, v in sizes.items() if v is None]

@@ -52,7 +52,7 @@ class Change(Result):
     def summary(self) -> str:
         """What was changed, and what that did to the errors."""
         falls = [
-            f"{data} {one['value']:.3g} -> {two['value']:.3g} {two['unit']}"
+            f"{data} {one['value']:.3g} -> {two['value']:.3g} {printed_unit(two['unit'])}"
             for data, one, two in error_pairs(self.before, self.after)
         ]
         return f"{self.after.action} {self.after.effect}, " + ", ".join([*falls, *self.remarks])

@@ -64,6 +64,7 @@ from specan.study.user_effects import (
     with_own_effects,
 )
 from specan.study.verdict import Diagnosis, Ranked, parameter_table
+from specan.units import printed_unit
 
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 PREDICTED = 0.01  # probability of chi-square from which data are predicted as well as they can be
@@ -394,7 +395,7 @@ class Study:
                 return found
             worse.append(after)
         error, rises = before.errors[0], min(one.rms for one in worse)
-        unit = "" if error.unit == "1" else f" {error.unit}"
+        unit = f" {printed_unit(error.unit)}".rstrip()
         names = " or ".join(" with ".join(row.names) for row in named)
         reason = (
             f"{names} would fit, but with it the error on the held-out data rises from {error.rms:.3g} to "

@@ -39,6 +39,7 @@ from specan.study.verdict import (
     percent,
     places_of,
 )
+from specan.units import printed_unit
 
 MOST_TOLD = 12  # sets of effects in the table, and places where the model fails
 LACK_OF_FIT = 1e-3  # probability below which a model does not fit
@@ -199,7 +200,7 @@ class _Telling:
         named = [one.uses for one in self.judged.sets]
         rest = [one for one in self.judged.stated if not any(uses <= one.uses for uses in named)]
         if not rest or rest[0].probability < LEAST_TOLD:
-            return "no other explanation is nearly as probable"
+            return "no explanation without what is named is nearly as probable"
         return f"the likeliest other explanation is {rest[0].text} ({percent(rest[0].probability)})"
 
     def _partly(self) -> str:
@@ -211,7 +212,7 @@ class _Telling:
         before, after = errors(self.given)[0], errors(self.refit(best.best))[0]
         if after.rms > 0.8 * before.rms:
             return ""
-        unit = "" if before.unit == "1" else f" {before.unit}"
+        unit = f" {printed_unit(before.unit)}".rstrip()
         return f"{best.text} would reduce the error from {before.rms:.3g} to {after.rms:.3g}{unit} and leave the rest"
 
     def _ranking(self) -> tuple[Ranked, ...]:

@@ -79,8 +79,8 @@ class Fault:
         name, rows = max(
             problem.observable_rows.items(), key=lambda item: float(np.ptp(problem.whiten(change)[item[1]]))
         )
-        unit = model.observables[name].unit if name in model.observables else ""
-        size = f"{float(np.ptp(change[rows])):.2g} {'' if unit == '1' else unit}".rstrip()
+        unit = printed_unit(model.observables[name].unit) if name in model.observables else ""
+        size = f"{float(np.ptp(change[rows])):.2g} {unit}".rstrip()
         return replace(self, text=f"{self.text}, {name} by up to {size}")
 
 

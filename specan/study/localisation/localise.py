@@ -24,6 +24,7 @@ from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Variable, brought, shared_labels, variable_named
+from specan.units import printed_unit
 
 CLEAR = 3.0  # |z| from which a mean error is named
 
@@ -77,7 +78,7 @@ class Block:
             return level_and_phase(self.level_dB, self.z, self.phase_deg, self.z_phase)
         if abs(self.z) < CLEAR:
             return "model off in both directions"
-        size = f" ({abs(self.error):.2g} {self.unit})" if self.unit not in ("", "1") else ""
+        size = f" ({abs(self.error):.2g} {printed_unit(self.unit)})" if self.unit not in ("", "1") else ""
         return f"model {abs(self.error_percent):.2g} %{size} {'high' if self.z > 0 else 'low'}"
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 
 from specan.models.effect import ParameterName
 from specan.study.selection.refits import Refit
+from specan.units import printed_unit
 
 # Standard deviations beyond which a fit holds only with a value that contradicts what is known: three, as for an
 # outlier of a normal law (p = 0.003).
@@ -56,7 +57,7 @@ class Pull:
         What has no unit and a range to either side of nothing is a relative error.
         """
         relative = self.unit == "1" and self.known[0] == -self.known[1]
-        share, unit = (100.0, "%") if relative else (1.0, "" if self.unit == "1" else self.unit)
+        share, unit = (100.0, "%") if relative else (1.0, printed_unit(self.unit))
         low, high = (share * end for end in self.known)
         known = (
             f"{low:.3g} to {high:.3g}"
