@@ -115,7 +115,7 @@ class Rates:
     unsized : tuple of Unsized
         Effects whose ranges a recording tells.
     tolerances : dict
-        Change of a state that no reading shows.
+        Change of a state that a single reading does not show.
     exact : bool
         Whether states are integrated to a billionth of their RMS, whatever the noise: a simulation.
     window_s : float, optional
@@ -131,10 +131,10 @@ class Rates:
     window_s: float | None = None
 
     def allow(self, noise: Mapping[str, float]) -> None:
-        """Take a tenth of the noise of observables, in their unit, for what no reading shows."""
+        """Take the noise of observables, in their unit, for what a single reading does not show."""
         for name, size in noise.items():
             if name in self.scales:
-                self.tolerances.setdefault(name, 0.1 * size * self.scales[name])
+                self.tolerances.setdefault(name, size * self.scales[name])
 
     def sized(self, model: Any, recordings: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> Any:
         """The model with effects of the shelf for its sizes in recordings: conditions and measured values of each.
