@@ -363,10 +363,11 @@ class Solver:
             while steps < most:
                 found = march(implicit, 2 * steps)[:, :, 0]
                 change, size = (np.sqrt(np.mean(part**2, axis=1)) for part in (found - last, found))
-                # where no noise is known, a thousandth of a state's RMS is a small change; otherwise what costs one of
-                # chi-square, for another effect would take up more
+                # where no noise is known, a thousandth of a state's RMS is a small change; otherwise what costs less
+                # chi-square than a parameter does (Schwarz 1978): another effect would take up more
                 small = (1e-9 if exact else 1e-3) * size
-                enough = change <= np.where(allowed > 0, allowed / np.sqrt(found.shape[1]), small) + 1e-300
+                n = found.shape[1]
+                enough = change <= np.where(allowed > 0, allowed * np.sqrt(np.log(n) / n), small) + 1e-300
                 if np.all(enough[judged]):
                     return implicit, steps
                 steps, last = 2 * steps, found
