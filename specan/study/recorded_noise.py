@@ -94,17 +94,24 @@ def _lies_in_few(o: TimeObservation, left: Array) -> str:
 
 
 def _likeliest_first(promises: list[Promise], problem: Problem, reached: Fit) -> list[Promise]:
-    """Promises in their order, or by what following the recording leaves of each where straight lines lead nowhere."""
+    """Promises in their order, or by how near states that follow the recording come, where the model is far from it.
+
+    Raises
+    ------
+    NoiseError
+        With the best of them nobody can predict the recording to its end.
+    """
     values = problem.values_at(reached.theta)
     if following(problem, values) is None:
         return promises
-
-    def left(promise: Promise) -> float:
-        more = problem.with_uses([promise.use])
-        found = following(more, values)
-        return np.inf if found is None else float(np.sum(more.residual(more.start(found)) ** 2))
-
-    return sorted(promises, key=left)
+    found = {p.use: following(problem.with_uses([p.use]), values) for p in promises}
+    order = sorted(promises, key=lambda p: np.inf if (led := found[p.use]) is None else led[1])
+    if best := found[order[0].use]:
+        assembly = problem.with_uses([order[0].use]).assembly
+        for o in problem.observations:
+            if isinstance(o, TimeObservation) and (why := _runs_apart(o, _responses(o, assembly, best[0]))):
+                raise NoiseError(f"with {order[0].use}, {why}")
+    return order
 
 
 def _led_with(promise: Promise, problem: Problem) -> Iterator[tuple[float, Problem, Array]]:

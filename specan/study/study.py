@@ -278,7 +278,7 @@ class Study:
         known = self._starts[1:] if self.model.rates else []  # integrated predictions have many minima
         led = brought(self.problem.observations, "following")
         if led and (near := led(self.problem, found.values)):
-            known = [near, *known]
+            known = [near[0], *known]
         for near in known:
             with suppress(ComputationError):
                 found = min(found, fit(self.problem, near), key=lambda one: one.chi2)

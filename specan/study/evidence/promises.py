@@ -67,7 +67,7 @@ class Promise:
             found.append(places[int(np.argmin(np.nan_to_num(left, nan=np.inf)))])
         look = brought(problem.observations, "following")
         led = look(problem, self.origin) if look else None
-        return [*([] if led is None else [problem.start(led)]), *found[::-1]]
+        return [*([] if led is None else [problem.start(led[0])]), *found[::-1]]
 
 
 class Catalogue:

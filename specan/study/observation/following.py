@@ -25,8 +25,8 @@ from specan.study.observation.time import TimeObservation
 FAR = 0.5  # of the RMS of a measured state, from which a straight line from a fit leads nowhere
 
 
-def following(problem: Problem, values: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Values of parameters with which states that follow the measurement come nearest to it, from some values.
+def following(problem: Problem, values: Mapping[str, Any]) -> tuple[dict[str, Any], float] | None:
+    """Values of parameters with which states that follow the measurement come nearest to it, and chi-square there.
 
     None where the model is near the measurement at these values, or no state is measured.
     """
@@ -38,12 +38,12 @@ def following(problem: Problem, values: Mapping[str, Any]) -> dict[str, Any] | N
     assembly = led.assemble([*problem.assembly.uses, *uses])
     follows = replace(problem, assembly=assembly, observations=_seen(model.solver, observations))
     try:
-        theta = descend(follows, follows.start(values)).theta
+        found = descend(follows, follows.start(values))
     except NotSettledError as fault:
-        theta = fault.reached.theta
+        found = fault.reached
     except ComputationError:
         return None
-    return follows.values_at(theta)
+    return follows.values_at(found.theta), found.chi2
 
 
 def _far(o: TimeObservation, problem: Problem, values: Mapping[str, Any]) -> bool:
