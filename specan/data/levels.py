@@ -175,7 +175,7 @@ class SignalLevels(RecordingResult):
             shown = {name: column for name, column in texts.items() if any(column)}
             return Sheet(title, list(shown), [list(row) for row in zip(*shown.values())])
 
-        signal = {
+        signal: dict[str, Iterable[Any]] = {
             "unit": self.units, "RMS": self.rms, "peak": self.peak,
             "crest": map(cell, self.crest_factor), "mean": [cell(v, ".4g") for v in self.mean],
         }  # fmt: skip
