@@ -14,6 +14,7 @@ from specan.study.estimation.fit import Fit, intervals_95
 from specan.study.estimation.left_out import left_out_errors
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
+from specan.study.evidence.explanations import SURE
 from specan.study.selection.pulls import TOO_FAR, Pull
 from specan.study.selection.refits import Refit
 from specan.units import printed_unit
@@ -185,10 +186,13 @@ class NextMeasurements(Result):
         As ``specan study next --json`` gives them; each has a ``text``.
     verdict : str
         That they would decide.
+    decided : bool
+        Whether no two explanations compete.
     """
 
     rows: tuple[Mapping[str, Any], ...]
     verdict: str
+    decided: bool
 
     dimensions = ("place",)
 
@@ -196,7 +200,7 @@ class NextMeasurements(Result):
         """How many there are."""
         if self.rows:
             return counted(len(self.rows), "proposal")
-        if self.verdict in ("effect", "nothing-missing"):
+        if self.decided:
             return "no further measurement is needed: no two explanations compete for these data"
         return "no measurement within the rig's limits would distinguish the explanations"
 
@@ -284,7 +288,15 @@ class Diagnosis(Result):
 
     def next(self) -> NextMeasurements:
         """What to measure next."""
-        return NextMeasurements(self.next_measurement, self.verdict)
+        # an effect beside those that explain the data already is no rival of theirs
+        first, *others = [
+            {*p.effects}
+            for p in self.probabilities
+            if p.kind in ("effects", "nothing") and p.probability > 1 - SURE
+        ] or [set()]
+        competing = any(not first or not first < other for other in others)
+        decided = self.verdict in ("effect", "nothing-missing") and not competing
+        return NextMeasurements(self.next_measurement, self.verdict, decided)
 
     def content(self) -> dict[str, Any]:
         """The contract of ``specan study diagnose --json``."""

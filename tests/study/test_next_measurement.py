@@ -11,6 +11,7 @@ from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.localisation.localise import localise
 from specan.study.selection.refits import Refit, Refits
+from specan.study.verdict import Diagnosis, Probability
 
 
 def fitted(problem, *names):
@@ -200,3 +201,20 @@ def test_a_limit_of_a_condition_that_the_data_lack_is_nothing_to_set(toy):
     rivals = fitted(replace(problem, assembly=wider.assemble(problem.assembly.uses)), "square", "cross")
     assert all(set(one.conditions) == {"x", "z"} for one in propose(rivals))
     assert len(propose(rivals)) == 3
+
+
+@pytest.mark.parametrize(
+    ("found", "needed"),
+    [
+        ([("nothing", (), 0.49), ("effects", ("a",), 0.37)], True),
+        ([("effects", ("a",), 0.97), ("effects", ("b",), 0.02)], False),
+        ([("effects", ("a",), 0.6), ("effects", ("a", "b"), 0.3)], False),  # a is missing either way
+        ([("nothing", (), 0.6), ("unknown", (), 0.4)], False),
+        ([], False),
+    ],
+)
+def test_what_competes_is_not_said_to_be_decided(found, needed):
+    stated = tuple(Probability("", kind, names, {}, share) for kind, names, share in found)
+    said = Diagnosis("nothing-missing", "", probabilities=stated).next().summary()
+    assert ("would distinguish" in said) == needed
+    assert ("no two explanations compete" in said) != needed
