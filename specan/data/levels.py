@@ -179,7 +179,7 @@ class SignalLevels(RecordingResult):
             "unit": self.units, "RMS": self.rms, "peak": self.peak,
             "crest": map(cell, self.crest_factor), "mean": [cell(v, ".4g") for v in self.mean],
         }  # fmt: skip
-        levels = {
+        levels: dict[str, Iterable[Any]] = {
             "dB re": [r.text for r in self.references], "level": self.level_dB, "Leq A": self.equivalent_dB["A"],
             "LE A": self.exposure_dB["A"], "C peak": self.c_peak_dB, f"{letter} max": self.max_dB,
             f"{letter} min": self.min_dB,
