@@ -14,7 +14,6 @@ from specan.study.estimation.fit import Fit, intervals_95
 from specan.study.estimation.left_out import left_out_errors
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.explanations import SURE
 from specan.study.selection.pulls import TOO_FAR, Pull
 from specan.study.selection.refits import Refit
 from specan.units import printed_unit
@@ -288,6 +287,8 @@ class Diagnosis(Result):
 
     def next(self) -> NextMeasurements:
         """What to measure next."""
+        from specan.study.evidence.explanations import SURE  # loads much that no other verb needs
+
         # an effect beside those that explain the data already is no rival of theirs
         first, *others = [
             {*p.effects}
