@@ -87,6 +87,8 @@ _ALIKE = 1e-7
 _WINDOW = 0.09
 # So many later pieces of the signal, this far apart in s, give every phase of some lines at once.
 _LATER, _STEP = 8, 0.006
+# Steps are longer by parts of the golden ratio: of a tone that fits evenly into all of them the pieces have one phase.
+_UNEVEN = (5**0.5 - 1) / 2
 # They begin after so many times what the weighting rings for.
 _SINCE = 1.5
 # A later piece is part of what goes on if it is not much weaker than the beginning: more than this part of its energy.
@@ -145,7 +147,8 @@ class RecordStart:
         base, whole = self._base(n)
         count = (y.shape[1] - 2 * n) // self._step
         first = max(n, min(self._later, y.shape[1] - n - _LATER * self._step))
-        places = first + self._step * np.arange(min(max(count, 0), _LATER))
+        number = np.arange(min(max(count, 0), _LATER))
+        places = first + np.round(self._step * (number + _UNEVEN * number % 1.0)).astype(int)
         amounts = np.empty((len(y), len(base)))
         for row, amount in zip(y, amounts, strict=True):
             begin = row[:n].astype(np.float64)
