@@ -373,13 +373,14 @@ def places_of(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:
 VERDICTS = {
     "effect": "Missing: {names}.",
     "group": "Missing: {names}; these data cannot tell which.",
-    "nothing-missing": "Nothing is missing, as far as these data can tell{sure}.",
+    "nothing-missing": "Nothing is missing{form}{sure}.",
     "nothing-named": "No effect can be named: perhaps nothing is missing{sure}{names}.",
     "fits-only-if": "It fits, but only with values outside their known range.",
     "unknown-effect": "Something is missing that is not on the list of effects{sure}.",
-    "faulty-data": "The data have a fault: {fault}{sure}.",
+    "faulty-data": "The data have a fault: {fault}.",
     "cannot-tell": "These data cannot tell.",
 }
+AS_FAR = ", as far as these data can tell"
 LEAST_TOLD = 0.02  # probability of something else, from which a headline with names says it
 
 
@@ -396,7 +397,6 @@ def headline_of(content: Mapping[str, Any]) -> str:
     >>> headline_of({"verdict": "group", "alternatives": [["windage"], ["seal-drag", "churning"]]})
     'Missing: windage or seal-drag with churning; these data cannot tell which.'
     """
-    most = 3  # sets of effects; the others stand in the table
     stated = content.get("probabilities") or ()
 
     def sure(kinds: Sequence[str], suits: Callable[[set[str]], bool] = lambda effects: True) -> str:
@@ -405,8 +405,6 @@ def headline_of(content: Mapping[str, Any]) -> str:
         return f" ({percent(sum(one['probability'] for one in told))})" if stated else ""
 
     kind = content["verdict"]
-    if kind == "nothing-missing" and content.get("other_form"):
-        return f"Nothing is missing with {content['other_form']}{sure(['nothing'])}."
     # The simplest first; the table below has them by likelihood.
     alternatives = sorted(content["alternatives"], key=len)
     if len(alternatives) == 1:  # it stands for itself with and without further effects or faults of the data
@@ -416,18 +414,41 @@ def headline_of(content: Mapping[str, Any]) -> str:
     if len(set(sets)) < len(sets):  # the same effects at several places
         likeliest = [one for one in stated if one["kind"] == "effects"][: len(sets)]
         sets = [f"{one['explanation']} ({percent(one['probability'])})" for one in likeliest]
-    more = len(sets) - most
-    names = " or ".join([*sets[:most], *([f"one of {more} others"] if more > 1 else sets[most:])])
-    if sum(one["probability"] for one in stated if one["kind"] == "unknown") >= LEAST_TOLD:
-        names += f" or something else{sure(['unknown'])}"
-    of = {"nothing-missing": "nothing", "unknown-effect": "unknown", "faulty-data": "fault"}
+    whole = gathered((one["kind"], one["probability"]) for one in stated)
+    otherwise = (
+        f" or something else{sure(['unknown'])}" if sum(whole.get("unknown", ())) >= LEAST_TOLD else ""
+    )
+    names = _one_of(sets) + otherwise
+    of = {"nothing-missing": "nothing", "unknown-effect": "unknown"}
     told = sure([of[kind]]) if kind in of else ""
-    fault = next((one["explanation"] for one in stated if one["kind"] == "fault"), "").split(" beside ")[0]
+    of_faults = (one for one in stated if one["kind"] == "fault")
+    faults = likeliest_faults((f["explanation"].split(" beside ")[0], f["probability"]) for f in of_faults)
+    fault = _one_of([f"{name} ({percent(share)})" for name, share in faults.items()]) + otherwise
+    which = "; these data cannot tell which" if len(faults) > 1 else ""
     beside = f" Missing beside it: {names}." if kind == "faulty-data" and any(content["alternatives"]) else ""
-    of_nothing = sum(one["probability"] for one in stated if one["kind"] == "nothing")
-    if kind == "nothing-missing" and stated and of_nothing < 0.5:
+    if kind == "nothing-missing" and sum(whole.get("nothing", [1])) < 0.5:
         kind = "nothing-named"
-    return VERDICTS[kind].format(names=names, sure=told, fault=fault) + beside
+    form = f" with {content['other_form']}" if content.get("other_form") else AS_FAR
+    return VERDICTS[kind].format(names=names, sure=told, fault=fault + which, form=form) + beside
+
+
+def _one_of(names: Sequence[str]) -> str:
+    """The first of them, for a headline; all others stand in the table."""
+    most, more = 3, len(names) - 3
+    return " or ".join([*names[:most], *([f"one of {more} others"] if more > 1 else names[most:])])
+
+
+def likeliest_faults(told: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Names and probabilities of the faults that may be the one, the likeliest first, whatever stands beside them.
+
+    Examples
+    --------
+    >>> likeliest_faults([("drift", 0.25), ("one reading", 0.5), ("drift", 0.5), ("copied rows", 0.001)])
+    {'drift': 0.75, 'one reading': 0.5}
+    """
+    whole = {name: sum(each) for name, each in gathered(told).items()}
+    order = sorted(whole, key=lambda name: -whole[name])
+    return {name: whole[name] for name in order if whole[name] >= min(LEAST_TOLD, whole[order[0]])}
 
 
 def percent(probability: float) -> str:

@@ -35,6 +35,7 @@ from specan.study.verdict import (
     Ranked,
     error_fall,
     errors,
+    likeliest_faults,
     parameter_table,
     percent,
     places_of,
@@ -159,7 +160,7 @@ class _Telling:
     def _reason(self, kind: str) -> str:
         judged, sets, parts = self.judged, self.judged.sets, []
         if kind == "faulty-data":
-            return f"{judged.sets[0].best.fault_text}: correct that, and diagnose again"
+            return f"{self._faults()}: correct that, and diagnose again"
         if kind == "nothing-missing":
             likelier = [o for o in judged.stated if o.kind == "effects"]
             least = judged.probability("nothing")
@@ -275,11 +276,17 @@ class _Telling:
 
     def _fault(self) -> str:
         """The likeliest fault where it is not the verdict."""
-        faults = [one for one in self.judged.stated if one.kind == "fault"]
         whole = self.judged.probability("fault")
-        if self.judged.kind == "faulty-data" or whole < DOUBT or not faults:
+        if self.judged.kind == "faulty-data" or whole < DOUBT:
             return ""
-        return f"{faults[0].best.fault_text} ({percent(whole)} that the data have a fault)"
+        return f"{self._faults()} ({percent(whole)} that the data have a fault)"
+
+    def _faults(self) -> str:
+        """Sentences of the faults that may be the one; three at most."""
+        found = [one for one in self.judged.stated if one.kind == "fault"]
+        texts = {one.fault: one.best.fault_text for one in reversed(found)}
+        names = likeliest_faults((one.fault, one.probability) for one in found)
+        return "; or ".join(texts[name] for name in list(names)[:3])
 
 
 def not_settled(base: Refit) -> str:

@@ -222,7 +222,7 @@ def faults(tangent: Tangent, predicted: Array) -> Iterator[Fault]:
 
 def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Iterator[Fault]:
     """A zero or a gain of one observable that is not the same in all rows, or readings that are off."""
-    relative, level = sizes_of(problem, predicted)
+    _, level = sizes_of(problem, predicted)
     samples = spoilt(o, o.measured - predicted) if isinstance(o, TimeObservation) else ()
     for name, text, shape, tried in samples:
         yield Fault(name, text, level[:, None] * shape, ln_known=-tried)
@@ -230,7 +230,7 @@ def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Ite
         unit = printed_unit(problem.assembly.model.observables[observable].unit)
         ranges = _ranges(observable, unit, rows, np.abs(predicted)) if o.kind == "table" else ()
         for name, text, shape in (*_courses(o), *ranges):
-            for kind, size in {"gain": relative, "zero": level}.items():
+            for kind, size in {"gain": np.abs(predicted), "zero": level}.items():
                 columns = (size * rows)[:, None] * shape
                 if np.any(columns):
                     yield Fault(name.format(kind), text.format(kind), columns)
@@ -344,17 +344,20 @@ def _rises(tangent: Tangent, o: TableObservation) -> Iterator[Array]:
 
 
 def _of_machine(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
-    """A part of the base that is another from a row on, as after a service."""
+    """The parts of the base are others from a row on, as after a service."""
     problem, known = tangent.problem, tangent.problem.assembly.model.effects
-    changes = problem.sensitivities(tangent.theta)[0] * tangent.theta
-    for name, change in zip(problem.names, changes.T, strict=True):
-        owner = known.get(Use.parse(name.owner).name)  # or a quantity
-        if (owner and owner.instrument) or not np.any(change):
-            continue
-        for line, after in _from_a_row_on(o):
-            text = f"the machine is another from {line} on, as after a change of oil or parts: {name} by "
-            columns = (change * after)[:, None]
-            yield Fault("machine from a row on", text, columns, in_words=lambda c: f"{100 * c[0]:+.2g} %")
+    instruments = {name for name, effect in known.items() if effect.instrument}
+    own = [k for k, n in enumerate(problem.names) if Use.parse(n.owner).name not in instruments]
+    changes = (problem.sensitivities(tangent.theta)[0] * tangent.theta)[:, own]
+
+    def in_words(by: Array) -> str:
+        # 0.1: change over the largest, below which it is not told
+        told = [(problem.names[k], x) for k, x in zip(own, by, strict=True) if abs(x) > 0.1 * abs(by).max()]
+        return ", ".join(f"{name} by {100 * x:+.2g} %" for name, x in told)
+
+    for line, after in _from_a_row_on(o) if np.any(changes) else ():
+        text = f"the machine is another from {line} on, as after a change of oil or parts: "
+        yield Fault("machine from a row on", text, changes * after[:, None], in_words=in_words)
 
 
 def levels(problem: Problem) -> Iterator[Flags]:

@@ -25,7 +25,7 @@ from specan.study.observation import Strategy
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import _ShapeGrid
-from specan.study.verdict import headline
+from specan.study.verdict import headline, headline_of
 
 
 def tangent_of(problem):
@@ -172,18 +172,53 @@ def test_an_effect_is_told_beside_a_fault_of_the_data(toy):
     assert "Missing beside it: cross (" in said
 
 
-def test_a_part_that_was_changed_between_two_rows_is_told_with_its_size(toy):
-    """The slope goes from 3 W to 4.5 W; an x that is set to 0.2 % is not half as large again."""
+@pytest.mark.parametrize("offset", [0.0, -0.8])
+def test_parts_that_were_changed_between_two_rows_are_told_with_their_sizes(toy, offset):
+    """The slope goes from 3 W to 4.5 W, perhaps the offset from 2 W to 1.2 W; x is set to 0.2 %."""
     order = np.random.default_rng(8).permutation(48)
-    (rows,) = toy.problem(lambda x, z: 1.5 * x * (order >= 20), [], noise=0.3).observations
-    rows = replace(rows, covariance=0.09 * np.eye(48), lines=order + 2, recording=np.zeros(48, int))
+    changed = toy.problem(lambda x, z: (offset + 1.5 * x) * (order >= 20), [], noise=0.3)
+    rows = replace(
+        changed.observations[0], covariance=0.09 * np.eye(48), lines=order + 2, recording=np.zeros(48, int)
+    )
     model = toy.model("tilt", "cross")
     model = replace(model, rig=replace(model.rig, setting={"x": SettingError(relative=0.002)}))
     found = told(base_problem(model, [rows]))
     assert found.verdict == "faulty-data"
     assert "the machine is another from line 22 on" in found.reason
-    size = float(re.search(r"line.slope by ([+\d.]+) %", found.reason)[1])
-    assert size == pytest.approx(50, abs=8)
+    for name, change in {"slope": 50, "offset": 50 * offset}.items():
+        size = re.search(rf"line.{name} by ([-+\d.]+) %", found.reason)
+        assert (float(size[1]) if size else 0) == pytest.approx(
+            change, abs=12
+        )  # a share of what all rows give
+
+
+def test_faults_between_which_nothing_decides_are_all_said():
+    faults = {
+        "drift of the zero": 0.36,
+        "zero from a row on beside windage": 0.05,
+        "zero from a row on": 0.25,
+    }
+    stated = [
+        {"explanation": name, "kind": "fault", "effects": [], "probability": p} for name, p in faults.items()
+    ]
+    content = {"verdict": "faulty-data", "alternatives": [[]], "probabilities": stated}
+    assert headline_of(content) == (
+        "The data have a fault: drift of the zero (36 %) or zero from a row on (30 %); these data cannot tell which."
+    )
+
+
+def test_a_form_with_which_perhaps_nothing_is_missing_is_no_sure_one():
+    stated = [
+        {"explanation": name, "kind": kind, "effects": [], "probability": p}
+        for name, kind, p in (("something else", "unknown", 0.51), ("nothing is missing", "nothing", 0.45))
+    ]
+    content = {
+        "verdict": "nothing-missing",
+        "alternatives": [],
+        "probabilities": stated,
+        "other_form": "A in place of B",
+    }
+    assert "perhaps nothing is missing (45 %) or something else (51 %)" in headline_of(content)
 
 
 def test_noise_that_follows_itself_names_nothing(toy):

@@ -6,6 +6,9 @@ from open_tables import read_tables
 
 from specan.models import Model
 from specan.study.diagnose import diagnose
+from specan.study.estimation.fit import fit
+from specan.study.evidence.faults import faults
+from specan.study.evidence.marginal import Tangent
 from specan.study.selection.candidates import base_problem
 from specan.study.verdict import headline
 from tests.study.few import beside
@@ -141,3 +144,15 @@ def test_a_zero_error_without_certificate_is_found_beside_one_with_it(tables, tm
         row = next(r for r in found.ranking if r.effects == ("torque-zero-error",))
         value = row.parameters["torque-zero-error.output"]
         assert value["low"] < offset < value["high"]
+
+
+def test_a_gain_changes_readings_by_a_share_of_themselves(tables, tmp_path):
+    """Not by a share of the losses, of which the model is uncertain."""
+    gear = tables.model(model_discrepancy_percent=0.5)
+    data = read_tables(gear, [tables.write_table(tmp_path / "table.csv", tables.bench())])
+    problem = base_problem(gear, data.fitted)
+    best = fit(problem)
+    predicted = np.concatenate(problem.predictions(best.theta))
+    found = faults(Tangent.at(problem, best.theta, best.residual, best.jacobian), predicted)
+    (drift,) = (fault.columns[:, 0] for fault in found if fault.name == "drift of the gain")
+    np.testing.assert_allclose(drift, predicted * np.linspace(-0.5, 0.5, predicted.size), rtol=1e-9)
