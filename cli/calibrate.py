@@ -14,6 +14,7 @@ from specan_cli.recording_verb import expand, failures, given, left_out
 
 if TYPE_CHECKING:
     from specan.analysis.insertion import CalibrationSettings, Insertion
+    from specan.data.recording import Recording
 
 
 @verb("calibrate")
@@ -70,7 +71,7 @@ def command(
     output = deliver.output
     assert output is not None  # it has a default
     check_directory(output)
-    insertions, faults = _insertions([found.path for found in expand(files)], settings, channel_table)
+    insertions, faults = _insertions(files, settings, channel_table)
     calibration = join_insertions(insertions, settings)
     write_calibration(calibration, output)
     deliver.draw(calibration)
@@ -87,20 +88,33 @@ def command(
 
 
 def _insertions(
-    paths: list[Path], settings: CalibrationSettings, channel_table: Path | None
+    files: tuple[Path, ...], settings: CalibrationSettings, channel_table: Path | None
 ) -> tuple[list[Insertion], dict[str, Exception]]:
-    """What each file says, and why some say nothing."""
+    """What each file says, and why some say nothing.
+
+    Where files of a directory say that they are of a calibrator, no others in it count.
+    """
+    from specan.analysis.excitation import stated_excitation
     from specan.analysis.insertion import evaluate_insertion
     from specan.errors import InputError
     from specan.io.open import open_recording
+    from specan.result import counted
 
+    paths = [found.path for found in expand(files)]
     common = os.path.commonpath([path.resolve().parent for path in paths])
+    opened: list[tuple[Path, Recording]] = []
     insertions: list[Insertion] = []
     faults: dict[str, Exception] = {}
     for path in paths:
         with left_out(str(path), faults, len(paths) > 1):
             label = path.resolve().relative_to(common).as_posix()
-            recording = open_recording(path, label=label, channel_table=channel_table)
+            opened.append((path, open_recording(path, label=label, channel_table=channel_table)))
+    said = [path for path, r in opened if (found := stated_excitation(r)) and found.kind == "calibrator"]
+    used = [(path, r) for path, r in opened if not said or path in said or path in files]
+    if rest := len(opened) - len(used):
+        note(f"Note: {counted(rest, 'recording')} with another excitation not used.")
+    for path, recording in used:
+        with left_out(str(path), faults, len(paths) > 1):
             insertions.append(evaluate_insertion(recording, settings))
     if not insertions:
         raise InputError("no file could be used for a calibration", remedy="see the reasons above")

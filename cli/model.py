@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan.errors import RequestError
+from specan.units import printed_unit
 from specan_cli.options import column_option, json_option, opt
 from specan_cli.output import emit_json, table
 
@@ -230,9 +231,9 @@ def _print_model(model: Mapping[str, Any]) -> None:
         click.echo(f"  {note}")
     rows = {
         "Conditions": [[c["column"] or n, _default(c), c["doc"]] for n, c in model["conditions"].items()],
-        "Observables": [[n, o["unit"], o["doc"]] for n, o in model["observables"].items()],
+        "Observables": [[n, printed_unit(o["unit"]), o["doc"]] for n, o in model["observables"].items()],
         "Effects": [[n, _kind(e), _first_sentence(e["explanation"])] for n, e in model["effects"].items()],
-        "Quantities": [[n, q["unit"], q["doc"]] for n, q in model["quantities"].items()],
+        "Quantities": [[n, printed_unit(q["unit"]), q["doc"]] for n, q in model["quantities"].items()],
     }
     headers = {"Conditions": ["column", "default"], "Effects": ["name", ""]}
     for title, cells in rows.items():
@@ -260,7 +261,7 @@ def _default(condition: Mapping[str, Any]) -> str:
         return "needed"
     if default != default:  # not known unless the data have it
         return "unknown"
-    return f"{default:g} {condition['column_unit']}".removesuffix(" 1")
+    return f"{default:g} {printed_unit(condition['column_unit'])}"
 
 
 # What is said of an effect and of a quantity below its parameters.
@@ -274,9 +275,8 @@ LINES = {
 def _print_part(part: Mapping[str, Any]) -> None:
     """An effect or a quantity."""
     is_effect = "explanation" in part
-    click.echo(
-        f"{part['name']}: {KINDS[_kind(part)]}\n" if is_effect else f"{part['name']} [{part['unit']}]\n"
-    )
+    kind = KINDS[_kind(part)] if is_effect else printed_unit(part["unit"]) or "a number"
+    click.echo(f"{part['name']}: {kind}\n")
     click.echo(click.wrap_text(part["explanation" if is_effect else "doc"], width=100) + "\n")
     if part["parameters"]:
         _print_parameters(part["parameters"])
@@ -284,7 +284,9 @@ def _print_part(part: Mapping[str, Any]) -> None:
     for key, title in LINES.items():
         said = part.get(key)
         if isinstance(said, Mapping):
-            said = [f"{name} {v['low']:g} to {v['high']:g} {v['unit']}" for name, v in said.items()]
+            said = [
+                f"{name} {v['low']:g} to {v['high']:g} {printed_unit(v['unit'])}" for name, v in said.items()
+            ]
         if said:
             text = said if isinstance(said, str) else ", ".join(said)
             click.echo(click.wrap_text(f"{title}: {text}", width=100, subsequent_indent="    "))
@@ -300,5 +302,14 @@ def _print_parameters(parameters: Mapping[str, Any]) -> None:
             f"held unless {', '.join(p['needs'])} varies" if p["needs"] else "",
         ]
         spans = (f"{low:g} to {high:g}" for low, high in (p["plausible"], p["domain"]))
-        rows.append([name, f"{p['default']:g}", p["unit"], *spans, p["doc"], ", ".join(filter(None, marks))])
+        rows.append(
+            [
+                name,
+                f"{p['default']:g}",
+                printed_unit(p["unit"]),
+                *spans,
+                p["doc"],
+                ", ".join(filter(None, marks)),
+            ]
+        )
     table("Parameters", ["name", "default", "unit", "plausible", "domain", "what it is", ""], rows)

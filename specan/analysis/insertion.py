@@ -455,7 +455,7 @@ def _cut(label: str, found: Candidates, frequency: float, settings: CalibrationS
     size = found.n_samples // count
     if size * frequency < 10 * found.rate:
         raise InputError(
-            f"{label}: {duration:.3g} s hold fewer than {10 * count} cycles of {frequency:.6g} Hz",
+            f"{label}: {duration:.3g} s is shorter than {10 * count} cycles of {frequency:.6g} Hz",
             expected=f"{count} windows of at least ten cycles",
             remedy="record the calibrator for 5 s, or use fewer windows",
         )

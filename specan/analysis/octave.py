@@ -150,7 +150,7 @@ class Octave(SectionSettings):
             raise ValueError("one band or a range from fmin to fmax can be chosen, not both")
         if self.averaging == "linear" and (self.hold or self.interval_s is not None or self.percentiles):
             raise ValueError(
-                "hold, interval and percentiles are for an exponential average: fast, slow, impulse or seconds"
+                "hold, interval and percentiles need averaging fast, slow, impulse or a time constant in s"
             )
         if self.fmin is not None and self.fmax is not None and self.fmin > self.fmax:
             raise ValueError(f"fmin ({self.fmin:g} Hz) is above fmax ({self.fmax:g} Hz)")

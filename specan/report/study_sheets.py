@@ -46,7 +46,7 @@ def _remark(p: Mapping[str, Any]) -> str:
     if p["at_bound"]:
         return "at its bound"
     if not p["plausible"]:
-        return "outside"
+        return "outside known range"
     return "certificate" if p.get("nuisance") else ""
 
 
@@ -80,7 +80,7 @@ def candidates(found: Mapping[str, Any], most: int, title: str = "", *, valued: 
     columns: list[dict[str, str]] = []
     for row in ranking:
         after, p = row.get("others_after", {}).values(), row["probability"]
-        remarks = {"outside": not row["plausible"], "at its bound": row["at_bound"]}
+        remarks = {"outside known range": not row["plausible"], "at its bound": row["at_bound"]}
         columns.append({
             "effects": " + ".join(placed(row["effects"], row["at"])),
             f"error after{_in_unit(before['unit'])}": f"{row['error_after']:.3g}",

@@ -177,9 +177,7 @@ def test_the_largest_and_the_smallest_level() -> None:
     assert smallest.level_dB[0, 0] == pytest.approx(93.98, abs=0.1)
     assert (largest.averaging, smallest.hold) == ("0.1 s", "min")
     assert "leaves out" in smallest.settling
-    with pytest.raises(
-        RequestError, match="settings: hold, interval and percentiles are for an exponential average"
-    ):
+    with pytest.raises(RequestError, match="settings: hold, interval and percentiles need averaging fast"):
         parse(Octave, {"hold": "max"}, "settings")
     for wrong in (-1.0, "quick", True):
         with pytest.raises(

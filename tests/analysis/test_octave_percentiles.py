@@ -96,5 +96,5 @@ def test_a_percentage_lies_between_0_and_100(wrong: float) -> None:
 
 
 def test_a_linear_average_has_none() -> None:
-    with pytest.raises(RequestError, match="percentiles are for an exponential average"):
+    with pytest.raises(RequestError, match="percentiles need averaging fast"):
         parse(Octave, {"percentiles": [10]}, "settings")

@@ -12,7 +12,7 @@ from specan.errors import SpecanError
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan_cli.main import main
-from truth.rig import Rig, box_rig, calibrator_take, noise_take
+from truth.rig import Rig, box_rig, calibrator_take, noise_take, sine_take
 from truth.rig_files import write_tdms
 
 RATE = 8000.0
@@ -95,6 +95,16 @@ def test_a_file_that_is_no_calibrator_costs_the_others_nothing(place: Path, rig:
     assert "Left out: noise.tdms: no channel has a dominant tone" in messages
     assert "gone.tdms does not exist" in messages
     assert read_calibration("calibration.toml").made_from == ("0.tdms",)
+
+
+def test_in_a_directory_only_recordings_that_say_so_count(place: Path, rig: Rig) -> None:
+    # A loudspeaker's tone on the microphones would pass for a calibrator's.
+    tone = sine_take(rig, 1000.0, 1.0, 12000, RATE, 5)
+    write_tdms(place / "tone.tdms", rig, tone)
+    code, _, messages = run(".")
+    assert code == 0
+    assert "1 recording with another excitation not used" in messages
+    assert read_calibration("calibration.toml").made_from == ("0.tdms", "1.tdms", "2.tdms")
 
 
 @pytest.mark.parametrize(

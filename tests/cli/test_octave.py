@@ -137,7 +137,7 @@ def test_figures_and_text(directory, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "kind", "message"),
     [
-        (("--hold", "max"), RequestError, "hold, interval and percentiles are for an exponential average"),
+        (("--hold", "max"), RequestError, "hold, interval and percentiles need averaging fast"),
         (("--fmax", 4000), RequestError, "up to 3150 Hz"),
         (("--band", 500, "--fmin", 100), RequestError, "not both"),
         (("--averaging", "-1"), RequestError, "a time constant in s above 0"),

@@ -209,7 +209,7 @@ def _check_walls(mesh: RoomMesh, name: str) -> None:
         area = triangle_areas(mesh.points, bare).sum()
         place = mesh.points[bare[0]].mean(axis=0).round(3).tolist()
         raise RequestError(
-            f"the mesh {name} has a hole: {area:.3g} m^2 of its surface, at {place} m for one, are in no named surface",
+            f"the mesh {name} has a hole: {area:.3g} m² of its surface, at {place} m for one, are in no named surface",
             expected="a closed room whose every outer face belongs to a wall",
             remedy="name the surface that is missing, or close the gap in the volume",
         )

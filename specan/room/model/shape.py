@@ -72,7 +72,7 @@ def mesh_shape(rig: Rig) -> RoomShape:
         ),
         notes=(
             f"{path.name}: {len(mesh.tetrahedra)} tetrahedra of degree {degree}, {unknowns(mesh, degree)} unknowns; "
-            f"{large} m large, {mesh.volume:.3g} m^3, {len(mesh.walls)} walls: {', '.join(mesh.walls)}",
+            f"{large} m large, {mesh.volume:.3g} m³, {len(mesh.walls)} walls: {', '.join(mesh.walls)}",
             f"up to {rig.band.f_max_hz:.0f} Hz about {expected_vectors(mesh, k_max)} modes and responses of walls",
         ),
     )
@@ -168,7 +168,7 @@ def degree_for(mesh: RoomMesh, k_max: float, f_max_hz: float, piston: tuple[Real
     if needed > MOST_UNKNOWNS:
         lower = f_max_hz * (MOST_UNKNOWNS / needed) ** (1 / 3)
         raise RequestError(
-            f"a room of {mesh.volume:.3g} m^3 takes about {needed:.2g} unknowns up to {f_max_hz:.0f} Hz",
+            f"a room of {mesh.volume:.3g} m³ takes about {needed:.2g} unknowns up to {f_max_hz:.0f} Hz",
             expected=f"at most {MOST_UNKNOWNS}",
             remedy=f"lower [band] f_max_hz to about {lower:.2g}",
         )

@@ -162,7 +162,7 @@ class Oil(Settings):
         if self.viscosity_100C_mm2_s >= self.viscosity_40C_mm2_s:
             raise ValueError(
                 f"a viscosity at 100 degC below that at 40 degC (the file says "
-                f"{self.viscosity_100C_mm2_s} and {self.viscosity_40C_mm2_s} mm^2/s; are they exchanged?)"
+                f"{self.viscosity_100C_mm2_s} and {self.viscosity_40C_mm2_s} mm²/s; are they exchanged?)"
             )
         return self
 

@@ -79,7 +79,7 @@ def leak(
     area=Parameter(1e-3, "m^2", min=1e-4, max=1e-2, lower=0.0, doc="open area"),
     length=Parameter(0.03, "m", min=0.003, max=0.2, doc="of the opening, end corrections included"),
     resistance=Parameter(
-        5.0, "Pa*s/m", min=0.0, max=1000.0, doc="of a unit area", fixed=True, spread=_OF_RESISTANCE
+        5.0, "Pa*s/m", min=0.0, max=1000.0, doc="per unit area", fixed=True, spread=_OF_RESISTANCE
     ),
     radius=RADIUS,
     end=END,

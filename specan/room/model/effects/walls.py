@@ -24,7 +24,7 @@ def wall_impedance(
     *,
     conductance=Parameter(0.05, "1", min=0.001, max=1.2, lower=0.0, upper=3.0, doc="rho c over resistance"),
     mass=Parameter(0.0, "kg/m^2", min=0.0, max=500.0, lower=0.0, doc="surface mass"),
-    stiffness=Parameter(0.0, "Pa/m", min=0.0, max=2e9, lower=0.0, doc="stiffness a unit area"),
+    stiffness=Parameter(0.0, "Pa/m", min=0.0, max=2e9, lower=0.0, doc="stiffness per unit area"),
 ):
     """One wall absorbs energy (resistance) and shifts the modes that reach it (mass, stiffness).
 

@@ -119,8 +119,8 @@ def bearing_preload(
 ):
     """A shaft that expands more than its housing presses its bearings together; the drag follows temperature.
 
-    M = k (theta - theta_0), at any load: T^0 n^1, a straight line over temperature where the viscous
-    losses are curved.
+    M = k (theta - theta_0), at any load and speed: a straight line over temperature where the viscous losses are
+    curved.
     """
     return growth * (oil_temperature - free_temperature) * worm_speed
 

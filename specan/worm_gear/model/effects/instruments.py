@@ -30,10 +30,9 @@ def torque_zero_error(
 ):
     """A torque sensor reads a torque without load.
 
-    At the input it looks like a seal, T^0 n^1 nu^0. At the output the true torque differs from the
-    indicated one: all losses belong to a neighbouring torque, and idle runs deviate. Runs with the brake
-    uncoupled have no
-    output torque, and no error of it.
+    At the input it looks like the drag of a seal: the same torque at every load, speed and viscosity. At the output
+    the true torque differs from the indicated one: all losses belong to a neighbouring torque, and idle runs
+    deviate. Runs with the brake uncoupled have no output torque, and no error of it.
     """
     return {"indicated_input_torque": input, "output_torque": -output * brake_coupled}
 
@@ -51,7 +50,7 @@ def torque_gain_error(*, input=GAIN, output=GAIN):
     """A torque sensor reads some parts in a thousand too high.
 
     The loss is the small difference of two large torques, so a gain error changes it many times more. It is
-    proportional to the torque and looks like a change of the coefficient of friction: T^1 n^1 nu^0.
+    proportional to the torque and looks like a change of the coefficient of friction.
     """
     return {"indicated_input_torque": 1.0 + input, "output_torque": 1.0 / (1.0 + output)}
 

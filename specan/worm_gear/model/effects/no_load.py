@@ -96,8 +96,8 @@ def windage(
 ):
     """Rotating parts drag air or oil mist along: a loss with about the third power of the speed.
 
-    T^0 n^3 nu^0. It is negligible at low speed and large at high speed. The drag of bearings in an oil
-    bath has the same law and cannot be distinguished from it.
+    It depends on neither load nor viscosity; it is negligible at low speed and large at high speed. The drag of
+    bearings in an oil bath has the same law and cannot be distinguished from it.
     """
     return power * (worm_speed / REFERENCE_SPEED) ** exponent
 
@@ -119,9 +119,8 @@ def mesh_pocketing(
 ):
     """Teeth that come into mesh squeeze the oil out of the gaps and throw it away.
 
-    The power is proportional to the square of the speed and to the density of the oil and does not depend
-    on its viscosity: T^0 n^2
-    nu^0. A churning law with a free exponent can reproduce most of it.
+    The power is proportional to the square of the speed and to the density of the oil; it depends on neither load
+    nor viscosity. A churning law with a free exponent can reproduce most of it.
     """
     return power * (worm_speed / REFERENCE_SPEED) ** 2
 
@@ -143,9 +142,8 @@ def seal_drag(
 ):
     """The lip of a radial shaft seal rubs on the shaft with a torque that does not depend on load or oil.
 
-    The power is proportional to the speed, T^0 n^1 nu^0. A zero error of the input torque sensor looks exactly
-    the same,
-    and a fitted no-load loss can reproduce much of it.
+    The power is proportional to the speed. A zero error of the input torque sensor looks exactly the same, and a
+    fitted no-load loss can reproduce much of it.
     """
     return torque * worm_speed
 
