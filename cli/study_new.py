@@ -148,13 +148,13 @@ def _print(begun: Begun, content: Mapping[str, Any]) -> None:
 def _assumed(begun: Begun, content: Mapping[str, Any]) -> Iterator[str]:
     """Certificates, parameters that are held, defaults of the rig."""
     from specan.study.build_problem import held_for_want_of_variation
-    from specan.units import printed_unit
+    from specan.units import spoken
 
     study = begun.study
     for name, certificate in content["certificates"].items():
         sd, unit = certificate["standard_uncertainty"], certificate["unit"]
         per = study.problem.assembly.parameters[name].per
-        size = f"{100 * sd:.3g} %" if unit == "1" and not per else f"{sd:.3g} {printed_unit(unit)}".rstrip()
+        size = f"{100 * sd:.3g} %" if unit == "1" and not per else spoken(sd, unit=unit)
         of = f"an error of each {per}" if per else "an error common to all readings"
         yield f"{name}: {of}, standard uncertainty {size}"
     for name, needed in held_for_want_of_variation(study.problem).items():

@@ -193,6 +193,18 @@ def printed_unit(unit: str) -> str:
     return {"degC": "°C", "degF": "°F", "percent": "%", "1": ""}.get(unit, powers)
 
 
+def spoken(*values: float, unit: str = "1", digits: int = 3) -> str:
+    """Values and their unit as a sentence shows them.
+
+    Examples
+    --------
+    >>> spoken(0.02877, 0.006378, unit="N*m"), spoken(152.7, unit="percent", digits=2)
+    ('0.0288 to 0.00638 N·m', '150 %')
+    """
+    shown = " to ".join(f"{float(f'{value:.{digits}g}'):g}" for value in values)
+    return f"{shown} {printed_unit(unit)}".rstrip()
+
+
 def axis_label(quantity: str, unit: str) -> str:
     """A quantity with its unit, as it stands beside an axis.
 

@@ -27,7 +27,7 @@ from specan.dsp.tonality import (
     track,
 )
 from specan.errors import RequestError, nearest
-from specan.units import number
+from specan.units import number, spoken
 
 # Five sections are looked at; in a recording of less than six seconds they are its fifths.
 SECTION_S, LEAST_SECTION_S = 1.2, 0.33
@@ -273,7 +273,7 @@ def _moving(
     size = len(sections[0]) / rate
     every = np.concatenate([t.frequency_hz for t in tracks])
     low, high = (float(x) for x in np.percentile(every, [2, 98]))
-    ways = f"from about {float(f'{low:.2g}'):g} to {float(f'{high:.2g}'):g} Hz"
+    ways = f"from about {spoken(low, high, digits=2)} Hz"
     match path(tracks, [look.look == "tone" for look in looks], size, channel.n_samples / rate - size):
         case "sweep":
             return Excitation("sweep", None, f"{where}: a swept tone {ways}")

@@ -13,7 +13,7 @@ from specan.study.history import Step, error_pairs
 from specan.study.localisation.frf_errors import FrfErrors
 from specan.study.localisation.localise import Block
 from specan.study.verdict import Diagnosis, Pull, percent, placed
-from specan.units import printed_unit
+from specan.units import printed_unit, spoken
 
 SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell them apart
 
@@ -52,13 +52,12 @@ def _remark(p: Mapping[str, Any]) -> str:
 
 def value_text(p: Mapping[str, Any]) -> str:
     """``9.37 (7.02 to 11.6) W``."""
-    value, low, high = (f"{float(f'{p[key]:.3g}'):g}" for key in ("value", "low", "high"))
-    return f"{value} ({low} to {high}) {printed_unit(p['unit'])}".rstrip()
+    return f"{spoken(p['value'])} ({spoken(p['low'], p['high'])}) {printed_unit(p['unit'])}".rstrip()
 
 
 def amount(error: Mapping[str, Any]) -> str:
     """An error of a step: ``0.0123 N·m``."""
-    return f"{error['value']:.4g} {printed_unit(error['unit'])}".rstrip()
+    return spoken(error["value"], unit=error["unit"], digits=4)
 
 
 def history(steps: Sequence[Step], title: str = "") -> Sheet:
@@ -167,7 +166,7 @@ def gains(found: Mapping[str, Any], unit: str) -> Sheet:
     ]
     title = (
         f"{found['recording']}: gains of the path, fitted to these lines. Without them the RMS error is "
-        f"{found['rms_without']:.3g} {printed_unit(unit)}."
+        f"{spoken(found['rms_without'], unit=unit)}."
     )
     return Sheet(title, ["channel", "harmonic", "dB", "phase deg"], rows)
 
@@ -185,7 +184,7 @@ def blocks(found: Sequence[Block]) -> Sheet:
 def visible(found: Diagnosis) -> tuple[Sheet, list[str]]:
     """Smallest detectable sizes of effects that the verdict does not name, and effects detectable at no size."""
     sizes = {n: v for n, v in found.smallest_visible.items() if n not in found.effects}
-    known = {n: (float(f"{v['value']:.2g}"), v["unit"]) for n, v in sizes.items() if v is not None}
-    rows = [[n, f"{value:g}", printed_unit(unit)] for n, (value, unit) in known.items()]
+    known = {n: v for n, v in sizes.items() if v is not None}
+    rows = [[n, spoken(v["value"], digits=2), printed_unit(v["unit"])] for n, v in known.items()]
     sheet = Sheet("Smallest detectable effects", ["effect", "size", ""], rows)
     return sheet, [n for n, v in sizes.items() if v is None]

@@ -7,14 +7,15 @@ from typing import Any
 
 from specan.study.history import Step, error_pairs
 from specan.study.study import Study
-from specan.units import printed_unit
+from specan.units import spoken
 
 
 def state_of(study: Study) -> list[str]:
     """What a figure of a study says of the model and of how well it fits."""
     effects = ", ".join(study.model_effects) or study.model.words.ideal
     errors = "; ".join(
-        f"RMS error of {e.observable.replace('_', ' ')} {e.rms:.3g} {printed_unit(e.unit)} ({e.relative_rms:.2g} %)"
+        f"RMS error of {e.observable.replace('_', ' ')} {spoken(e.rms, unit=e.unit)} "
+        f"({spoken(e.relative_rms, digits=2)} %)"
         for e in study.errors
     )
     chi2 = f"chi²/n {study.shown.reduced_chi2:.3g}, " if study.data.known else ""
@@ -40,8 +41,7 @@ def falls(before: Step, after: Step) -> str:
 
 def fall_text(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
     """``0.0276 to 0.0065 Nm (-77 %)``; of one and the same error, its value."""
-    unit = f" {printed_unit(after['unit'])}".rstrip()
     if before == after or not before["value"]:
-        return f"{after['value']:.3g}{unit}"
+        return spoken(after["value"], unit=after["unit"])
     change = 100 * (after["value"] / before["value"] - 1)
-    return f"{before['value']:.3g} to {after['value']:.3g}{unit} ({change:+.0f} %)"
+    return f"{spoken(before['value'], after['value'], unit=after['unit'])} ({change:+.0f} %)"

@@ -16,7 +16,7 @@ from specan.study.estimation.fit import Fit
 from specan.study.estimation.prediction_error import ObservableError
 from specan.study.localisation.localise import Localisation
 from specan.study.observation import Observation
-from specan.units import convert, printed_unit
+from specan.units import convert, spoken
 
 
 def readings(model: Model, observation: Observation, column: str) -> NDArray[Any]:
@@ -55,7 +55,7 @@ class Comparison(Result):
 
     def summary(self) -> str:
         """Errors, and how well the model fits."""
-        errors = ", ".join(f"RMS of {e.observable} {e.rms:.3g} {printed_unit(e.unit)}" for e in self.errors)
+        errors = ", ".join(f"RMS of {e.observable} {spoken(e.rms, unit=e.unit)}" for e in self.errors)
         if self.localisation is None:
             return errors
         p = self.fit.p_value

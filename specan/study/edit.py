@@ -22,7 +22,7 @@ from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyText, read_study_file, use_of
 from specan.study.user_effects import rival_laws
-from specan.units import printed_unit
+from specan.units import spoken
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,7 +52,7 @@ class Change(Result):
     def summary(self) -> str:
         """What was changed, and what that did to the errors."""
         falls = [
-            f"{data} {one['value']:.3g} -> {two['value']:.3g} {printed_unit(two['unit'])}"
+            f"{data} {spoken(one['value'])} -> {spoken(two['value'], unit=two['unit'])}"
             for data, one, two in error_pairs(self.before, self.after)
         ]
         return f"{self.after.action} {self.after.effect}, " + ", ".join([*falls, *self.remarks])
@@ -245,12 +245,11 @@ def _remarks_on_adding(
         ends = new.problem.domain(name.whole)
         end = min(ends, key=lambda e: abs(e - new.best.theta[new.best.names.index(name)]))
         parameter = new.problem.assembly.parameters[name.whole]
-        value = f"{parameter.from_si(end):g} {printed_unit(parameter.unit)}".rstrip()
+        value = spoken(parameter.from_si(end), unit=parameter.unit, digits=6)
         remarks.append(f"{name} lies at the end of its domain, {value}")
     for other, row in new.parameters.items():
         if not row["plausible"]:
-            value = f"{row['value']:.3g} {printed_unit(row['unit'])}".rstrip()
-            remarks.append(f"{other} = {value} lies outside its known range")
+            remarks.append(f"{other} = {spoken(row['value'], unit=row['unit'])} lies outside its known range")
     free = [n for n in undetermined(new.problem, new.best.theta) if n.whole not in new.problem.priors]
     remarks += [f"{name} is not determined by these data at the values that were found" for name in free]
     if new.data.known:

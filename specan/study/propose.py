@@ -94,7 +94,10 @@ class ProposedLaws(Result):
     def summary(self) -> str:
         """How many there are."""
         if not self.laws:
-            return f"No law: noise explains the residuals ({percent(self.noise)}; {self.tried} laws tried)"
+            why = "noise explains the residuals"
+            if self.noise < 0.5:
+                why = "those that fit the residuals need values outside the bounds of the model's parameters"
+            return f"No law: {why} (noise {percent(self.noise)}; {self.tried} laws tried)"
         return f"{counted(len(self.laws), 'law')} of {self.tried} tried"
 
     def columns(self) -> dict[str, Any]:

@@ -64,7 +64,7 @@ from specan.study.user_effects import (
     with_own_effects,
 )
 from specan.study.verdict import Diagnosis, Ranked, parameter_table
-from specan.units import printed_unit
+from specan.units import spoken
 
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 PREDICTED = 0.01  # probability of chi-square from which data are predicted as well as they can be
@@ -395,11 +395,10 @@ class Study:
                 return found
             worse.append(after)
         error, rises = before.errors[0], min(one.rms for one in worse)
-        unit = f" {printed_unit(error.unit)}".rstrip()
         names = " or ".join(" with ".join(row.names) for row in named)
         reason = (
-            f"{names} would fit, but with it the error on the held-out data rises from {error.rms:.3g} to "
-            f"{rises:.3g}{unit}: another effect is missing there, or its equation is wrong"
+            f"{names} would fit, but with it the error on the held-out data rises from "
+            f"{spoken(error.rms, rises, unit=error.unit)}: another effect is missing there, or its equation is wrong"
         )
         return replace(
             found, verdict="cannot-tell", reason=reason, alternatives=(), at={}, unknown_possible=True

@@ -16,7 +16,7 @@ from specan.study.estimation.prediction_error import ObservableError, observable
 from specan.study.estimation.problem import Problem
 from specan.study.selection.pulls import TOO_FAR, Pull
 from specan.study.selection.refits import Refit
-from specan.units import printed_unit
+from specan.units import spoken
 
 
 def placed(effects: Sequence[str], at: Mapping[str, Sequence[str]]) -> list[str]:
@@ -159,11 +159,10 @@ class ErrorFall:
 
 def _fall(before: ObservableError, after: ObservableError) -> str:
     both = [before] if before == after else [before, after]
-    rms = f"{' to '.join(f'{e.rms:.3g}' for e in both)} {printed_unit(before.unit)}".rstrip()
-    relative = " to ".join(f"{e.relative_rms:.2g}" for e in both)
-    text = f"{rms} ({relative} %)"
-    levels = [f"{e.level_dB:.2g}" for e in both if e.level_dB is not None]
-    return f"{text}, {before.level_of} {' to '.join(levels)} dB" if len(levels) == len(both) else text
+    relative = spoken(*(e.relative_rms for e in both), unit="percent", digits=2)
+    text = f"{spoken(*(e.rms for e in both), unit=before.unit)} ({relative})"
+    levels = [e.level_dB for e in both if e.level_dB is not None]
+    return f"{text}, {before.level_of} {spoken(*levels, digits=2)} dB" if len(levels) == len(both) else text
 
 
 @dataclass(frozen=True)

@@ -99,6 +99,15 @@ def test_chosen_columns_and_those_passed_over(tmp_path):
     assert found.conditions["worm_speed"] == pytest.approx(2 * np.pi * np.array([25.0, 100 / 3]))
     assert found.measured == pytest.approx([7.5, 3.9])
     assert "t.csv: columns ignored: who" in found.notes
+    short = {
+        "speed_rpm": "n",
+        "output_torque_Nm": "M2",
+        "input_torque_Nm": "M1",
+    }  # the header states the unit
+    assert (
+        rows_of(path, gear, columns=short).conditions["worm_speed"].tolist()
+        == found.conditions["worm_speed"].tolist()
+    )
     path.write_text("n;M2_Nm;M1\n1500;40000;7,5\n2000;20000;3,9\n", encoding="utf-8")
     named = {"speed_rpm": "n [1/min]", "output_torque_Nm": "M2_Nm [mN*m]", "input_torque_Nm": "M1"}
     again = rows_of(path, gear, columns=named)  # the unit is the user's word

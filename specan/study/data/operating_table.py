@@ -266,11 +266,11 @@ def check_limits(conditions: Mapping[str, Array], places: Sequence[str], model: 
         span = f"{shown.min():.4g} to {shown.max():.4g}" if np.ptp(shown) > 0 else f"{shown[0]:.4g}"
         said = f"{_named(places, bad)}: {condition.column} is {span} {condition.column_unit}"
         if not unit and values.min() > low - (high - low) and values.max() < high + (high - low):
-            remarks.append(f"{said}, outside the [limits] ({ends[0]:.4g} to {ends[1]:.4g})")
+            remarks.append(f"{said}, outside its limits ({ends[0]:.4g} to {ends[1]:.4g})")
             continue
         raise InputError(
             said,
-            expected=f"{ends[0]:.4g} to {ends[1]:.4g} {condition.column_unit}, the [limits]",
+            expected=f"{ends[0]:.4g} to {ends[1]:.4g} {condition.column_unit}, its limits",
             remedy=f"{unit}; convert the column" if unit else "correct the rows or the limits",
         )
     return remarks

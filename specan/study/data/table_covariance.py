@@ -33,7 +33,7 @@ from specan.study.data.replicate_variance import (
 from specan.study.data.setpoints import ENOUGH, TIME, operating
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
-from specan.units import base_unit, convert, printed_unit
+from specan.units import base_unit, convert, printed_unit, spoken
 
 
 @dataclass(frozen=True)
@@ -424,10 +424,7 @@ def _anew(model: Model, rows: Rows) -> str:
     for name in rows.conditions:
         setting, condition = model.rig.setting.get(name), model.conditions[name]
         if setting is not None and rows.is_set[name]:
-            size = (
-                f"{100 * setting.relative:g} %"
-                if setting.relative
-                else f"{setting.absolute:g} {printed_unit(condition.unit)}"
-            )
-            given.append(f"{condition.column} is set to {size}")
+            share = (100 * setting.relative, "percent")
+            size, unit = share if setting.relative else (setting.absolute, condition.unit)
+            given.append(f"{condition.column} is set to {spoken(size, unit=unit, digits=6)}")
     return " and ".join(given) + " (declared)" if given else "no scatter of setting is declared"

@@ -237,8 +237,11 @@ class ColumnNames:
         for name, header in self.chosen.items():
             column = self._column_called(name)
             title, unit = name_and_unit(header)
-            if header not in headers and title in headers:
-                header = title  # the user says the unit that the table does not
+            if header not in headers:
+                # The user says the unit that the table does not, or leaves it to the table.
+                alike = [h for h in headers if h == title or name_and_unit(h)[0] == header]
+                header = alike[0] if len(alike) == 1 else header
+                unit = unit or name_and_unit(header)[1]
             lacking = f"{self.path} has no column {header!r}, for the column {name!r}"
             require_known(header, headers, lacking, kind=InputError)
             found[header] = (column, unit)

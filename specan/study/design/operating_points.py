@@ -31,7 +31,7 @@ from specan.study.localisation.localise import Block
 from specan.study.observation import brought
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
-from specan.units import convert, printed_unit
+from specan.units import convert, spoken
 
 SEPARATES = 2.0  # sigma that a measurement must promise to be worth proposing
 EXPLORED = 2  # measurements that are proposed for something unknown
@@ -214,16 +214,18 @@ def _proposal(
     predictions = {name_of(r): float(value) for r, value in zip(rivals, predicted)}
     sigma = float(planned.sigma[row])
     where = ", ".join(_spoken(model, column, value) for column, value in conditions.items())
-    unit = f" {printed_unit(observable.unit)}".rstrip()
     several = len(set(planned.observable.tolist())) > 1
     of = f" of {observable.name}" if several else ""
-    said = ", ".join(f"{name} expects {value:.4g}{unit}{of}" for name, value in predictions.items())
+    said = ", ".join(
+        f"{name} expects {spoken(value, unit=observable.unit, digits=4)}{of}"
+        for name, value in predictions.items()
+    )
     told = (
         f"one reading separates them by {least:.1f} sigma"
         if least >= SEPARATES
         else (f"one reading separates some of them, by up to {apart:.1f} sigma")
     )
-    text = f"{where}: {said}; sigma there is {sigma:.2g}{unit}, {told}"
+    text = f"{where}: {said}; sigma there is {spoken(sigma, unit=observable.unit, digits=2)}, {told}"
     return Proposal(text, conditions, predictions, observable.unit, sigma, apart, least, observable.name)
 
 
@@ -239,7 +241,7 @@ def _spoken(model: Model, column: str, value: float | str) -> str:
     condition = next(c for c in model.conditions.values() if c.column == column)
     if isinstance(value, str):
         return f"{condition.words} {value}"
-    return f"{condition.words} {value:g} {printed_unit(condition.column_unit)}".rstrip()
+    return f"{condition.words} {spoken(value, unit=condition.column_unit, digits=6)}"
 
 
 def _other_kinds(rivals: Sequence[Refit]) -> list[Proposal]:

@@ -40,7 +40,7 @@ from specan.study.verdict import (
     percent,
     places_of,
 )
-from specan.units import printed_unit
+from specan.units import spoken
 
 MOST_TOLD = 12  # sets of effects in the table, and places where the model fails
 LACK_OF_FIT = 1e-3  # probability below which a model does not fit
@@ -213,8 +213,8 @@ class _Telling:
         before, after = errors(self.given)[0], errors(self.refit(best.best))[0]
         if after.rms > 0.8 * before.rms:
             return ""
-        unit = f" {printed_unit(before.unit)}".rstrip()
-        return f"{best.text} would reduce the error from {before.rms:.3g} to {after.rms:.3g}{unit} and leave the rest"
+        fall = spoken(before.rms, after.rms, unit=before.unit)
+        return f"{best.text} would reduce the error from {fall} and leave the rest"
 
     def _ranking(self) -> tuple[Ranked, ...]:
         rows = []

@@ -29,7 +29,7 @@ from specan.study.evidence.spoilt_samples import spoilt
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.study.observation.time import TimeObservation
-from specan.units import convert, printed_unit
+from specan.units import convert, printed_unit, spoken
 
 # Deviations of what is not known, summed over: of what the model predicts; and of a condition, in uncertainties of
 # setting.
@@ -79,8 +79,8 @@ class Fault:
         name, rows = max(
             problem.observable_rows.items(), key=lambda item: float(np.ptp(problem.whiten(change)[item[1]]))
         )
-        unit = printed_unit(model.observables[name].unit) if name in model.observables else ""
-        size = f"{float(np.ptp(change[rows])):.2g} {unit}".rstrip()
+        unit = model.observables[name].unit if name in model.observables else "1"
+        size = spoken(float(np.ptp(change[rows])), unit=unit, digits=2)
         return replace(self, text=f"{self.text}, {name} by up to {size}")
 
 
@@ -309,9 +309,9 @@ def _of_condition(tangent: Tangent, o: TableObservation, name: str, slope: Array
         by = np.broadcast_to(scale, (o.n,))[:, None] * own
         return Fault(f"{words} {kind}", text, slope[:, None] * by, OF_A_SETTING, in_words, moves=(name, by))
 
-    unit = printed_unit(condition.column_unit)
     for level, rows in levels_of(condition, o).items():
-        yield fault("of a level", f"the {words} of the rows at {f'{level:g} {unit}'.rstrip()} is off", rows)
+        at = spoken(level, unit=condition.column_unit, digits=6)
+        yield fault("of a level", f"the {words} of the rows at {at} is off", rows)
     for line, rows in _from_a_row_on(o):
         yield fault("from a row on", f"the {words} differs from {line} on", rows)
     if condition.setting.absolute and np.ptp(x) > 0:
@@ -379,8 +379,8 @@ def levels_of(condition: Condition, o: TableObservation) -> dict[float, Flags]:
 
 
 def _shown(condition: Condition, value: float) -> str:
-    unit = printed_unit(condition.column_unit)
-    return f"{float(convert(value, condition.unit, condition.column_unit)):.4g} {unit}".rstrip()
+    shown = float(convert(value, condition.unit, condition.column_unit))
+    return spoken(shown, unit=condition.column_unit, digits=4)
 
 
 # --- repeats ------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Variable, brought, shared_labels, variable_named
-from specan.units import printed_unit
+from specan.units import spoken
 
 CLEAR = 3.0  # |z| from which a mean error is named
 
@@ -78,8 +78,8 @@ class Block:
             return level_and_phase(self.level_dB, self.z, self.phase_deg, self.z_phase)
         if abs(self.z) < CLEAR:
             return "model off in both directions"
-        size = f" ({abs(self.error):.2g} {printed_unit(self.unit)})" if self.unit not in ("", "1") else ""
-        return f"model {abs(self.error_percent):.2g} %{size} {'high' if self.z > 0 else 'low'}"
+        size = f" ({spoken(abs(self.error), unit=self.unit, digits=2)})" if self.unit not in ("", "1") else ""
+        return f"model {spoken(abs(self.error_percent), digits=2)} %{size} {'high' if self.z > 0 else 'low'}"
 
     @property
     def place(self) -> str:
@@ -164,9 +164,9 @@ def level_and_phase(level_dB: float | None, z: float, phase_deg: float | None, z
     """
     parts = []
     if abs(z) >= CLEAR and level_dB is not None:
-        parts.append(f"{abs(level_dB):.2g} dB {'high' if level_dB > 0 else 'low'}")
+        parts.append(f"{spoken(abs(level_dB), digits=2)} dB {'high' if level_dB > 0 else 'low'}")
     if z_phase is not None and abs(z_phase) >= CLEAR and phase_deg is not None:
-        parts.append(f"{float(f'{abs(phase_deg):.2g}'):g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
+        parts.append(f"{spoken(abs(phase_deg), digits=2)} degrees {'ahead' if phase_deg > 0 else 'behind'}")
     return "model " + (" and ".join(parts) or "off equally in both directions")
 
 
@@ -190,8 +190,8 @@ class MistakenSetUp:
     def sentence(self) -> str:
         """The mistake, and by how much the error falls without it."""
         return (
-            f"{self.text}: the response is off by {self.before_percent:.2g} % as declared and by "
-            f"{self.after_percent:.2g} % otherwise"
+            f"{self.text}: the response is off by {spoken(self.before_percent, digits=2)} % as declared and by "
+            f"{spoken(self.after_percent, digits=2)} % otherwise"
         )
 
 
@@ -355,7 +355,8 @@ def _sentence(
         whose = (
             f"{what.replace('_', ' ')} of the model" if len(algebra.problem.observable_rows) > 1 else "model"
         )
-        return f"fails {text}: {whose} {100 * abs(error):.2g} % {'high' if z > 0 else 'low'} (z = {z:.1f})"
+        size = spoken(100 * abs(error), unit="percent", digits=2)
+        return f"fails {text}: {whose} {size} {'high' if z > 0 else 'low'} (z = {z:.1f})"
     company = [b for b in blocks if name in b.where and len(b.where) > 1]
     worst = max(company, key=lambda b: abs(b.z), default=None)
     if worst is not None and abs(worst.z) >= CLEAR:
