@@ -101,9 +101,10 @@ def _print_statistics(found: Diagnosis) -> None:
         show_sheets([study_sheets.candidates(found.to_dict(), SHOWN, "Effects tested, most likely first")])
         click.echo(BY_PROBABILITY)
         for ranked in found.ranking[:DETAILED]:
-            click.echo(f"{' + '.join(ranked.names)}:")
+            effects = " + ".join(ranked.names)
+            click.echo(f"{effects}:")
             for name, p in ranked.parameters.items():
-                click.echo(f"  {name} = {study_sheets.value_text(p)}")
+                click.echo(f"  {name.removeprefix(f'{effects}.')} = {study_sheets.value_text(p)}")
     if found.lack_of_fit is not None:
         fit, percent = found.lack_of_fit, found.model_discrepancy_percent
         allowed = f"; model discrepancy {percent:g} % allowed for" if percent else ""

@@ -91,7 +91,8 @@ def candidates(found: Mapping[str, Any], most: int, title: str = "", *, valued: 
         })  # fmt: skip
         if valued:
             columns[-1]["parameters"] = "; ".join(
-                f"{n} = {value_text(v)}" for n, v in row["parameters"].items()
+                f"{n.removeprefix(columns[-1]['effects'] + '.')} = {value_text(v)}"
+                for n, v in row["parameters"].items()
             )
     return Sheet(title, list(columns[0]) if columns else [], [list(row.values()) for row in columns])
 

@@ -104,6 +104,7 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
     ComputationError
         The fit failed; the study stays as it was.
     """
+    led_to = _as_it_stands(study).diagnosed  # a file adds a candidate, and no diagnosis is of that study
     if effect.endswith(".py"):
         study, effect = _own_file(study, Path(effect))
     use = Use.parse(effect)
@@ -116,7 +117,7 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
         else:
             text.append("effect", effect_entry(use))
         changed, held = hold_undetermined(Study(study.directory, draft=text))
-        after = changed.step("add", str(use), because, study.diagnosed)
+        after = changed.step("add", str(use), because, study.diagnosed or led_to)
         remarks = _remarks_on_adding(study, changed, before, after, use, held)
         changed.keep(after)
     return Change(before, after, study, changed, held, tuple(remarks))

@@ -11,6 +11,7 @@ from specan.models import Model
 from specan.study.estimation.fit import fit
 from specan.study.evidence.law_grammar import Spread, formulas
 from specan.study.evidence.law_search import search_laws
+from specan.study.history import History
 from specan.study.observation.table import TableObservation
 from specan.study.propose import source_of
 from specan.study.selection.candidates import base_problem
@@ -119,6 +120,7 @@ def test_files_are_written_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyP
     for words in (
         "study new s --model m.py --measurement t.csv",
         "study propose s",
+        "study diagnose s",
         "study add s s/laws/law-saturation-speed.py",
     ):
         done = CliRunner().invoke(main, words.split(), catch_exceptions=False, standalone_mode=False)
@@ -126,6 +128,9 @@ def test_files_are_written_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyP
             assert "law-saturation-speed: torque + size x speed / (speed + speed_width)" in done.stdout
     assert "law-saturation-speed.speed_width" in done.stdout
     assert "after" in done.stdout
+    led_to = History(Path("s")).steps[-1].diagnosis  # of the model before the law was known
+    assert led_to
+    assert led_to["verdict"] == "unknown-effect"
     CliRunner().invoke(main, ["study", "drop", "s", "law-saturation-speed"], catch_exceptions=False)
     known = {path.name for path in Path("s/effects").iterdir()}  # the law that was tried, and its rivals
     assert known == {path.name for path in Path("s/laws").iterdir()}

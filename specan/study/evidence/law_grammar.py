@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 
 from specan.arrays import Real
+from specan.units import spoken
 
 # Exponents at which a power is scanned, and those of a second factor: the simple ones of physics.
 EXPONENTS = (-3.0, -2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0)
@@ -156,10 +157,10 @@ def _power(s: Spread, exponents: Sequence[float]) -> Factor:
     usable = tuple(e for e in exponents if e > 0 or not s.zero)
     shape = Shape(f"{s.name}_exponent", "1", usable, 0.05 if s.zero else RANGE[0], RANGE[1])
     size, shown = _size(s)
-    unit = "" if s.unit == "1" else f" {s.unit}"
     return Factor(
         "power", s.name, shape, lambda x, e: (np.abs(x) / s.middle) ** e,
-        f"({size} / {s.middle:.6g}) ** {shape.name}", f"({shown} / {s.middle:.6g}{unit})^{shape.name}",
+        f"({size} / {s.middle:.6g}) ** {shape.name}",
+        f"({shown} / {spoken(s.middle, unit=s.unit, digits=6)})^{shape.name}",
     )  # fmt: skip
 
 
