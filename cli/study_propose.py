@@ -71,4 +71,4 @@ def show(found: ProposedLaws, study: Study) -> None:
     if found.next_measurement:
         click.echo("")
         show_next(found.next_measurement)
-    click.echo(f"\nTry it: specan study add {study.directory} {study.directory / found.laws[0].file}")
+    click.echo(f"\nTry it: specan study add {study.directory} {found.laws[0].file}")

@@ -34,7 +34,7 @@ class ProposedLaw:
     name : str
         Of the effect in the file.
     file : Path
-        Where it was written, within the study's directory.
+        Where it was written.
     text : str
         The formula.
     quantity : str
@@ -139,9 +139,9 @@ def propose_laws(study: Study) -> ProposedLaws:
         for name, law in zip(plain, found.laws, strict=True)
     }
     sources = {name: source_of(law, name, found.tried) for name, law in named.items()}
-    files = {name: Path(LAWS) / f"{name}.py" for name in sources}
+    files = {name: study.directory / LAWS / f"{name}.py" for name in sources}
     # One catalogue for all, so that the refits can be compared.
-    own = [e for n, s in sources.items() for e in effects_from_file(study.directory / files[n], s.encode())]
+    own = [e for n, s in sources.items() for e in effects_from_file(files[n], s.encode())]
     model = start.problem.assembly.model.with_effect(*own)
     rival = replace(start.problem, assembly=model.assemble(start.problem.assembly.uses))
     # far from its minimum a law may exceed every number, as may a power of a variable that is zero within the limits
@@ -156,10 +156,9 @@ def propose_laws(study: Study) -> ProposedLaws:
         following = (
             propose_measurements(refits, [law.probability for law, *_ in fitted]) if len(refits) > 1 else ()
         )
-    folder = study.directory / LAWS
     for law, _, source in fitted:
-        write_beside_older(folder / law.file.name, source.encode())
-        trust_file(folder / law.file.name)
+        write_beside_older(law.file, source.encode())
+        trust_file(law.file)
     return ProposedLaws(
         laws=tuple(law for law, _, _ in fitted),
         noise=found.noise,

@@ -135,6 +135,13 @@ def test_a_study_of_a_model_and_a_data_frame_needs_no_directory():
         specan.Study(springs())
 
 
+def test_a_proposed_law_is_added_by_its_file():
+    study = specan.Study(springs(), measured())
+    law = study.propose().laws[0]
+    study.add(law.file)
+    assert study.effects == (law.name,)
+
+
 def test_a_discrepancy_of_one_observable_is_part_of_its_uncertainty_only():
     """Percent of a quantity of the model, beside the reading's own uncertainty, in squares."""
     reading = Reading("N", 0.1, percent=1.0, discrepancy=("force", 5.0))
