@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opening_options, opt
-from specan_cli.output import Delivery, plot_option, show_sheets, table, verb
+from specan_cli.output import Delivery, plot_option, show_apart, table, verb
 from specan_cli.recording_verb import expand, failures, left_out, opened_with
 
 if TYPE_CHECKING:
@@ -63,9 +63,7 @@ def command(files: tuple[Path, ...], levels: bool, show_all: bool, deliver: Deli
             return
         for content, (recording, excitation, quality) in zip(seen, opened, strict=True):
             click.echo("\n".join(_lines(recording, content["size_bytes"], excitation)))
-            for sheet in sheets(recording, quality, show_all):
-                click.echo()
-                show_sheets([sheet])
+            show_apart(*sheets(recording, quality, show_all))
 
     deliver.put_out({"files": seen, "failures": failures(faults)}, show)
     return 1 if faults else 0

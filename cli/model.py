@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan.errors import RequestError
+from specan.result import Sheet
 from specan.units import printed_unit
 from specan_cli.options import column_option, json_option, opt
-from specan_cli.output import emit_json, table
+from specan_cli.output import emit_json, show_apart, table
 
 if TYPE_CHECKING:
     from specan.models.model import Model
@@ -237,8 +238,7 @@ def _print_model(model: Mapping[str, Any]) -> None:
     }
     headers = {"Conditions": ["column", "default"], "Effects": ["name", ""]}
     for title, cells in rows.items():
-        click.echo()
-        table(title, [*headers.get(title, ["name", "unit"]), "what it is"], cells)
+        show_apart(Sheet(title, [*headers.get(title, ["name", "unit"]), "what it is"], cells))
     for name, reason in model["unsuited"].items():
         click.echo(f"\nNot for this rig: {name}: {reason}")
     click.echo(f"\nMore about one of them: specan model show {model['name']} NAME")

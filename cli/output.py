@@ -118,6 +118,14 @@ def show_sheets(sheets: Iterable[Sheet]) -> None:
             click.echo(sheet.below)
 
 
+def show_apart(*sheets: Sheet) -> None:
+    """Print those tables that have rows, each after a blank line."""
+    for sheet in sheets:
+        if sheet.rows:
+            click.echo()
+            show_sheets([sheet])
+
+
 def column_widths(rows: Sequence[Sequence[str]], width: int) -> list[int]:
     """Widths of columns two letters apart that fit in, as far as no word is broken: the widest give way first.
 

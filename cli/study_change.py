@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.options import opt, together
-from specan_cli.output import Delivery, plot_option, show_sheets, verb
+from specan_cli.output import Delivery, plot_option, show_apart, show_sheets, verb
 from specan_cli.study import open_study, study_options, study_verb
 
 if TYPE_CHECKING:
@@ -73,8 +73,7 @@ def _print(change: Change) -> None:
     from specan.report import study_sheets
 
     before, after = change.before, change.after
-    first = [remark for remark in change.remarks if remark == "the error on held-out data rises"]
-    for remark in first:  # before all that looks like success
+    for remark in change.remarks:  # before all that looks like success
         click.echo(f"Note: {remark}")
     show_sheets([study_sheets.change(before, after)])
     chi2 = [(s.reduced_chi2, s.held_out_reduced_chi2) for s in (before, after)]
@@ -90,9 +89,5 @@ def _print(change: Change) -> None:
         if levels[1] and None not in (levels[0][0], levels[1][0]):
             what = after.errors[key][0].get("level_of", "levels")
             click.echo(f"RMS error of {what}: {levels[0][0]:.2g} -> {levels[1][0]:.2g} dB on {name} data")
-    click.echo("")
-    show_sheets([study_sheets.parameters(change.after.parameters)])
-    for remark in change.remarks:
-        if remark not in first:
-            click.echo(f"Note: {remark}")
+    show_apart(study_sheets.parameters(after.parameters))
     click.echo("Model: " + (", ".join(after.model_effects) or change.study.model.words.ideal))

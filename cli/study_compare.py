@@ -14,7 +14,7 @@ from specan_cli.output import (
     decimal_option,
     plot_option,
     say,
-    show_sheets,
+    show_apart,
 )
 from specan_cli.study import probability, study_verb
 
@@ -59,9 +59,7 @@ def command(study: Study, deliver: Delivery, channel: str | None) -> None:
 
         _print(study, found)
         recorded = study.frf_errors()
-        for one in recorded:
-            click.echo("")
-            show_sheets([study_sheets.bands(one, one.plural)])
+        show_apart(*(study_sheets.bands(one, one.plural) for one in recorded))
         if recorded:
             click.echo(
                 "(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)"
@@ -74,13 +72,9 @@ def _print(study: Study, found: Comparison) -> None:
     from specan.report import study_sheets
 
     click.echo("Model: " + (", ".join(study.model_effects) or study.model.words.ideal))
-    click.echo()
-    show_sheets([study_sheets.errors(found.errors, "Error on the fitted data")])
-    for one in found.path_gains:
-        click.echo()
-        show_sheets([study_sheets.gains(one, found.errors[0].unit)])
-    click.echo("")
-    show_sheets([study_sheets.parameters(found.parameters)] if found.parameters else [])
+    gains = [study_sheets.gains(one, found.errors[0].unit) for one in found.path_gains]
+    errors = study_sheets.errors(found.errors, "Error on the fitted data")
+    show_apart(errors, *gains, study_sheets.parameters(found.parameters))
     where = found.localisation
     if where is None:
         return
@@ -95,9 +89,7 @@ def _print(study: Study, found: Comparison) -> None:
         )
     for text in where.sentences():
         click.echo(f"  {text}")
-    if where.fails_at:
-        click.echo("")
-        show_sheets([study_sheets.blocks(where.fails_at[:BLOCKS])])
+    show_apart(study_sheets.blocks(where.fails_at[:BLOCKS]))
     if found.fit.p_value <= FITS:
         click.echo(f"\nNext: specan study diagnose {study.directory}")
 

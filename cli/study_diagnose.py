@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.output import Delivery, plot_option, show_sheets
+from specan_cli.output import Delivery, plot_option, show_apart
 from specan_cli.study import probability, show_next, study_verb, told
 
 if TYPE_CHECKING:
@@ -50,9 +50,7 @@ def _print(found: Diagnosis, study: Study) -> None:
         click.echo(f"But: {remark}.")
     if found.residual_law is not None:
         click.echo(f"A law of this form would fit better: {found.residual_law['text']}.")
-    if found.pulls:
-        click.echo("")
-        show_sheets([study_sheets.pulls(found.pulls)])
+    show_apart(study_sheets.pulls(found.pulls))
     if found.next_measurement:
         click.echo("")
         show_next(found.next_measurement)
@@ -96,9 +94,8 @@ def _print_where(found: Diagnosis) -> None:
 def _print_statistics(found: Diagnosis) -> None:
     from specan.report import study_sheets
 
+    show_apart(study_sheets.candidates(found.to_dict(), SHOWN, "Effects tested, most likely first"))
     if found.ranking:
-        click.echo("")
-        show_sheets([study_sheets.candidates(found.to_dict(), SHOWN, "Effects tested, most likely first")])
         click.echo(BY_PROBABILITY)
         for ranked in found.ranking[:DETAILED]:
             effects = " + ".join(ranked.names)
@@ -119,8 +116,6 @@ def _print_power(found: Diagnosis) -> None:
     from specan.report import study_sheets
 
     sheet, hidden = study_sheets.visible(found)
-    if sheet.rows:
-        click.echo("")
-        show_sheets([sheet])
+    show_apart(sheet)
     if hidden:
         click.echo("Not detectable at any size in their range: " + ", ".join(hidden))

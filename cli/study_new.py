@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import column_option, json_option, opt
-from specan_cli.output import Verb, emit_json, show_sheets
+from specan_cli.output import Verb, emit_json, show_apart
 
 if TYPE_CHECKING:
     from specan.study.create import Begun
@@ -132,8 +132,7 @@ def _print(begun: Begun, content: Mapping[str, Any]) -> None:
         click.echo(f"  {text}")
     for text in _assumed(begun, content):
         click.echo(f"  {text}")
-    click.echo("")
-    show_sheets([study_sheets.errors(errors, "Error of the fitted model")])
+    show_apart(study_sheets.errors(errors, "Error of the fitted model"))
     if not study.data.known:
         click.echo(
             "\nThe uncertainty of the measurement is unknown: compare shows errors; diagnose needs it."

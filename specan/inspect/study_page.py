@@ -165,7 +165,7 @@ class StudyPage(Page):
     def _show_history(self, tried: Trial | None = None) -> None:
         sheet = study_sheets.history(self.study.history.steps)
         if tried is not None and tried.uses:
-            error = study_sheets.amount(tried.errors[0].as_error())
+            error = ", ".join(study_sheets.amount(one.as_error()) for one in tried.errors)
             sheet.rows.append(["", f"try {tried.name}", error, f"{tried.fit.reduced_chi2:.2f}", "", ""])
         self.history.text = shown(sheet)
 

@@ -20,7 +20,7 @@ _LINES = 30  # of properties
 def sheets(
     recording: Recording, quality: Mapping[int, tuple[float, Quality]], show_all: bool = False
 ) -> Iterator[Sheet]:
-    """The tables; with `show_all` every channel has its row, and every property its whole text.
+    """The tables, also those without rows; with `show_all` every channel has its row, and every property its whole text.
 
     Parameters
     ----------
@@ -32,16 +32,14 @@ def sheets(
     for group in dict.fromkeys(c.group for c in recording.channels):
         yield _channels(recording, group, quality, show_all)
     yield Sheet("How it was decided", ["", "channels", "reason"], _decisions(recording))
-    if recording.set_aside:
-        reasons = gathered((reason, name) for name, reason in recording.set_aside.items())
-        rows = [[", ".join(n) if show_all else _names(n, recording), reason] for reason, n in reasons.items()]
-        yield Sheet("Ignored", ["channels", "reason"], rows)
+    reasons = gathered((reason, name) for name, reason in recording.set_aside.items())
+    rows = [[", ".join(n) if show_all else _names(n, recording), reason] for reason, n in reasons.items()]
+    yield Sheet("Ignored", ["channels", "reason"], rows)
     properties = _properties(recording, show_all)
-    if properties:
-        few = properties if show_all else properties[:_LINES]
-        more = f"... and {len(properties) - len(few)} more (--all)" if len(few) < len(properties) else ""
-        rows = [[of, key, _text(value, show_all)] for of, key, value in few]
-        yield Sheet("Properties", ["of", "key", "value"], rows, more)
+    few = properties if show_all else properties[:_LINES]
+    more = f"... and {len(properties) - len(few)} more (--all)" if len(few) < len(properties) else ""
+    rows = [[of, key, _text(value, show_all)] for of, key, value in few]
+    yield Sheet("Properties", ["of", "key", "value"], rows, more)
 
 
 def _channels(

@@ -35,7 +35,7 @@ def _of(recording: Recording) -> str:
     """What ``specan info --all`` shows."""
     parts = [f"<h2>{notice(recording.label)}</h2>"]
     parts += [f"<p>{notice(note)}</p>" for note in (*recording.flags, *recording.notes)]
-    for one in sheets(recording, {}, show_all=True):
+    for one in filter(lambda one: one.rows, sheets(recording, {}, show_all=True)):
         rows = [[str(cell)[:_LONGEST] for cell in row] for row in one.rows[:_MOST]]
         parts += [f"<h3>{notice(one.title)}</h3>", table(one.header, rows)]
     return "".join(parts)

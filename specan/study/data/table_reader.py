@@ -21,6 +21,7 @@ MARKS = ("repeat", "setup")
 
 # "n [1/min]", "n (1/min)", "n / (1/min)", "n / rpm"
 _WITH_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<a>[^]]*)\]|\((?P<b>[^)]*)\)|\s/\s*(?P<c>.+))\s*$")
+_PER_SECOND = ("1/s", "/s", "s^-1", "s-1", "s**-1", "s⁻¹", "hz")  # turns or radians: a factor of 2 pi
 
 
 def read_measurement(file: DataFile, model: Model) -> Table:
@@ -200,16 +201,7 @@ class ColumnNames:
             ):
                 continue
             wanted = _unit_of(self._targets[name])
-            per_second = (
-                "1/s",
-                "/s",
-                "s^-1",
-                "s-1",
-                "s**-1",
-                "s⁻¹",
-                "hz",
-            )  # turns or radians: a factor of 2 pi
-            if unit.lower() in per_second and is_compatible("rpm", wanted):
+            if unit.lower() in _PER_SECOND and is_compatible("rpm", wanted):
                 raise InputError(
                     f"{self.path}: the column {name!r} is in {unit!r}, which may be turns or radians a second",
                     remedy="write rps or rad/s",
