@@ -20,7 +20,7 @@ _LINES = 30  # of properties
 def sheets(
     recording: Recording, quality: Mapping[int, tuple[float, Quality]], show_all: bool = False
 ) -> Iterator[Sheet]:
-    """The tables, also those without rows; with `show_all` every channel has its row, and every property its whole text.
+    """The tables, some without rows; with `show_all` every channel has its row, and every property its whole text.
 
     Parameters
     ----------
