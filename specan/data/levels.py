@@ -185,11 +185,12 @@ class SignalLevels(RecordingResult):
             f"{letter} min": self.min_dB,
         }  # fmt: skip
         percentiles = {f"L{n:g}": values for n, values in self.percentile_dB.items()}
-        return [
+        found = [
             sheet(f"{self.label}: {self.start_s:g} s to {stop:g} s, about the mean", signal, ".5g"),
             sheet(f"Levels; {exposure}{letter} max, min: of {weighted}", levels, ".2f"),
             sheet(f"Percentiles of {weighted}: LN is exceeded during N % of the time", percentiles, ".1f"),
         ]
+        return [one for one in found if len(one.header) > 1]
 
     def about(self) -> list[str]:
         """Lines above the table in a text file."""

@@ -98,6 +98,7 @@ def test_a_section_shorter_than_the_time_weighting_has_no_percentiles() -> None:
     assert np.isnan(found.min_dB[0])
     assert np.isfinite(found.max_dB[0])
     assert (found.start_s, found.duration_s) == (1.0, 0.5)
+    assert not any(sheet.title.startswith("Percentiles") for sheet in found.sheets())
 
 
 def test_many_channels_are_analysed_in_groups_that_change_nothing():
