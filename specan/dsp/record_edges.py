@@ -143,7 +143,8 @@ class RecordStart:
 
     def decays(self, y: Real) -> Real:
         """What is to be taken off the beginning of a record, shape (channels, n), of which later pieces are taken."""
-        n = min(self._window, y.shape[1])
+        third = y.shape[1] // 3  # of what is short: the rest has two later pieces, which make a tone
+        n = min(self._window, third if third >= 2 * self._step else y.shape[1])
         base, whole = self._base(n)
         count = (y.shape[1] - 2 * n) // self._step
         first = max(n, min(self._later, y.shape[1] - n - _LATER * self._step))
