@@ -22,6 +22,7 @@ from bokeh.models import (
     Legend,
     LegendItem,
     LinearColorMapper,
+    NoOverlap,
     PanTool,
     Range1d,
     ResetTool,
@@ -59,9 +60,10 @@ def plain(text: str) -> str:
 
 
 def hertz_axis(axis: Any) -> None:
-    """A tick at each octave."""
+    """A tick at each octave; labels that would overlap are left out."""
     axis.ticker = FixedTicker(ticks=OCTAVES, minor_ticks=[])
     axis.major_label_overrides = dict(zip(OCTAVES, OCTAVE_NAMES))
+    axis.major_label_policy = NoOverlap(min_distance=4)  # on a phone
 
 
 def styles_of(panels: tuple[Panel, ...]) -> Styles:

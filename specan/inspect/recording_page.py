@@ -125,29 +125,29 @@ class RecordingPage(Page):
         texts = [(key, plain(self.opened.text(n, f"{c.label}  [{c.unit}]"))) for key, (n, c) in keys.items()]
         self._channels = MultiSelect(
             title="Channels (Ctrl, Shift: several)", options=texts, value=list(view.channel),
-            size=min(max(len(texts), 4), 28), width=_LEFT - 14, name="channels", sizing_mode="stretch_height",
+            size=min(max(len(texts), 4), 28), width=_LEFT - 24, name="channels", sizing_mode="stretch_height",
             stylesheets=["select[multiple].bk-input { height: 100% !important; }"],
         )  # fmt: skip
-        search = TextInput(title="Filter channels", width=_LEFT - 14, name="filter")
+        search = TextInput(title="Filter channels", width=_LEFT - 24, name="filter")
         search.js_on_change(
             "value_input", CustomJS(args={"list": self._channels, "all": texts}, code=_FILTER)
         )
         self._channels.on_change("value", lambda a, old, new: self.change(channel=tuple(new)))
         self._start = NumericInput(
-            title="Section from / s", value=view.start, mode="float", width=92, name="start"
+            title="Section from / s", value=view.start, mode="float", width=90, name="start"
         )
-        self._stop = NumericInput(title="to / s", value=view.stop, mode="float", width=92, name="stop")
+        self._stop = NumericInput(title="to / s", value=view.stop, mode="float", width=90, name="stop")
         self._start.on_change("value", lambda a, old, new: self.change(start=new or 0.0))
         self._stop.on_change("value", lambda a, old, new: self.change(stop=new))
         self._cursor = NumericInput(
-            title="Cursor / Hz", value=view.cursor, mode="float", width=92, name="cursor"
+            title="Cursor / Hz", value=view.cursor, mode="float", width=90, name="cursor"
         )
         self._cursor.on_change("value", lambda a, old, new: self.change(cursor=new))
         harmonics = Checkbox(label="harmonics", active=view.harmonics, name="harmonics", margin=(20, 0, 0, 4))
         harmonics.on_change("active", lambda a, old, new: self.change(harmonics=new))
         return column(
             search, self._channels, row(self._start, self._stop), row(self._cursor, harmonics),
-            Div(text=notice(f"Calibration: {self.opened.calibration}"), width=_LEFT - 14, name="calibration"),
+            Div(text=notice(f"Calibration: {self.opened.calibration}"), width=_LEFT - 24, name="calibration"),
             width=_LEFT, sizing_mode="stretch_height", styles=PANEL, css_classes=["whole", "channels"],
         )  # fmt: skip
 
