@@ -158,7 +158,7 @@ class PanelPlot(Spectral):
             hertz_axis(self.sheet.xaxis[0])
             self.sheet.xgrid.ticker = self.sheet.xaxis[0].ticker
         self._legend = Legend(
-            items=[], click_policy="none", border_line_color=None, label_text_font_size="11px", spacing=10, padding=4,
+            items=[], click_policy="none", border_line_color=None, label_text_font_size="11px", spacing=6, padding=2,
             margin=0, orientation="horizontal", ncols=8, glyph_width=14, glyph_height=12, label_height=12,
         )  # fmt: skip
         self.sheet.add_layout(self._legend, "above")
@@ -242,7 +242,7 @@ class PanelPlot(Spectral):
         """Name of the vertical axis."""
         if " / " in text:
             text = text.partition("\n")[0].replace(" / ", "\n/ ", 1).replace(" over ", "\nover ")
-        self.sheet.yaxis[0].axis_label = plain(text)
+        self.sheet.yaxis[0].axis_label = plain(text.replace(" - ", "\n- "))
 
 
 LINE = ("x", "y", "colour", "dash", "name", "alpha")  # columns of the lines

@@ -167,7 +167,7 @@ def failing_map(found: ResidualMap | None, known: bool) -> str:
     )
     return (
         f"<p><b>Where the model fails</b> ({escape(title)})</p>"
-        f'<table style="width:100%;border-spacing:2px;border-collapse:separate;table-layout:fixed">{"".join(lines)}'
+        f'<table style="width:100%;border-spacing:2px;border-collapse:separate">{"".join(lines)}'
         f"<tr><td style='border:0'></td>{foot}</tr></table>{escape(across)}{escape(f'; up: {up}' if up else '')}"
     )
 

@@ -23,7 +23,8 @@ def errors(found: Iterable[ObservableError], title: str = "", data: Sequence[str
     header = ["observable", "values", "RMS error", "bias", "unit", "relative RMS", "largest"]
     rows: list[list[Any]] = [
         [
-            e.observable, e.n, f"{e.rms:.4g}", f"{e.bias if abs(e.bias) > 1e-9 * e.rms else 0.0:+.2g}",
+            e.observable, e.n, spoken(e.rms, digits=4),
+            f"{float(spoken(e.bias, digits=2)) if abs(e.bias) > 1e-9 * e.rms else 0.0:+g}",
             printed_unit(e.unit), f"{e.relative_rms:.2f} %", f"{e.relative_max:.2f} %",
         ]
         for e in found
@@ -36,7 +37,12 @@ def errors(found: Iterable[ObservableError], title: str = "", data: Sequence[str
 def parameters(found: Mapping[str, Mapping[str, Any]]) -> Sheet:
     """Fitted parameters with their 95 % intervals."""
     rows = [
-        [name, *(f"{p[key]:.4g}" for key in ("value", "low", "high")), printed_unit(p["unit"]), _remark(p)]
+        [
+            name,
+            *(spoken(p[key], digits=4) for key in ("value", "low", "high")),
+            printed_unit(p["unit"]),
+            _remark(p),
+        ]
         for name, p in found.items()
     ]
     return Sheet("Parameters (95 %)", ["parameter", "value", "from", "to", "unit", ""], rows)
@@ -130,8 +136,9 @@ def change(before: Step, after: Step) -> Sheet:
     """Errors at two steps, on fitted and on held-out data."""
     rows = [
         [
-            data.split()[0], two["metric"].removeprefix("RMS of "), f"{one['value']:.4g}", f"{two['value']:.4g}",
-            printed_unit(two["unit"]), f"{100 * (two['value'] / one['value'] - 1) if one['value'] else 0.0:+.0f} %",
+            data.split()[0], two["metric"].removeprefix("RMS of "), spoken(one["value"], digits=4),
+            spoken(two["value"], digits=4), printed_unit(two["unit"]),
+            f"{100 * (two['value'] / one['value'] - 1) if one['value'] else 0.0:+.0f} %",
         ]
         for data, one, two in error_pairs(before, after)
     ]  # fmt: skip
