@@ -58,12 +58,7 @@ def command(study: Study, deliver: Delivery, channel: str | None) -> None:
         from specan.report import study_sheets
 
         _print(study, found)
-        recorded = study.frf_errors()
-        show_apart(*(study_sheets.bands(one, one.plural) for one in recorded))
-        if recorded:
-            click.echo(
-                "(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)"
-            )
+        show_apart(*(study_sheets.bands(one, one.plural) for one in study.frf_errors()))
 
     deliver.put_out(found, show)
 

@@ -15,6 +15,7 @@ from specan.study.localisation.localise import Block
 from specan.study.verdict import Diagnosis, Pull, percent, placed
 from specan.units import printed_unit, spoken
 
+_INTERVAL = ("value", "low", "high")  # of a parameter
 SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell them apart
 
 
@@ -37,12 +38,7 @@ def errors(found: Iterable[ObservableError], title: str = "", data: Sequence[str
 def parameters(found: Mapping[str, Mapping[str, Any]]) -> Sheet:
     """Fitted parameters with their 95 % intervals."""
     rows = [
-        [
-            name,
-            *(spoken(p[key], digits=4) for key in ("value", "low", "high")),
-            printed_unit(p["unit"]),
-            _remark(p),
-        ]
+        [name, *(spoken(p[key], digits=4) for key in _INTERVAL), printed_unit(p["unit"]), _remark(p)]
         for name, p in found.items()
     ]
     return Sheet("Parameters (95 %)", ["parameter", "value", "from", "to", "unit", ""], rows)
@@ -162,7 +158,8 @@ def bands(found: FrfErrors, receivers: str) -> Sheet:
     partial = "(*: the lines cover only part of this third octave.)\n" if found.third.partial else ""
     header = ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "largest, dB (95 %)"]
     title = f"{found.recording}: model over measured, all {receivers}"
-    return Sheet(title, header, rows, f"{partial}FRAC: {frac}")
+    about = "(FRAC and CSAC are less sensitive than chi-square and are shown for information only.)"
+    return Sheet(title, header, rows, f"{partial}FRAC: {frac}\n{about}")
 
 
 def gains(found: Mapping[str, Any], unit: str) -> Sheet:
