@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from specan import Study
+from specan.models import Model, Parameter, Signal, State
 from specan.study.observation.following import following
 from tests.rates.test_solver import cubic_spring, oscillator
 
@@ -49,3 +50,26 @@ def test_parameters_are_found_from_a_fit_that_is_far_off(recorded):
     assert chi2 < 3 * TIME.size  # the recording has noise too
     assert following(problem, found) is None
     assert study.diagnose().effects == ("cubic-spring",)
+
+
+@pytest.mark.long
+def test_a_state_may_have_any_name_that_python_allows():
+    """Air that is heated, ``c dT/dt = u - g T``, by the closed form of a step; the start of the fit is far off."""
+
+    def dt_Air2(u, loss, capacity):
+        return (u - loss) / capacity
+
+    def loss(t_Air2, conductance):
+        return conductance * t_Air2
+
+    model = Model.from_rates(
+        dt_Air2, loss,
+        states={"t_Air2": State("K")}, inputs={"u": "W"}, observables={"t_Air2": Signal("K", 0.01)},
+        parameters={"capacity": Parameter(1e3, "J/K", fixed=True), "conductance": (500, 1, 1e3, "W/K")},
+        units={"loss": "W"},
+    )  # fmt: skip
+    time = np.arange(400.0)
+    frame = pd.DataFrame({"time": time, "u": 1e3, "t_Air2": 100 * (1 - np.exp(-time / 100))})
+    problem = Study(model, frame).opened.problem
+    found, _ = following(problem, {"dt_Air2.capacity": 1e3, "loss.conductance": 500.0})
+    assert found["loss.conductance"] == pytest.approx(10, rel=0.01)

@@ -59,7 +59,7 @@ def _led(solver: Any, observations: tuple[TimeObservation, ...]) -> tuple[Model,
     model: Model = solver.model
     rates: Any = model.rates
     conditions, effects = dict(model.conditions), []
-    for name in rates.scales:
+    for number, name in enumerate(rates.scales):
         recorded, unit = f"{name}_recorded", rates.states[name].unit
         measured = [
             (o.conditions[TIME][rows], o.measured[rows]) for o in observations for rows in o.chains[name]
@@ -68,7 +68,7 @@ def _led(solver: Any, observations: tuple[TimeObservation, ...]) -> tuple[Model,
         pace = float(np.sqrt(np.mean(change**2)) / np.std(np.concatenate([y for _, y in measured])))
         conditions[recorded] = Condition(recorded, unit, f"Recorded {name}.", recorded, unit)
 
-        @effect(f"following-{name}", adds_to=f"d{name}", neutral={"pace": 0.0})
+        @effect(f"following-{number}", adds_to=f"d{name}", neutral={"pace": 0.0})
         def follow(recorded, state, *, pace=Parameter(pace, "1/s", min=0.0, max=10 * pace, fixed=True)):
             """The state follows its recording."""
             return pace * (recorded - state)
