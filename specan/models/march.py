@@ -267,11 +267,21 @@ def _described(function: Any) -> str:
 _COMPILED: dict[tuple[str, str], Any] = {}  # by what was compiled: a model that is loaded again is the same
 
 
+@cache
 def _numba() -> Any:
+    """The compiler, which is told what it does not know of single numbers; None where it is not installed."""
     try:
         import numba
     except ImportError:
         return None
+
+    one = numba.types.Number
+    numba.extending.overload(np.clip)(
+        lambda x, low, high: (lambda x, low, high: min(max(x, low), high)) if isinstance(x, one) else None
+    )
+    numba.extending.overload(np.heaviside)(
+        lambda x, there: lambda x, there: there if x == 0 else 1.0 * (x > 0)
+    )
     return numba
 
 
@@ -286,6 +296,7 @@ class Solver:
         self.model = model
         self._programs: dict[Any, Program | None] = {}
         self.steps: dict[Any, tuple[bool, int]] = {}
+        self.slow = ""  # functions that cannot be compiled
         self.doubted: Assembly | None = None  # whose steps are looked at again, none once they were changed
 
     @cached_property
@@ -300,11 +311,23 @@ class Solver:
             if not set(assembly.uses) <= set(key.uses):
                 continue
             if key.uses not in self._programs:
-                self._programs[key.uses] = _compile(key)
+                self._programs[key.uses] = self._compile(key)
             found = self._programs[key.uses]
             if found is not None:
                 return found
         return Program(assembly, switched=False)
+
+    def _compile(self, assembly: Assembly) -> Program | None:
+        numba = _numba()
+        if numba is None:
+            return None
+        try:
+            program = Program(assembly, switched=True)
+            program.march("explicit")
+        except (RequestError, numba.errors.NumbaError, TypeError):
+            self.slow = _not_compiled(Program(assembly, switched=False)) or self.slow
+            return None
+        return program
 
     def march(self, assembly: Assembly, conditions: Mapping[str, Any], many: Sets) -> Real:
         """States over time for several sets of values, shape (states, times, sets)."""
@@ -382,7 +405,11 @@ class Solver:
         most = max((steps for _, steps in self.steps.values()), default=1)
         name = "the implicit method of Rosenbrock (the model is stiff)" if True in ways else "Runge-Kutta"
         lacking = ", which are too few: the samples lie far apart" if most >= MOST_STEPS // 2 else ""
-        return f"{name}, up to {most} steps a sample{lacking}"
+        slowly = (
+            f", a hundred times slower than others: numba cannot compile {self.slow} (it knows np.where, np.maximum, "
+            "np.minimum, np.clip, np.interp and the functions of mathematics)"
+        )
+        return f"{name}, up to {most} steps a sample{lacking}{slowly if self.slow else ''}"
 
 
 def _given(
@@ -409,13 +436,12 @@ def _given(
     return times, drives, starts
 
 
-def _compile(assembly: Assembly) -> Program | None:
-    numba = _numba()
-    if numba is None:
-        return None
-    try:
-        program = Program(assembly, switched=True)
-        program.march("explicit")
-    except (RequestError, numba.errors.NumbaError, TypeError):
-        return None
-    return program
+def _not_compiled(program: Program) -> str:
+    """The functions of a model that numba cannot compile; empty where there is no numba or it can."""
+    numba, found = _numba(), []
+    for function in program.functions.values() if numba else ():
+        try:
+            numba.njit(function)(*[1.0] * function.__code__.co_argcount)
+        except Exception:
+            found.append(function.__name__)
+    return ", ".join(dict.fromkeys(found))

@@ -196,7 +196,7 @@ def stop(x, *, size=SIZE, place=PLACE):
 @effect("play", adds_to="spring", neutral={"size": 0.0})
 def play(x, *, size=SIZE, place=PLACE):
     """A stiffness that does not act within a gap."""
-    return -size * np.minimum(np.maximum(x, -place), place)
+    return -size * np.clip(x, -place, place)
 
 
 def with_events(pull, edges):
@@ -235,6 +235,28 @@ def test_steps_across_a_corner_err_less_than_a_tenth_of_the_noise(way, one, edge
     truth = with_events(pull, edges)
     assert np.sqrt(np.mean((found - truth) ** 2)) < 1e-3
     assert np.max(np.abs(truth)) > 2
+
+
+@pytest.mark.long
+def test_what_cannot_be_compiled_is_said_with_the_name_of_its_function():
+    """numpy's selection of lists is unknown to numba; limits and steps of single numbers are told to it."""
+    pytest.importorskip("numba")
+
+    @effect("rattle", adds_to="spring", neutral={"size": 0.0})
+    def rattle(x, *, size=SIZE):
+        return size * np.select([x > 0], [x], 0.0)
+
+    @effect("step", adds_to="spring", neutral={"size": 0.0})
+    def step(x, *, size=SIZE):
+        return size * np.heaviside(np.clip(x, 0.0, 1.0), 0.5)
+
+    said = []
+    for effects in ([step], [step, rattle]):
+        model = oscillator(effects)
+        response(model, TIME[:10], np.zeros(10))
+        said.append(model.solver.method())
+    assert said[0] == "Runge-Kutta, up to 1 steps a sample"
+    assert "numba cannot compile rattle (" in said[1]
 
 
 @pytest.mark.parametrize(("shift", "count"), [(6e-4, 200), (6e-5, 1200)])
