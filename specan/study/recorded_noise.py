@@ -13,13 +13,13 @@ from specan.errors import ComputationError
 from specan.models import Assembly
 from specan.models.rates import TIME
 from specan.study.estimation.fit import Fit, describe, fit
+from specan.study.estimation.growing import far, growing, grown
 from specan.study.estimation.levenberg_marquardt import best_screened, descend
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
-from specan.study.observation.following import following
 from specan.study.observation.time import TimeObservation
 
 
@@ -74,10 +74,10 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, Ca
         # the variance of the noise is known with 10 degrees of freedom or more, by the kurtosis of what is left
         if 2 * np.sum(left**2) ** 2 < 10 * np.sum(left**4):
             raise NoiseError(_lies_in_few(o, left))
-        responses = _responses(o, largest.assembly, largest.values_at(reached.theta))
-        if why := _runs_apart(o, responses):
+        values = largest.values_at(reached.theta)
+        if why := _runs_apart(o, largest, values):
             raise NoiseError(why)
-        noisy.append(o.with_noise_of(left, responses))
+        noisy.append(o.with_noise_of(left, _responses(o, largest.assembly, values)))
     known = replace(problem, observations=tuple(noisy))
     return known, fit(known, start=base.theta), first.whitened_by(known)
 
@@ -94,7 +94,7 @@ def _lies_in_few(o: TimeObservation, left: Array) -> str:
 
 
 def _likeliest_first(promises: list[Promise], problem: Problem, reached: Fit) -> list[Promise]:
-    """Promises in their order, or by how near states that follow the recording come, where the model is far from it.
+    """Promises in their order, or by how near fits that grow with the recording come, where the model is far from it.
 
     Raises
     ------
@@ -102,15 +102,15 @@ def _likeliest_first(promises: list[Promise], problem: Problem, reached: Fit) ->
         With the best of them nobody can predict the recording to its end.
     """
     values = problem.values_at(reached.theta)
-    if following(problem, values) is None:
+    if growing(problem, values) is None:
         return promises
-    found = {p.use: following(problem.with_uses([p.use]), values) for p in promises}
-    order = sorted(promises, key=lambda p: np.inf if (led := found[p.use]) is None else led[1])
-    if best := found[order[0].use]:
-        assembly = problem.with_uses([order[0].use]).assembly
-        for o in problem.observations:
-            if isinstance(o, TimeObservation) and (why := _runs_apart(o, _responses(o, assembly, best[0]))):
-                raise NoiseError(f"with {order[0].use}, {why}")
+    found = {p.use: grown(problem.with_uses([p.use])) for p in promises}
+    order = sorted(promises, key=lambda p: np.nan_to_num(found[p.use][1], nan=np.inf))
+    best, _ = found[order[0].use]
+    likeliest = problem.with_uses([order[0].use])
+    for o in problem.observations:
+        if isinstance(o, TimeObservation) and (why := _runs_apart(o, likeliest, best)):
+            raise NoiseError(f"with {order[0].use}, {why}")
     return order
 
 
@@ -122,12 +122,18 @@ def _led_with(promise: Promise, problem: Problem) -> Iterator[tuple[float, Probl
         yield float(np.sum(more.residual(theta) ** 2)), more, theta
 
 
-def _runs_apart(o: TimeObservation, responses: Mapping[str, Array]) -> str:
+def _runs_apart(o: TimeObservation, problem: Problem, values: Mapping[str, Any]) -> str:
     """Why nobody can foretell a recording to its end; empty where one can."""
     apart = 100.0  # times by which a change of a start grows, beyond what constant rates make of it
+    responses = _responses(o, problem.assembly, values)
+    error = o.measured - o.predict(problem.assembly, values)
+    lost = far(o, problem, values)
     for chains in o.chains.values():
         rows = max(chains, key=lambda chain: chain.size)
         time = o.conditions[TIME][rows]
+        early, after = (np.mean(part**2) for part in np.split(error[rows], [rows.size // 10]))
+        if not lost and after <= 2**2 * early:  # what is predicted to the end is no worse there
+            continue
         for state, response in responses.items():
             size = np.abs(response[rows])
             soon = float(np.max(size[: rows.size // 10], initial=0.0))
@@ -138,7 +144,7 @@ def _runs_apart(o: TimeObservation, responses: Mapping[str, Array]) -> str:
                 return (
                     f"a small change of {state} at the start grows more than {apart:g} times over the recording: the "
                     "motion is chaotic, or runs away, and cannot be predicted to the end. Compare it in pieces "
-                    f"with starts of their own: Model.from_rates(..., window_s={seconds:.1g})"
+                    f"with starts of their own: Model.from_rates(..., window_s={float(f'{seconds:.1g}'):g})"
                 )
     return ""
 

@@ -276,7 +276,7 @@ class Study:
         if self.problem.strategy.continuation and found.p_value < PREDICTED:  # another minimum, perhaps
             found = min(found, fit(self.problem, self._near), key=lambda one: one.chi2)
         known = self._starts[1:] if self.model.rates else []  # integrated predictions have many minima
-        led = brought(self.problem.observations, "following")
+        led = brought(self.problem.observations, "growing")
         if led and (near := led(self.problem, found.values)):
             known = [near[0], *known]
         for near in known:

@@ -17,9 +17,9 @@ from specan.models.rates import TIME, Rates
 from specan.models.trial import try_model
 from specan.study.data.held_out import Column, put_aside
 from specan.study.data.recordings import reads as reads
+from specan.study.estimation.growing import growing as growing
 from specan.study.localisation.by_frequency import localise as localise
 from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
-from specan.study.observation.following import following as following
 from specan.study.observation.time import TimeObservation
 from specan.units import convert, is_compatible
 

@@ -65,7 +65,7 @@ class Promise:
             ]
             left = [float(np.sum(problem.residual(place) ** 2)) for place in places]
             found.append(places[int(np.argmin(np.nan_to_num(left, nan=np.inf)))])
-        look = brought(problem.observations, "following")
+        look = brought(problem.observations, "growing")
         led = look(problem, self.origin) if look else None
         return [*([] if led is None else [problem.start(led[0])]), *found[::-1]]
 

@@ -373,7 +373,7 @@ def brought(observations: Sequence[Observation], name: str) -> Callable[..., Any
     ``mistaken_set_up(problem)``, ``while_recorded(problem, best)``, ``undeclared_shifts(problem, best, least)``,
     ``propose_places(rivals, weights, count)``, ``explore_places(problem, block)``, ``with_mode_shifts(problem,
     assembly, values)``, ``mode_shifts(assembly, values)``, ``likely_places(refit, candidates)``,
-    ``knowing_shifts(problem, unseen)``, ``near_the_data(problem)``, ``following(problem, values)``.
+    ``knowing_shifts(problem, unseen)``, ``near_the_data(problem)``, ``growing(problem, values)``.
     """
     kinds = {o.kind for o in observations}
     kind = kinds.pop() if len(kinds) == 1 else ""

@@ -1,4 +1,4 @@
-"""A recording that a model is far from is found by states that follow it; the truth is by scipy's LSODA."""
+"""A recording that a model is far from is found by fits that grow with it; the truth is by scipy's LSODA."""
 
 import numpy as np
 import pandas as pd
@@ -7,9 +7,9 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from specan import Study
-from specan.models import Model, Parameter, Signal, State
-from specan.study.observation.following import following
-from tests.rates.test_solver import cubic_spring, oscillator
+from specan.models import Model, Signal, State
+from specan.study.estimation.growing import growing
+from tests.rates.test_solver import cubic_spring, damper, dv, dx, oscillator, spring
 
 MASS, STIFFNESS, DAMPING, CUBIC = 1.3, 1.4e4, 9.0, 5e8
 TIME = np.arange(8192) / 2048
@@ -39,7 +39,7 @@ def test_parameters_are_found_from_a_fit_that_is_far_off(recorded):
     base = study.opened
     assert base.errors[0].rms > 0.5 * recorded["x"].std()
     problem = base.problem.with_uses(["cubic-spring"])
-    found, chi2 = following(problem, base.best.values)
+    found, chi2 = growing(problem, base.best.values)
     expected = {
         "dv.mass": MASS,
         "spring.stiffness": STIFFNESS,
@@ -48,28 +48,25 @@ def test_parameters_are_found_from_a_fit_that_is_far_off(recorded):
     }
     assert {name: found[name] for name in expected} == pytest.approx(expected, rel=0.01)
     assert chi2 < 3 * TIME.size  # the recording has noise too
-    assert following(problem, found) is None
+    assert growing(problem, found) is None
     assert study.diagnose().effects == ("cubic-spring",)
 
 
 @pytest.mark.long
-def test_a_state_may_have_any_name_that_python_allows():
-    """Air that is heated, ``c dT/dt = u - g T``, by the closed form of a step; the start of the fit is far off."""
+def test_a_force_that_alone_is_measured_leads_to_the_effect(recorded):
+    """The force of the same spring in place of its displacement: no state is measured."""
 
-    def dt_Air2(u, loss, capacity):
-        return (u - loss) / capacity
-
-    def loss(t_Air2, conductance):
-        return conductance * t_Air2
+    def holder(spring):
+        return spring
 
     model = Model.from_rates(
-        dt_Air2, loss,
-        states={"t_Air2": State("K")}, inputs={"u": "W"}, observables={"t_Air2": Signal("K", 0.01)},
-        parameters={"capacity": Parameter(1e3, "J/K", fixed=True), "conductance": (500, 1, 1e3, "W/K")},
-        units={"loss": "W"},
+        dx, dv, spring, damper, holder,
+        states={"x": State("m"), "v": State("m/s")}, inputs={"force": "N"}, observables={"holder": Signal("N")},
+        parameters={
+            "stiffness": (1e4, 1e3, 1e5, "N/m"), "damping": (20, 1, 200, "N*s/m"), "mass": (1, 0.1, 10, "kg"),
+        },
+        units={"spring": "N", "damper": "N", "holder": "N"}, effects=[cubic_spring],
     )  # fmt: skip
-    time = np.arange(400.0)
-    frame = pd.DataFrame({"time": time, "u": 1e3, "t_Air2": 100 * (1 - np.exp(-time / 100))})
-    problem = Study(model, frame).opened.problem
-    found, _ = following(problem, {"dt_Air2.capacity": 1e3, "loss.conductance": 500.0})
-    assert found["loss.conductance"] == pytest.approx(10, rel=0.01)
+    x = recorded.pop("x") / 1e3
+    frame = recorded.assign(holder=STIFFNESS * x + CUBIC * x**3)
+    assert Study(model, frame).diagnose().effects == ("cubic-spring",)
