@@ -63,14 +63,12 @@ def command(
     from specan.analysis.calibration import join_insertions
     from specan.analysis.insertion import CalibrationSettings
     from specan.io.calibration_file import write_calibration
-    from specan.io.output_file import check_directory
     from specan.schema import parse
 
     insertion = dict(zip(("u_insertion_dB", "u_insertion_deg"), u_insertion))
     settings = parse(CalibrationSettings, given(**options, **insertion), "calibrate")
     output = deliver.output
     assert output is not None  # it has a default
-    check_directory(output)
     insertions, faults = _insertions(files, settings, channel_table)
     calibration = join_insertions(insertions, settings)
     write_calibration(calibration, output)

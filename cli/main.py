@@ -23,7 +23,7 @@ from specan.errors import SpecanError, reason_of
 VERBS: dict[str, tuple[str, str]] = {
     "info": ("info", "Contents of a recording: channels, roles, rates, units, excitation, notes."),
     "octave": ("octave", "Levels in octave bands, and overall levels; against time."),
-    "fft": ("fft", "Magnitude and phase spectra, spectrograms."),
+    "fft": ("fft", "The spectrum: magnitude and phase; spectrograms."),
     "frf": ("frf", "Transfer functions: magnitude, phase, coherence, uncertainty."),
     "tones": ("single_analyses:tones", "Amplitude, phase and distortion of sine recordings."),
     "orders": ("orders", "Order spectra, lines and averages against a tacho or a known speed."),

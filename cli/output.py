@@ -221,7 +221,7 @@ class OutputFile(click.Path):
         self.endings = endings
 
     def check_ending(self, path: Path) -> None:
-        """Refuse another ending.
+        """Refuse another ending, and name the option of the verb that takes it.
 
         Raises
         ------
@@ -230,9 +230,13 @@ class OutputFile(click.Path):
         """
         ending = path.suffix.lower()
         if self.endings and ending and ending not in self.endings:
+            options = [
+                p for p in click.get_current_context().command.params if isinstance(p.type, OutputFile)
+            ]
             raise RequestError(
                 f"{path} ends in {ending}, a format that this command cannot write",
                 expected=", ".join(self.endings),
+                remedy=", ".join(f"give --{p.name} {path}" for p in options if ending in p.type.endings),
             )
 
 
@@ -258,13 +262,14 @@ class Verb(Grouped):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Refuse targets whose content must not be lost, as `check_output` says; then do the work."""
-        from specan.io.output_file import check_output
+        from specan.io.output_file import check_directory, check_output
 
         types = {p.name: p.type for p in self.params if isinstance(p.type, OutputFile)}
         given = {name: ctx.params[name] for name in sorted(types) if ctx.params.get(name) is not None}
         targets = list(given.values())
         inputs = [path for name, value in ctx.params.items() if name not in types for path in _paths(value)]
         for name, target in given.items():
+            check_directory(target)
             check_output(target, inputs, force=ctx.meta.get(_FORCE, False))
             types[name].check_ending(target)
         if _STANDARD_OUTPUT in targets and (ctx.params.get("as_json") or targets.count(_STANDARD_OUTPUT) > 1):
@@ -298,19 +303,10 @@ def _paths(value: Any) -> Iterator[Path]:
             yield from _paths(part)
 
 
-def _checked(context: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
-    """A name that cannot be written is told before the work is done."""
-    if path is not None:
-        from specan.report.figure_style import figure_format
-
-        figure_format(path)
-    return path
-
-
 def plot_option(what: str = "") -> Callable[[Any], Any]:
     """The option ``--plot FILE``."""
     text = f"Draw {what} to a .png, .svg or .pdf; - is standard output.".replace("  ", " ")
-    return opt("--plot", OutputFile(), text, "FILE", callback=_checked)
+    return opt("--plot", OutputFile(".png", ".svg", ".pdf"), text, "FILE")
 
 
 @dataclass(frozen=True)

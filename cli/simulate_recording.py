@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from specan.errors import RequestError
-from specan.io.output_file import check_directory, whole_file
+from specan.io.output_file import whole_file
 from specan.io.write_tdms import write_tdms
 from specan.models.simulated_channel import SimulatedChannel
 from specan_cli.output import emit_json, table
@@ -23,7 +23,6 @@ def output_path(path: Path | None, *suffixes: str) -> Path:
             f"{path.name} cannot be written here" if path else "the simulated run has no output file",
             expected="-o with a name that ends in " + " or ".join(suffixes),
         )
-    check_directory(path)
     return path
 
 

@@ -189,27 +189,24 @@ def band_about(level_dB: Real, relative: Real) -> tuple[Real, Real]:
 
 
 def figure_format(path: Path) -> str:
-    """Format by the suffix of a file, checked before the work is done; PNG for standard output, ``-``.
+    """Format by the suffix of a file; PNG where it has none, such as standard output, ``-``.
 
     Raises
     ------
     RequestError
-        The suffix is not one of `FORMATS`, or the directory does not exist.
+        The suffix is not one of `FORMATS`.
 
     Examples
     --------
     >>> figure_format(Path("spectrum.SVG"))
     'svg'
     """
-    kind = "png" if str(path) == "-" else path.suffix.lower().lstrip(".")
+    kind = path.suffix.lower().lstrip(".") or "png"
     if kind not in FORMATS:
         raise RequestError(
             f"a figure cannot be written as {path.name!r}",
             expected="a name that ends in ." + ", .".join(FORMATS),
         )
-    from specan.io.output_file import check_directory
-
-    check_directory(path)
     return kind
 
 

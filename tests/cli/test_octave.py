@@ -142,6 +142,8 @@ def test_figures_and_text(directory, tmp_path):
         (("--band", 500, "--fmin", 100), RequestError, "not both"),
         (("--averaging", "-1"), RequestError, "a time constant in s above 0"),
         (("--plot", "a.gif"), RequestError, "ends in"),
+        (("--plot", "a.csv"), RequestError, "give --output a.csv"),
+        (("--plot", "nowhere/a.png"), RequestError, "does not exist"),
         (("--history",), RequestError, "--averaging fast"),
         (("--background", "nowhere.wav"), InputError, "nowhere.wav"),
     ],

@@ -134,7 +134,7 @@ def test_rows_outside_the_validity_are_told(tmp_path):
         (("--without", "seal-drag"), "not an effect of the base"),
         (("--grid", "speed=1"), "did you mean 'speed_rpm'"),
         (("--grid", "speed_rpm=fast"), "cannot be read"),
-        (("-o", "no/such/place.csv"), "cannot be written"),
+        (("-o", "no/such/place.csv"), "does not exist"),
         (("--noise", "-1"), "from 0 to 1e30"),
     ],
 )

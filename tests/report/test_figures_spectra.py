@@ -98,9 +98,9 @@ def test_styles_do_not_repeat_within_24_channels():
 def test_places_are_checked(tmp_path):
     with pytest.raises(RequestError, match="png"):
         figure_format(Path("figure.jpg"))
-    with pytest.raises(RequestError, match="does not exist"):
-        figure_format(tmp_path / "nowhere" / "figure.png")
     (tmp_path / "taken.png").mkdir()
     figure = figure_of(FourierSpectrum(lines=100)(recording()))
+    with pytest.raises(RequestError, match="does not exist"):
+        save_figure(figure, tmp_path / "nowhere" / "figure.png")
     with pytest.raises(RequestError, match="cannot be written"):
         save_figure(figure, tmp_path / "taken.png")
