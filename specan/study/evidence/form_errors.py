@@ -10,7 +10,7 @@ the smooth part, or each has its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from typing import Any
 
@@ -23,7 +23,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import SIZES, levels, ln_mean, sizes_of
 from specan.study.evidence.marginal import Marginal
 from specan.study.evidence.noise import Noise, Rough
-from specan.study.evidence.smooth import kernel_root, operating_points
+from specan.study.evidence.smooth import kernel_root, operating_points, operating_variables
 from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
 
@@ -33,7 +33,8 @@ FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of f
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
 LEVELS_APART = 1 / 16  # the same of what changes from level to level, where levels come again
 UNKNOWN_SIZES = (*SIZES, 1.0)  # of it, up to the whole prediction
-SMOOTH = 0.8  # of unknown functions; the others act at one level of a variable, or from one on
+# Shares of unknown functions: smooth, straight lines, at one level of a variable or from it on.
+KINDS = (0.7, 0.1, 0.2)
 ROUGH = (0.0, 0.01, 0.03, 0.3)  # shares to which it may be wrong in each line by itself
 DELAYS = 30  # samples over which what is left may answer to the inputs, as many as noise may follow itself
 POWERS: tuple[Callable[[Array], Array], ...] = (np.square, lambda x: x**3, lambda x: x * np.abs(x))
@@ -69,42 +70,42 @@ class OverConditions:
     def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
         """ln of the evidence with what no equation describes over that without, summed over its sizes and forms."""
         kinds = []
-        functions_of = [(SMOOTH, self.smooth_functions), (1 - SMOOTH, self.functions_at_levels)]
-        if any(isinstance(o, TimeObservation) for o in problem.observations):
-            functions_of = [(1.0, delayed_functions)]
-        for share, functions in functions_of:
-            gains = [
-                beside.beside(white, np.array(UNKNOWN_SIZES))[0] for white in functions(problem, predicted)
-            ]
+        for share, columns in self._unknown(problem, predicted):
+            sizes = np.array(UNKNOWN_SIZES)
+            gains = [beside.beside(problem.whiten(one), sizes)[0] for one in columns]
             if gains:
                 kinds.append(float(logsumexp(gains) + np.log(share / np.size(gains))))
         return float(logsumexp(kinds))
 
-    def smooth_functions(self, problem: Problem, predicted: Array) -> Iterator[Array]:
-        """Columns of smooth functions of the size of the prediction, whitened: of every choice of variables and length.
+    def _unknown(self, problem: Problem, predicted: Array) -> Iterator[tuple[float, Iterable[Array]]]:
+        """Columns of functions of the size of the prediction, of each kind with its share."""
+        if any(isinstance(o, TimeObservation) for o in problem.observations):
+            yield 1.0, delayed_functions(problem, predicted)
+            return
+        # Straight lines: the order of rows often goes with a variable, and a drift is straight too.
+        lines = ((x[:, None] - x.mean()) / np.ptp(x) for x in operating_variables(problem))
+        # at one level of an operating variable, as at a resonance, or from one on
+        root = self._root(self._choices[-1], max(UNKNOWN_LENGTHS))
+        at_levels = (rows[:, None] * root for rows in levels(problem))
+        sizes = sizes_of(problem, predicted)
+        for share, roots in zip(KINDS, (self._smooth(problem), lines, at_levels), strict=True):
+            yield share, (size[:, None] * one for one in roots for size in sizes)
+
+    def _smooth(self, problem: Problem) -> Iterator[Array]:
+        """Columns of smooth functions, of every choice of variables and length.
 
         Several observables may fail alike, or each in a way of its own.
         """
-        sizes = sizes_of(problem, predicted)
         for variables in self._choices:
             points = self.points[:, variables]
             distinct = np.unique(np.round(points / LEVELS_APART), axis=0).shape[0]
             again = 2 * distinct <= points.shape[0]  # what every row has for itself is scatter
             for length in (LEVELS_APART, *UNKNOWN_LENGTHS) if again else UNKNOWN_LENGTHS:
-                for root in _alike_or_not(problem, self._root(variables, length)):
-                    for size in sizes:
-                        yield problem.whiten(size[:, None] * root)
-
-    def functions_at_levels(self, problem: Problem, predicted: Array) -> Iterator[Array]:
-        """The same of the rows at one level of an operating variable, as at a resonance, or from one on."""
-        root = self._root(self._choices[-1], max(UNKNOWN_LENGTHS))
-        for rows in levels(problem):
-            for size in sizes_of(problem, predicted):
-                yield problem.whiten((size * rows)[:, None] * root)
+                yield from _alike_or_not(problem, self._root(variables, length))
 
 
 def delayed_functions(problem: Problem, predicted: Array) -> Iterator[Array]:
-    """What answers to the inputs with a delay and not in proportion, of the size of the prediction, whitened.
+    """What answers to the inputs with a delay and not in proportion, of the size of the prediction.
 
     Noise does not go with the inputs, whatever it follows in time; what an effect leaves does. Volterra's series, with
     powers of the prediction for products of inputs, each behind a filter of `DELAYS` taps.
@@ -123,7 +124,7 @@ def delayed_functions(problem: Problem, predicted: Array) -> Iterator[Array]:
                 level = float(np.sqrt(np.mean(columns[both, 0] ** 2)))
                 block.append(columns * size / (level or 1.0))
         first += o.n
-    each = [problem.whiten(np.hstack(block)) for block in blocks]
+    each = [np.hstack(block) for block in blocks]
     yield from (*each, np.hstack(each))
 
 

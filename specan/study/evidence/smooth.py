@@ -14,15 +14,20 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 
 
+def operating_variables(problem: Problem) -> list[Array]:
+    """Those that vary, of all measured rows."""
+    names = operating(problem.assembly.model, problem.observations[0].conditions)
+    each = [
+        np.concatenate([np.asarray(o.conditions[name], float) for o in problem.observations])
+        for name in names
+        if all(name in o.conditions for o in problem.observations)
+    ]
+    return [x for x in each if np.ptp(x) > 0]
+
+
 def operating_points(problem: Problem) -> Array:
     """Operating variables of all measured rows, each from 0 to 1 over its range; shape (n, d)."""
-    columns = []
-    for name in operating(problem.assembly.model, problem.observations[0].conditions):
-        if not all(name in o.conditions for o in problem.observations):
-            continue
-        x = np.concatenate([np.asarray(o.conditions[name], float) for o in problem.observations])
-        if np.ptp(x) > 0:
-            columns.append(stretched(x, float(x.min()), float(x.max())))
+    columns = [stretched(x, float(x.min()), float(x.max())) for x in operating_variables(problem)]
     return np.stack(columns, axis=1) if columns else np.zeros((problem.n_data, 0))
 
 

@@ -60,6 +60,28 @@ def test_readings_that_share_a_set_up_are_no_drift(tmp_path):
     assert told == 0
 
 
+@pytest.mark.parametrize("order", ["of x", "random"])
+def test_a_law_over_sorted_rows_is_no_sure_drift(tables, tmp_path, order):
+    """A spring that hardens, read from small to large: 0.05 x^2 is what a gain that drifts would make."""
+
+    def force(x, a, b):
+        return a * x + b
+
+    model = Model.from_function(
+        force,
+        conditions={"x": ("mm", 0, 10)},
+        observables={"force": ("N", 0.02)},
+        parameters={"a": (2, 1, 5), "b": (0, -1, 1)},
+    )
+    random, x = np.random.default_rng(1), np.linspace(0.5, 9, 12)
+    read = 2.1 * x + 0.1 + 0.05 * x**2 + random.normal(0, 0.02, x.size)
+    rows = np.arange(x.size) if order == "of x" else random.permutation(x.size)
+    path = tables.write_table(tmp_path / "t.csv", {"x": x[rows].round(3), "force": read[rows].round(4)})
+    found = diagnose(base_problem(model, read_tables(model, [path]).fitted))
+    assert found.verdict == "unknown-effect"
+    assert any("drifts" in text for text in found.remarks) == (order == "of x")
+
+
 def test_a_repeat_that_lies_off_is_named_by_its_line_and_size(tables, tmp_path):
     columns = tables.bench(4, repeats=2, points=tables.grid(**GRID))
     columns["input_torque_Nm"][20] += 25 * tables.NOISE
