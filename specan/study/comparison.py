@@ -40,7 +40,7 @@ class Comparison(Result):
     errors : tuple of ObservableError
         The observable with most values first.
     localisation : Localisation or None
-        Where the model fails; None where the uncertainty is unknown.
+        Where the model fails; None where the uncertainty is unknown, or there are as many parameters as values.
     parameters : mapping
         Fitted parameters with their 95 % intervals.
     """

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from specan.models.effect import ParameterName
+from specan.result import counted
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.diagnosis import told
@@ -101,14 +102,15 @@ def mistake_beside(near: InitialFit, problem: Problem) -> MistakenSetUp:
 def untestable(start: Refit) -> str:
     """Why no test is possible; empty where one is."""
     problem = start.problem
+    parameters = counted(len(problem.names), "parameter")
     if start.dof < 3:
         return (
-            f"{problem.n_effective:.0f} measured values leave {max(start.dof, 0):.0f} degrees of freedom "
-            f"beside {len(problem.names)} parameters; at least 3 are needed"
+            f"{counted(round(problem.n_effective), 'measured value')} for {parameters}; "
+            "at least 3 more values than parameters are needed"
         )
     if start.linear.rank < len(problem.names):
         return (
-            f"the data determine only {start.linear.rank} of the model's {len(problem.names)} parameters: "
+            f"the data determine only {start.linear.rank} of the model's {parameters}: "
             f"hold some of them fixed or measure more conditions"
         )
     return ""

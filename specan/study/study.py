@@ -330,7 +330,8 @@ class Study:
 
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""
-        where = localise(self.problem, self.shown) if self.data.known else None
+        tell = self.data.known and self.shown.dof > 0  # as many parameters as values tell nothing
+        where = localise(self.problem, self.shown) if tell else None
         return Comparison(self, self.shown, self.errors, where, self.parameters)
 
     def frf_errors(self) -> list[FrfErrors]:

@@ -184,23 +184,19 @@ class NextMeasurements(Result):
         As ``specan study next --json`` gives them; each has a ``text``.
     verdict : str
         That they would decide.
-    decided : bool
-        Whether no two explanations compete.
+    otherwise : str
+        Why there are none.
     """
 
     rows: tuple[Mapping[str, Any], ...]
     verdict: str
-    decided: bool
+    otherwise: str
 
     dimensions = ("place",)
 
     def summary(self) -> str:
         """How many there are."""
-        if self.rows:
-            return counted(len(self.rows), "proposal")
-        if self.decided:
-            return "no further measurement is needed: no two explanations compete for these data"
-        return "no measurement within the rig's limits would distinguish the explanations"
+        return counted(len(self.rows), "proposal") if self.rows else self.otherwise
 
     def columns(self) -> dict[str, Any]:
         """One row for each measurement, in words."""
@@ -295,8 +291,12 @@ class Diagnosis(Result):
             if p.kind in ("effects", "nothing") and p.probability > 1 - SURE
         ] or [set()]
         competing = any(not first or not first < other for other in others)
-        decided = self.verdict in ("effect", "nothing-missing") and not competing
-        return NextMeasurements(self.next_measurement, self.verdict, decided)
+        why = "no measurement within the rig's limits would distinguish the explanations"
+        if self.verdict in ("faulty-data", "cannot-tell"):
+            why = self.reason
+        elif self.verdict in ("effect", "nothing-missing") and not competing:
+            why = "no further measurement is needed: no two explanations compete for these data"
+        return NextMeasurements(self.next_measurement, self.verdict, why)
 
     def content(self) -> dict[str, Any]:
         """The contract of ``specan study diagnose --json``."""

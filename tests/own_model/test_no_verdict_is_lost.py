@@ -1,9 +1,11 @@
 """A verdict comes for models and tables of every kind, and nothing beside it costs it."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from open_tables import read_tables
 
+from specan import Study
 from specan.errors import ComputationError
 from specan.models import Condition, Model, Parameter, effect
 from specan.study.diagnose import diagnose
@@ -190,3 +192,24 @@ def test_readings_in_the_steps_of_a_converter_are_no_copies(tmp_path) -> None:
     (tmp_path / "t.csv").write_text("\n".join(["x,force", *lines]) + "\n", encoding="utf-8")
     found = diagnose(base_problem(model(offset), read_tables(model(offset), [tmp_path / "t.csv"]).fitted))
     assert found.verdict == "nothing-missing", found.reason
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"), [(2, "2 measured values for 2 parameters"), (3, "3 measured values")]
+)
+def test_rows_that_a_straight_line_goes_through_tell_nothing(tmp_path, rows, words) -> None:
+    """Two points make a line: no chi-square is shown, and none that is no number."""
+
+    def force(x, a, b):
+        return a * x + b
+
+    line = Model.from_function(
+        force,
+        conditions={"x": ("mm", 0, 10)},
+        observables={"force": ("N", 0.02)},
+        parameters={"a": (2, 1, 5), "b": (0, -1, 1)},
+    )
+    x = np.arange(1.0, rows + 1)
+    study = Study.new(tmp_path / "s", line, pd.DataFrame({"x": x, "force": 2 * x + 0.3}))
+    assert study.diagnose().reason.startswith(words)
+    assert "nan" not in study.compare().summary()

@@ -218,3 +218,11 @@ def test_what_competes_is_not_said_to_be_decided(found, needed):
     said = Diagnosis("nothing-missing", "", probabilities=stated).next().summary()
     assert ("would distinguish" in said) == needed
     assert ("no two explanations compete" in said) != needed
+
+
+@pytest.mark.parametrize("verdict", ["faulty-data", "cannot-tell"])
+def test_what_must_come_before_a_measurement_is_said_in_place_of_one(verdict):
+    assert (
+        Diagnosis(verdict, "rows are copies: correct that").next().summary()
+        == "rows are copies: correct that"
+    )
