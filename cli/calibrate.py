@@ -14,7 +14,6 @@ from specan_cli.recording_verb import expand, failures, given, left_out
 
 if TYPE_CHECKING:
     from specan.analysis.insertion import CalibrationSettings, Insertion
-    from specan.data.recording import Recording
 
 
 @verb("calibrate")
@@ -92,27 +91,25 @@ def _insertions(
 
     Where files of a directory say that they are of a calibrator, no others in it count.
     """
-    from specan.analysis.excitation import stated_excitation
+    from specan.analysis.batch.calibrations import is_calibrator
+    from specan.analysis.batch.inputs import Input
     from specan.analysis.insertion import evaluate_insertion
     from specan.errors import InputError
     from specan.io.open import open_recording
     from specan.result import counted
 
     paths = [found.path for found in expand(files)]
-    common = os.path.commonpath([path.resolve().parent for path in paths])
-    opened: list[tuple[Path, Recording]] = []
+    said = [path for path in paths if is_calibrator(Input(str(path), path.name, "", 0))]
+    used = [path for path in paths if not said or path in said or path in files]
+    if rest := len(paths) - len(used):
+        note(f"Note: {counted(rest, 'recording')} with another excitation not used.")
+    common = os.path.commonpath([path.resolve().parent for path in used])
     insertions: list[Insertion] = []
     faults: dict[str, Exception] = {}
-    for path in paths:
-        with left_out(str(path), faults, len(paths) > 1):
+    for path in used:
+        with left_out(str(path), faults, len(used) > 1):
             label = path.resolve().relative_to(common).as_posix()
-            opened.append((path, open_recording(path, label=label, channel_table=channel_table)))
-    said = [path for path, r in opened if (found := stated_excitation(r)) and found.kind == "calibrator"]
-    used = [(path, r) for path, r in opened if not said or path in said or path in files]
-    if rest := len(opened) - len(used):
-        note(f"Note: {counted(rest, 'recording')} with another excitation not used.")
-    for path, recording in used:
-        with left_out(str(path), faults, len(paths) > 1):
+            recording = open_recording(path, label=label, channel_table=channel_table)
             insertions.append(evaluate_insertion(recording, settings))
     if not insertions:
         raise InputError("no file could be used for a calibration", remedy="see the reasons above")

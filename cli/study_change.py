@@ -76,14 +76,11 @@ def _print(change: Change) -> None:
     for remark in change.remarks:  # before all that looks like success
         click.echo(f"Note: {remark}")
     show_sheets([study_sheets.change(before, after)])
-    chi2 = [(s.reduced_chi2, s.held_out_reduced_chi2) for s in (before, after)]
-    if chi2[1][0] is not None:
-        text = f"\nReduced chi-square {chi2[0][0]:.2f} -> {chi2[1][0]:.2f} on fitted data"
-        if chi2[1][1] is not None:
-            text += (
-                f", {chi2[0][1]:.2f} -> {chi2[1][1]:.2f} on held-out data (prediction covariance included)"
-            )
-        click.echo(text)
+    kinds = ("fitted data", "held-out data (prediction covariance included)")
+    chi2 = ((step.reduced_chi2, step.held_out_reduced_chi2) for step in (before, after))
+    told = [f"{old:.2f} -> {new:.2f} on {kind}" for old, new, kind in zip(*chi2, kinds) if new is not None]
+    if told:
+        click.echo(f"\nReduced chi-square {', '.join(told)}")
     for key, name in (("fit", "fitted"), ("held_out", "held-out")):
         levels = [[e.get("level_dB") for e in s.errors[key]] for s in (before, after)]
         if levels[1] and None not in (levels[0][0], levels[1][0]):

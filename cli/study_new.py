@@ -128,9 +128,7 @@ def _print(begun: Begun, content: Mapping[str, Any]) -> None:
         click.echo(f"  {note}")
     click.echo("Effects: " + (", ".join(study.model_effects) or f"none, {study.model.words.ideal}"))
     click.echo("\nWhat was found and assumed about the measurement:")
-    for text in study.data.statements:
-        click.echo(f"  {text}")
-    for text in _assumed(begun, content):
+    for text in (*study.data.statements, *_assumed(begun, content)):
         click.echo(f"  {text}")
     show_apart(study_sheets.errors(errors, "Error of the fitted model"))
     if not study.data.known:

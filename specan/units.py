@@ -185,11 +185,13 @@ def printed_unit(unit: str) -> str:
 
     Examples
     --------
-    >>> [printed_unit(unit) for unit in ("degC", "N*m", "bar/(m3/s)^2", "um/N", "percent", "mmH2O", "1")]
-    ['°C', 'N·m', 'bar/(m³/s)²', 'µm/N', '%', 'mmH2O', '']
+    >>> [printed_unit(unit) for unit in ("degC", "N*m", "bar/(m3/s)^2", "um/N", "percent", "mmH2O", "N/m^5", "1")]
+    ['°C', 'N·m', 'bar/(m³/s)²', 'µm/N', '%', 'mmH2O', 'N/m⁵', '']
     """
     shown = re.sub(r"\bu(m|Pa|N)\b", r"µ\1", unit.replace("**", "^").replace("*", "·"))
-    powers = re.sub(r"(?<=[A-Za-z)])\^?([23])(?![\w.])", lambda found: "²³"[int(found[1]) - 2], shown)
+    powers = re.sub(
+        r"(?<=[A-Za-z)])(\^?[23]|\^[4-9])(?![\w.])", lambda found: "²³⁴⁵⁶⁷⁸⁹"[int(found[0][-1]) - 2], shown
+    )
     return {"degC": "°C", "degF": "°F", "percent": "%", "1": ""}.get(unit, powers)
 
 

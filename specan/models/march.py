@@ -28,7 +28,7 @@ from specan.models.effect import ParameterName
 from specan.models.evaluation import Assembly
 from specan.models.loops import reached
 from specan.models.rates import TIME
-from specan.result import gathered
+from specan.result import counted, gathered
 from specan.user_folder import user_folder
 
 Sets = Sequence[Mapping[str, Any]]  # of parameter values
@@ -409,7 +409,7 @@ class Solver:
             f", a hundred times slower than others: numba cannot compile {self.slow} (it knows np.where, np.maximum, "
             "np.minimum, np.clip, np.interp and the functions of mathematics)"
         )
-        return f"{name}, up to {most} steps a sample{lacking}{slowly if self.slow else ''}"
+        return f"{name}, at most {counted(most, 'step')} per sample{lacking}{slowly if self.slow else ''}"
 
 
 def _given(

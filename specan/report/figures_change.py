@@ -75,8 +75,8 @@ def _residuals(axes: Axes, study: Study, legend: bool) -> float:
         rows = table_rows(study.model, [observation], [predicted], study.data.known)
         x, *others = rows.axes
         panel = rows.of(str(observation.observable[0])).panel("residual", x, others[0] if others else "")
-        axes.set_xlabel(axis_text(x, observation.variables))
-        title = axis_text(others[0], observation.variables) if others else ""
+        axes.set_xlabel(axis_text(x, rows.variables))
+        title = axis_text(others[0], rows.variables) if others else ""
         legend = legend and bool(others)
         reach = max(float(np.max(np.abs(curve.y))) for curve in panel.curves)
     draw_panels([axes], [panel])

@@ -63,7 +63,7 @@ def figure_compare_time(study: Study, channel: str | None = None) -> Figure:
                 welch(given, rate, nperseg=size)[1]
             )
             bottom.loglog(f[1:], cross[1:], "--", lw=1, color=COLOURS[2], label=f"of that, follows {word}")
-    bottom.set(xlabel="Frequency / Hz", ylabel=axis_label("Amplitude density", f"{unit}/Hz^0.5"))
+    bottom.set(xlabel="Frequency / Hz", ylabel=axis_label("Amplitude density", f"{unit}/√Hz"))
     bottom.legend()
     heading(figure, f"{study.directory.resolve().name}: measured and model", *state_of(study), "")
     return figure

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specan.arrays import Real
 from specan.models import Model
+from specan.models.rates import TIME
 from specan.report.panels import Curve, Panel
 from specan.report.residual_map import axis_text, plot_axes
 from specan.study.comparison import readings
@@ -116,8 +117,10 @@ def table_rows(
     ]
     frame = pd.concat([levels, pd.concat(values, ignore_index=True)], axis=1)
     axes = plot_axes({name: levels[name].to_numpy() for name in names})
+    variables = {TIME: Variable("time", "s"), **tables[0].variables}
     if not axes:
-        axes, read = ["row"], pd.DataFrame({"row": np.arange(len(frame), dtype=float)})
-        frame = frame.assign(row=read["row"])
+        x = TIME if TIME in tables[0].conditions else "row"
+        read = pd.DataFrame({x: np.concatenate([o.conditions.get(x, 1.0 + np.arange(o.n)) for o in tables])})
+        axes, frame = [x], pd.concat([frame, read], axis=1)
     units = {name: observable.unit for name, observable in model.observables.items()}
-    return Rows(frame, read, tuple(axes), known, tables[0].variables, units)
+    return Rows(frame, read, tuple(axes), known, variables, units)

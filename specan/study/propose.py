@@ -94,9 +94,8 @@ class ProposedLaws(Result):
     def summary(self) -> str:
         """How many there are."""
         if not self.laws:
-            why = "noise explains the residuals"
-            if self.noise < 0.5:
-                why = "those that fit the residuals need values outside the bounds of the model's parameters"
+            out = "those that fit the residuals need values outside the bounds of the model's parameters"
+            why = "noise explains the residuals" if self.noise > 0.5 else out
             return f"No law: {why} (noise {percent(self.noise)}; {self.tried} laws tried)"
         return f"{counted(len(self.laws), 'law')} of {self.tried} tried"
 

@@ -255,7 +255,7 @@ def test_what_cannot_be_compiled_is_said_with_the_name_of_its_function():
         model = oscillator(effects)
         response(model, TIME[:10], np.zeros(10))
         said.append(model.solver.method())
-    assert said[0] == "Runge-Kutta, up to 1 steps a sample"
+    assert said[0] == "Runge-Kutta, at most 1 step per sample"
     assert "numba cannot compile rattle (" in said[1]
 
 
@@ -283,4 +283,4 @@ def test_dry_friction_turns_round_within_a_sample(shift: float, count: int) -> N
     known = (-1.0) ** half * (shift + width * np.cos(time * omega - half * np.pi))
     error = np.asarray(found["x_measured"]) - known
     assert np.std(error[width > 0]) < 1.2e-6
-    assert model.solver.method() == "Runge-Kutta, up to 1 steps a sample"
+    assert model.solver.method() == "Runge-Kutta, at most 1 step per sample"

@@ -7,6 +7,8 @@ import pytest
 from click.testing import CliRunner
 from nptdms import ChannelObject, TdmsWriter
 
+from specan.inspect.study_views.agreement import agreement_of
+from specan.study.study import Study
 from specan_cli.main import main
 from tests.rates.runge_kutta import displacement, halves
 
@@ -93,3 +95,5 @@ def test_named_and_error_falls_elsewhere(tmp_path, term):
     size = last["parameters"][f"{term}.size"]
     truth = {"cubic-spring": 3e6, "dry-friction": 2.0}[term]
     assert size["value"] == pytest.approx(truth, rel=0.05)
+    (on_the_page,) = agreement_of(Study(study))  # the samples over time
+    assert on_the_page.abscissa.options == [("time", "Time / s")]

@@ -100,7 +100,7 @@ def test_places_are_checked(tmp_path):
         figure_format(Path("figure.jpg"))
     (tmp_path / "taken.png").mkdir()
     figure = figure_of(FourierSpectrum(lines=100)(recording()))
-    with pytest.raises(RequestError, match="does not exist"):
+    with pytest.raises(RequestError, match="No such file"):
         save_figure(figure, tmp_path / "nowhere" / "figure.png")
     with pytest.raises(RequestError, match="cannot be written"):
         save_figure(figure, tmp_path / "taken.png")

@@ -37,7 +37,7 @@ class Assigned:
         return tuple(line.removeprefix("calibration: ") for line in self.header)
 
 
-def _is_calibrator(entry: Input) -> bool:
+def is_calibrator(entry: Input) -> bool:
     """Whether a file says so; one that cannot be opened will be opened again for its own sake, and then says why."""
     # Much faster than parsing: one of the words that name a calibrator has to be in the metadata. Other formats have no
     # such properties; a pipe, which would be waited for, is refused when it is opened.
@@ -73,7 +73,7 @@ def assign_calibrations(
     """
     calibrators, others = list[Input](), list[Input]()
     for entry in inputs:
-        (calibrators if entry.label not in known and _is_calibrator(entry) else others).append(entry)
+        (calibrators if entry.label not in known and is_calibrator(entry) else others).append(entry)
     if given is not None:
         read_calibration(given)
         aside = [FileResult(entry.label, "aside", _UNUSED) for entry in calibrators]

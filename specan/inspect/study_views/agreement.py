@@ -23,25 +23,28 @@ from specan.study.study import Study
 _ORDINATES = [("z", "residual / sigma"), ("residual", "residual"), ("pair", "measured and model")]
 
 
+MOST_ROWS = 5000  # that a browser draws at once; of more, evenly chosen ones are shown
+
+
 class TableAgreement:
-    """Rows of all measured tables: what is drawn, over what, and in which colours are choices."""
+    """Rows of all measured tables, or samples: what is drawn, over what, and in which colours are choices."""
 
     def __init__(self, study: Study) -> None:
         self._model, self._known = study.model, study.data.known
         tables = {k: o for k, o in enumerate(study.data.fitted) if isinstance(o, TableObservation)}
         self._chosen = list(tables)
-        axes = table_rows(
-            self._model, [*tables.values()], [o.measured for o in tables.values()], self._known
-        ).axes
-        variables = next(iter(tables.values())).variables
-        named = [(name, axis_text(name, variables)) for name in axes]
+        rows = table_rows(self._model, [*tables.values()], [o.measured for o in tables.values()], self._known)
+        named = [(name, axis_text(name, rows.variables)) for name in rows.axes]
         self._now: Trial | None = None
         self._before: Trial | None = None
-        self._hue_text = dict(named)
+        self._text = dict(named)
         self.ordinate = Select(title="Show", value="z", options=_ORDINATES, width=150, name="ordinate")
         self.abscissa, self.hue = (
-            Select(title=title, value=axes[place], options=named, width=200, name=name)
-            for title, place, name in (("over", 0, "abscissa"), ("coloured by", min(1, len(axes) - 1), "hue"))
+            Select(title=title, value=[*rows.axes, ""][place], options=[*named, *more], width=200, name=name)
+            for title, place, name, *more in (
+                ("over", 0, "abscissa"),
+                ("coloured by", 1, "hue", ("", "nothing")),
+            )
         )
         for choice in (self.ordinate, self.abscissa, self.hue):
             choice.on_change("value", lambda a, old, new: self._draw())
@@ -51,7 +54,9 @@ class TableAgreement:
 
     def _rows(self, trial: Trial) -> Rows:
         tables = [o for k in self._chosen if isinstance(o := trial.problem.observations[k], TableObservation)]
-        return table_rows(self._model, tables, [trial.predictions[k] for k in self._chosen], self._known)
+        rows = table_rows(self._model, tables, [trial.predictions[k] for k in self._chosen], self._known)
+        step = 1 + len(rows.frame) // MOST_ROWS
+        return replace(rows, frame=rows.frame[::step], read=rows.read[::step])
 
     def show(self, trial: Trial) -> None:
         """Show another fit of the same rows; beside a trial the model as it is stays, pale."""
@@ -74,12 +79,12 @@ class TableAgreement:
         what = f" with {self._now.name}" if self._now.uses else ""
         chi2 = f": chi²/n {self._now.fit.reduced_chi2:.2f}" if self._known else ""
         grey = f"; grey: {pale[0].name}" if pale else ""
-        title = f"Rows{what}{chi2}; colours: {self._hue_text[self.hue.value]}{grey}"
+        title = f"Measured and model{what}{chi2}{grey}"
         panel = replace(panel, curves=(*pale, *panel.curves))
         low, high = float(rows.read[x].min()), float(rows.read[x].max())
         margin = 0.03 * (high - low) or 1.0
         ends = low - margin, high + margin
-        self.plots.draw(Drawing("", (title,), self._hue_text[x], (panel,), x_limits=ends), styles)
+        self.plots.draw(Drawing("", (title,), self._text[x], (panel,), x_limits=ends), styles)
 
 
 _ALONE = (6, 1, 4)  # colours of measured, model and model before where one microphone is shown
@@ -157,7 +162,7 @@ def agreement_of(study: Study) -> list[TableAgreement | TransferAgreement]:
     """Figures that hold a fitted model beside its measurement: one for every kind of measurement of a study."""
     data = study.data.fitted  # not of the problem, whose covariances may rest on a fit
     found: list[TableAgreement | TransferAgreement] = []
-    if any(o.kind == "table" for o in data):
+    if any(isinstance(o, TableObservation) for o in data):
         found.append(TableAgreement(study))
     if any(isinstance(o, FrfObservation) for o in data):
         found.append(TransferAgreement(study))
