@@ -13,7 +13,7 @@ from specan.errors import ComputationError
 from specan.models import Assembly
 from specan.models.rates import TIME
 from specan.study.estimation.fit import Fit, describe, fit
-from specan.study.estimation.growing import far, growing, grown
+from specan.study.estimation.growing import far, grown
 from specan.study.estimation.levenberg_marquardt import best_screened, descend
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal, Tangent
@@ -55,7 +55,7 @@ def with_noise_of_largest(problem: Problem, base: Fit) -> tuple[Problem, Fit, Ca
         promises = sorted(catalogue.promises(marginal), key=lambda p: -p.ln_gain)
         if not promises or promises[0].ln_gain <= 0:
             break
-        promises = _likeliest_first(promises, largest, reached)
+        promises = _likeliest_first(promises, largest, reached, catalogue)
         # 5: effects that promise most
         found = [one for promise in promises[:5] for one in _led_with(promise, largest)]
         if not found:
@@ -93,7 +93,9 @@ def _lies_in_few(o: TimeObservation, left: Array) -> str:
     )
 
 
-def _likeliest_first(promises: list[Promise], problem: Problem, reached: Fit) -> list[Promise]:
+def _likeliest_first(
+    promises: list[Promise], problem: Problem, reached: Fit, catalogue: Catalogue
+) -> list[Promise]:
     """Promises in their order, or by how near fits that grow with the recording come, where the model is far from it.
 
     Raises
@@ -101,17 +103,18 @@ def _likeliest_first(promises: list[Promise], problem: Problem, reached: Fit) ->
     NoiseError
         With the best of them nobody can predict the recording to its end.
     """
-    values = problem.values_at(reached.theta)
-    if growing(problem, values) is None:
+    if not far(problem, problem.values_at(reached.theta)):
         return promises
-    found = {p.use: grown(problem.with_uses([p.use])) for p in promises}
-    order = sorted(promises, key=lambda p: np.nan_to_num(found[p.use][1], nan=np.inf))
-    best, _ = found[order[0].use]
-    likeliest = problem.with_uses([order[0].use])
+    models = [problem.with_uses([p.use]) for p in promises]
+    order = sorted(
+        zip(promises, models, grown(models), strict=True), key=lambda one: (-one[2].share, one[2].chi2)
+    )
+    catalogue.led = {promise.use: led.values for promise, _, led in order}
+    best, likeliest, led = order[0]
     for o in problem.observations:
-        if isinstance(o, TimeObservation) and (why := _runs_apart(o, likeliest, best)):
-            raise NoiseError(f"with {order[0].use}, {why}")
-    return order
+        if isinstance(o, TimeObservation) and (why := _runs_apart(o, likeliest, led.values)):
+            raise NoiseError(f"with {best.use}, {why}")
+    return [replace(p, starts=(led.values, *p.starts)) for p, _, led in order]
 
 
 def _led_with(promise: Promise, problem: Problem) -> Iterator[tuple[float, Problem, Array]]:
@@ -127,7 +130,7 @@ def _runs_apart(o: TimeObservation, problem: Problem, values: Mapping[str, Any])
     apart = 100.0  # times by which a change of a start grows, beyond what constant rates make of it
     responses = _responses(o, problem.assembly, values)
     error = o.measured - o.predict(problem.assembly, values)
-    lost = far(o, problem, values)
+    lost = far(problem, values)
     for chains in o.chains.values():
         rows = max(chains, key=lambda chain: chain.size)
         time = o.conditions[TIME][rows]

@@ -278,7 +278,7 @@ class Study:
         known = self._starts[1:] if self.model.rates else []  # integrated predictions have many minima
         led = brought(self.problem.observations, "growing")
         if led and (near := led(self.problem, found.values)):
-            known = [near[0], *known]
+            known = [near, *known]
         for near in known:
             with suppress(ComputationError):
                 found = min(found, fit(self.problem, near), key=lambda one: one.chi2)

@@ -39,7 +39,7 @@ def test_parameters_are_found_from_a_fit_that_is_far_off(recorded):
     base = study.opened
     assert base.errors[0].rms > 0.5 * recorded["x"].std()
     problem = base.problem.with_uses(["cubic-spring"])
-    found, chi2 = growing(problem, base.best.values)
+    found = growing(problem, base.best.values)
     expected = {
         "dv.mass": MASS,
         "spring.stiffness": STIFFNESS,
@@ -47,7 +47,6 @@ def test_parameters_are_found_from_a_fit_that_is_far_off(recorded):
         "cubic-spring.size": CUBIC,
     }
     assert {name: found[name] for name in expected} == pytest.approx(expected, rel=0.01)
-    assert chi2 < 3 * TIME.size  # the recording has noise too
     assert growing(problem, found) is None
     assert study.diagnose().effects == ("cubic-spring",)
 

@@ -13,7 +13,7 @@ from specan.models import Use
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal
-from specan.study.observation import Array, brought
+from specan.study.observation import Array
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.signatures import (
     Known,
@@ -65,9 +65,7 @@ class Promise:
             ]
             left = [float(np.sum(problem.residual(place) ** 2)) for place in places]
             found.append(places[int(np.argmin(np.nan_to_num(left, nan=np.inf)))])
-        look = brought(problem.observations, "growing")
-        led = look(problem, self.origin) if look else None
-        return [*([] if led is None else [problem.start(led[0])]), *found[::-1]]
+        return found[::-1]
 
 
 class Catalogue:
@@ -90,6 +88,8 @@ class Catalogue:
     candidates : list of Candidate
     not_testable : dict
         Effects that the data say nothing about, with the reason.
+    led : dict
+        Values from which else to fit each.
     """
 
     def __init__(
@@ -103,6 +103,7 @@ class Catalogue:
         self.problem, self.base, self.worth = problem, base, worth
         self.candidates, self.not_testable = candidates(problem)
         self.signatures: dict[Use, list[Signature]] = {}
+        self.led: dict[Use, dict[str, Any]] = {}
         found = self.candidates
         if before is not None:
             found = [c for c in found if anew or c.effect.instrument]
@@ -143,7 +144,8 @@ class Catalogue:
                 continue
             of_kind = self._certificate if candidate.without_prior else self._best
             if (found := of_kind(beside, candidate)) is not None:
-                yield found
+                led = [self.led[found.use]] if found.use in self.led else []
+                yield replace(found, starts=(*led, *found.starts))
 
     def visible(self, beside: Marginal, base: Marginal, needed: float) -> dict[str, dict[str, Any] | None]:
         """Sizes of all effects that would be seen in four cases of five: beside a fit; of what it has, beside the base.

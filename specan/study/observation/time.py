@@ -83,6 +83,19 @@ class TimeObservation(TableObservation):
         names = tuple(found.recordings[k] for k in kept)
         return replace(found, recordings=names, recording=recording, series=(conditions, number[of]))
 
+    def beginning(self, share: float) -> Self:
+        """A share of each recording, as if it had ended there."""
+        conditions, recording = self._series
+        time = conditions[TIME]
+        kept = np.zeros(time.size, bool)
+        for number in np.unique(recording):
+            lines = recording == number
+            kept[lines] = time[lines] <= time[lines][0] + share * np.ptp(time[lines])
+        rows = kept[self._position]
+        series = {n: v[kept] for n, v in conditions.items()}, recording[kept]
+        place = (np.cumsum(kept) - 1)[self._position[rows]]
+        return replace(super().take(rows), series=series, position=place)
+
     def place_of(self, row: int) -> str:
         """``3.2 s of run.tdms``."""
         return f"{self.conditions[TIME][row]:.4g} s of {self.recordings[int(self._recording[row])]}"
