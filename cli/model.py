@@ -11,7 +11,7 @@ import click
 
 from specan.errors import RequestError
 from specan.result import Sheet
-from specan.units import printed_unit
+from specan.units import printed_unit, spoken
 from specan_cli.options import column_option, json_option, opt
 from specan_cli.output import emit_json, show_apart, table
 
@@ -211,7 +211,7 @@ def _whole(model: Model, file: Path, recorded: Mapping[str, Any] | None) -> tupl
     trust_file(file)
     where = "within the limits" if recorded is None else "of such inputs"
     places = "places within its limits" if recorded is None else "samples"
-    took = f"one evaluation takes {1000 * found.seconds:.2g} ms"
+    took = f"one evaluation takes {spoken(1000 * found.seconds, digits=2)} ms"
     lines = [f"{model.name} is finite at {found.rows} {places}; {took}."]
     if found.parameters:
         lines.append(f"Some measurement {where} determines each parameter: {', '.join(found.parameters)}.")

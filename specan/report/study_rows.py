@@ -29,7 +29,9 @@ class Rows:
     Attributes
     ----------
     frame : DataFrame
-        Level of each operating variable that varies; ``observable``, ``measured``, ``model`` and ``u``.
+        ``observable``, ``measured``, ``model`` and ``u``.
+    levels : DataFrame
+        Level of each operating variable that varies, which may have any name.
     read : DataFrame
         Operating variables as they were read: beside their level where a brake misses its set value.
     axes : tuple of str
@@ -43,6 +45,7 @@ class Rows:
     """
 
     frame: pd.DataFrame
+    levels: pd.DataFrame
     read: pd.DataFrame
     axes: tuple[str, ...]
     known: bool
@@ -52,7 +55,7 @@ class Rows:
     def of(self, observable: str) -> Rows:
         """Those of one observable, in one unit."""
         mine = self.frame["observable"] == observable
-        return replace(self, frame=self.frame[mine], read=self.read[mine])
+        return replace(self, frame=self.frame[mine], levels=self.levels[mine], read=self.read[mine])
 
     def panel(self, kind: str, x: str, hue: str) -> Panel:
         """A point for each row, over `x` and in the colour of its level of `hue`, if one is named.
@@ -76,11 +79,13 @@ class Rows:
             "pair": (frame["model"], (), axis_label(first.capitalize(), self.units[first])),
         }[kind]
         named = {name: axis_text(name, self.variables) for name in self.axes}
+        said = frame.assign(z=left / frame["u"]).to_dict("records")
         about = [
             ", ".join(
-                f"{named.get(n, n)} {v:.5g}" if isinstance(v, float) else str(v) for n, v in row.items()
+                f"{named.get(n, n)} {v:.5g}" if isinstance(v, float) else str(v)
+                for n, v in (*level.items(), *row.items())
             )
-            for row in frame.assign(z=left / frame["u"]).to_dict("records")
+            for level, row in zip(self.levels.to_dict("records"), said, strict=True)
         ]
         curves = [
             Curve(text, self.read[x].to_numpy()[at], values.to_numpy()[at], about=tuple(about[k] for k in at))
@@ -93,7 +98,7 @@ class Rows:
         if not hue:
             yield "", np.arange(len(self.frame))
             return
-        values = self.frame[hue].reset_index(drop=True)
+        values = self.levels[hue].reset_index(drop=True)
         numbers = values.dtype.kind in "fiu"
         if numbers and values.nunique() > MOST_COLOURS:
             values = pd.qcut(values, MOST_COLOURS, duplicates="drop")
@@ -115,12 +120,12 @@ def table_rows(
         pd.DataFrame({"observable": o.observable, "measured": o.measured, "model": p, "u": o.sigma})
         for o, p in zip(tables, predicted, strict=True)
     ]
-    frame = pd.concat([levels, pd.concat(values, ignore_index=True)], axis=1)
+    frame = pd.concat(values, ignore_index=True)
     axes = plot_axes({name: levels[name].to_numpy() for name in names})
     variables = {TIME: Variable("time", "s"), **tables[0].variables}
     if not axes:
         x = TIME if TIME in tables[0].conditions else "row"
         read = pd.DataFrame({x: np.concatenate([o.conditions.get(x, 1.0 + np.arange(o.n)) for o in tables])})
-        axes, frame = [x], pd.concat([frame, read], axis=1)
+        axes, levels = [x], pd.concat([levels, read], axis=1)
     units = {name: observable.unit for name, observable in model.observables.items()}
-    return Rows(frame, read, tuple(axes), known, variables, units)
+    return Rows(frame, levels, read, tuple(axes), known, variables, units)

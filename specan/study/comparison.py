@@ -84,6 +84,7 @@ class Comparison(Result):
             unseen = zip(study.data.held_out, study.held_out.predictions, strict=True)
             parts += [("held-out", one, predicted) for one, predicted in unseen]
         known = study.model.observables
+        own = ("data", "observable", "measured", "model", "residual", "u", "unit")
         columns = {name: c.column for name, c in study.model.conditions.items() if not c.group}
         frames = []
         for data, one, predicted in parts:
@@ -95,7 +96,7 @@ class Comparison(Result):
                         "data": data,
                         **{n: labels for n, labels in one.labels.items() if n not in columns},
                         **{
-                            c: readings(study.model, one, c)
+                            f"{c} (condition)" if c in own else c: readings(study.model, one, c)
                             for n, c in columns.items()
                             if n in one.conditions
                         },

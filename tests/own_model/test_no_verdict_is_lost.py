@@ -213,3 +213,50 @@ def test_rows_that_a_straight_line_goes_through_tell_nothing(tmp_path, rows, wor
     study = Study.new(tmp_path / "s", line, pd.DataFrame({"x": x, "force": 2 * x + 0.3}))
     assert study.diagnose().reason.startswith(words)
     assert "nan" not in study.compare().summary()
+
+
+@effect("square", adds_to="force", neutral={"size": 0.0})
+def square(u, *, size=Parameter(0.1, "N/V^2", min=0, max=1)):
+    "A square."
+    return size * u**2
+
+
+def test_a_condition_may_have_the_name_of_a_column(tmp_path) -> None:
+    """A voltage u beside the uncertainty u: neither is lost in the rows or the figures."""
+
+    def force(u, a):
+        return a * u
+
+    drive = Model.from_function(
+        force,
+        conditions={"u": ("V", 0, 10)},
+        observables={"force": ("N", 0.1)},
+        parameters={"a": (2, 1, 5)},
+        effects=[square],
+    )
+    u = np.linspace(1, 9, 8)
+    study = Study.new(tmp_path / "s", drive, pd.DataFrame({"u": u, "force": 2 * u}))
+    rows = study.compare().residuals
+    np.testing.assert_allclose(rows["u (condition)"], u)
+    np.testing.assert_allclose(rows["u"], 0.1)
+    study.add("square").plot()
+
+
+def test_a_value_at_the_end_of_its_domain_is_said(tmp_path) -> None:
+    """A slope of 2.1 N/mm where 1.9 to 2.0 is allowed; an offset of up to 1 N is no relative error."""
+
+    def force(x, a, b):
+        return a * x + b
+
+    line = Model.from_function(
+        force,
+        conditions={"x": ("mm", 0, 10)},
+        observables={"force": ("N", 0.02)},
+        parameters={"a": (2, 1.9, 2.0), "b": (0, -0.05, 0.05)},
+    )
+    x = np.linspace(0.5, 9, 12)
+    study = Study.new(tmp_path / "s", line, pd.DataFrame({"x": x, "force": 2.1 * x + 0.1}))
+    assert [pull.text for pull in study.diagnose().pulls] == [
+        "force.a = 2, known 1.9 to 2, at the end of its domain",
+        "force.b = 0.05, known -0.05 to 0.05, at the end of its domain",
+    ]

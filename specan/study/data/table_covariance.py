@@ -327,7 +327,9 @@ def _noise_of(
     if told:
         size, step = np.sqrt(np.median(declared)), np.median(part.steps[""])
         rounding = f", rounding in steps of {step:g}" if step > 0.01 * size else ""
-        return Noise(), [f"declared uncertainty {size:.2g}{unit}{rounding}, {_anew(model, rows)}"]
+        return Noise(), [
+            f"declared uncertainty {spoken(size, digits=2)}{unit}{rounding}, {_anew(model, rows)}"
+        ]
     share = np.median(part.steps[""] / np.sqrt(12) / np.maximum(np.abs(part.measured), 1e-300))
     # 1e-3: rounding below this share of the reading is no account of a measurement's uncertainty
     if share >= 1e-3:
@@ -411,7 +413,7 @@ def _about_conditions(model: Model, rows: Rows) -> list[str]:
 
 def _told(found: VarianceFunction, how: str, kind: str, unit: str, grows: Mapping[str, Array]) -> str:
     sigma = np.sqrt(found.at(grows, next(iter(grows.values())).size))
-    ends = f"{sigma.min():.2g} to {sigma.max():.2g}" if found.component else f"{sigma.mean():.2g}"
+    ends = spoken(*((sigma.min(), sigma.max()) if found.component else (sigma.mean(),)), digits=2)
     grown = f", growing with {found.component}" if found.component else ""
     if found.component == SETTING:
         grown = ", the scatter of setting that the rig declares in it"

@@ -302,7 +302,7 @@ def larger_noise(problem: Problem) -> str:
     """A sentence where what is taken for noise of a recording is larger than it should be: a lack may hide in it."""
     # 2.0: times the noise that a recording is taken to have, from which its user has to know
     found = [
-        f"the noise of {name} ({noise.words}) seems {noise.times:.2g} times as large as "
+        f"the noise of {name} ({noise.words}) seems {spoken(noise.times, digits=2)} times as large as "
         + ("declared" if name in o.stated else "its fastest changes give")
         for o in problem.observations
         if isinstance(o, TimeObservation)

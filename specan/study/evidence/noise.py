@@ -25,6 +25,7 @@ from specan.study.observation.autoregression import burg, coloured, innovations,
 from specan.study.observation.table import TableObservation
 from specan.study.observation.time import Noise as Form
 from specan.study.observation.time import TimeObservation
+from specan.units import spoken
 
 WHITE = Form("white")
 ORDER = 2  # most coefficients: an oscillation of what is not measured has two
@@ -100,7 +101,7 @@ def scatter(problem: Problem, residual: Array, predicted: Array, times: float) -
             sizes[own] *= np.sqrt(max(known - 1, 0.0) / power)
             price += 0.5 * np.log(own.size)
             # 1.4: times the declared variance, from which a larger one is looked for
-            told += [f"{name} {np.sqrt(known):.2g} times"] if known > 1.4 else []
+            told += [f"{name} {spoken(np.sqrt(known), digits=2)} times"] if known > 1.4 else []
         if told:
             text = (
                 f"settings scatter more than their repeats ({', '.join(told)}{how}): declare how well they are set"

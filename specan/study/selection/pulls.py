@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from specan.models.effect import ParameterName
+from specan.models.effect import ParameterName, Use
 from specan.study.selection.refits import Refit
-from specan.units import printed_unit
+from specan.units import printed_unit, spoken
 
 # Standard deviations beyond which a fit holds only with a value that contradicts what is known: three, as for an
 # outlier of a normal law (p = 0.003).
@@ -28,7 +28,8 @@ class Pull:
     pull : float
         Standard deviations by which the value lies outside, with its sign.
     at_bound : bool
-        The value rests on an end of its domain that lies outside the range: the data would go further.
+        The value rests on an end of its domain: the data would go further. At zero only where that lies outside the
+        range: many a part may be nothing.
     """
 
     parameter: ParameterName
@@ -52,19 +53,13 @@ class Pull:
         return f"{self.parameter} = {value}{space}, known {known}{space}{bound}"
 
     def shown(self, digits: int = 3) -> tuple[str, str, str]:
-        """Value, range and unit as a person reads them: a relative error in percent.
-
-        What has no unit and a range to either side of nothing is a relative error.
-        """
-        relative = self.unit == "1" and self.known[0] == -self.known[1]
-        share, unit = (100.0, "%") if relative else (1.0, printed_unit(self.unit))
-        low, high = (share * end for end in self.known)
-        known = (
-            f"{low:.3g} to {high:.3g}"
-            if np.isfinite([low, high]).all()
-            else (f"above {low:.3g}" if np.isfinite(low) else f"below {high:.3g}")
-        )
-        return f"{share * self.value:.{digits}g}", known, unit
+        """Value, range and unit as a person reads them."""
+        low, high = self.known
+        if np.isfinite([low, high]).all():
+            known = spoken(low, high)
+        else:
+            known = f"above {spoken(low)}" if np.isfinite(low) else f"below {spoken(high)}"
+        return spoken(self.value, digits=digits), known, printed_unit(self.unit)
 
 
 def pulls(refit: Refit) -> tuple[Pull, ...]:
@@ -76,7 +71,7 @@ def pulls(refit: Refit) -> tuple[Pull, ...]:
 
 def shown(found: tuple[Pull, ...]) -> tuple[Pull, ...]:
     """Those that a person is told of."""
-    outside = [p for p in found if not p.known[0] <= p.value <= p.known[1]]
+    outside = [p for p in found if not p.known[0] <= p.value <= p.known[1] or p.at_bound]
     # 1.0: pulls below this are no news
     return tuple(p for p in outside if abs(p.pull) >= 1.0 or p.at_bound)
 
@@ -109,8 +104,11 @@ def _pull(refit: Refit, name: ParameterName) -> Pull:
         known, pull = (mean - 2 * sd, mean + 2 * sd), (value - mean) / sd
     else:
         known, pull = problem.plausible(plain), problem.pulls(fit.theta)[name]
+    owner = problem.assembly.model.effects.get(Use.parse(name.owner).name)
+    # Relative errors of instruments, and those under a certificate, are given in percent.
+    relative = parameter.unit == "1" and (plain in problem.priors or (owner is not None and owner.instrument))
+    share, unit = (100.0, "percent") if relative else (1.0, parameter.unit)
+    shown, low, high = (share * parameter.from_si(one) for one in (value, *known))
     outside = not known[0] <= value <= known[1]
-    return Pull(
-        name, parameter.from_si(value), (parameter.from_si(known[0]), parameter.from_si(known[1])),
-        pull, parameter.unit, name in fit.at_bound and outside,
-    )  # fmt: skip
+    at_bound = name in fit.at_bound and (outside or value != 0)
+    return Pull(name, shown, (low, high), pull, unit, at_bound)
