@@ -12,16 +12,14 @@ from specan.errors import RequestError
 
 # Below `sample_data`: all but the scripts that made them, which need the simulators of the benches.
 SAMPLES = (
-    "recordings/*/*.tdms",
-    "recordings/*.tdms",
+    "recordings/**/*.tdms",
     "truth/*",
     "broken/*",
     "two_mass/*",
     "own_model/*",
     "worm_drive/*",
     "worm_gear/*",
-    "worm_gear/study/article/*",
-    "worm_gear/study/bench/*",
+    "worm_gear/study/*/*",
     "planetary_gear/*",
 )
 

@@ -87,5 +87,7 @@ def write_tdms(
                 ChannelObject(name, channel, row, {} if start else about)
                 for channel, row, about in zip(names, part, described, strict=True)
             ]
-            head = [] if start else [RootObject({"name": path.stem}), GroupObject(name, dict(group))]
+            # A file that gets its name when it is finished is hidden until then.
+            file = {} if path.name.startswith(".") else {"name": path.stem}
+            head = [] if start else [RootObject(file), GroupObject(name, dict(group))]
             writer.write_segment([*head, *objects])

@@ -37,8 +37,9 @@ def figure_change(change: Change) -> Figure:
     bars.set_xticks((0, 1), ("before", "after"))
     pairs = list(zip((one, two), ("before", "after"), (change.was, change.study), strict=True))
     reach = max(_residuals(axes, study, legend=text == "after") for axes, text, study in pairs)
+    signed = min(one.dataLim.y0, two.dataLim.y0) < 0  # and no magnitudes
     for axes, text, study in pairs:
-        axes.set_ylim(-1.05 * reach, 1.05 * reach)
+        axes.set_ylim(-1.05 * reach * signed, 1.05 * reach)
         chi2 = f", chi²/n {study.shown.reduced_chi2:.3g}" if study.data.known else ""
         axes.set_title(f"Residual {text}{chi2}")
     two.set_ylabel("")

@@ -86,7 +86,7 @@ def draw_residuals(axes: Axes, observation: OrderLinesObservation, predicted: Ar
     for channel, colour in zip(dict.fromkeys(observation.channels), cycle(COLOURS), strict=False):
         row, line = np.nonzero(observation.kept & (sensors == channel)[:, None])
         axes.plot(observation.known.order[line], gap[row, line], "o", ms=3, color=colour, label=channel)
-    axes.set(xlabel="Order", ylabel=f"|Measured - model| of {observation.name}")
+    axes.set(xlabel="Order", ylabel=axis_label("|Measured - model|", "m/s^2"))
     axes.legend(loc="upper left")
     return float(gap[observation.kept].max())
 

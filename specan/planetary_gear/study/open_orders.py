@@ -28,7 +28,7 @@ from specan.planetary_gear.study.order_lines import OrderLinesObservation, joine
 from specan.planetary_gear.study.teeth import check_teeth
 from specan.study.data.recordings import parted, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
-from specan.units import convert
+from specan.units import convert, printed_unit
 
 TITLE = "a recording"
 INDEX, TORQUE = "Tacho carrier", "Torque carrier"  # channels: phases are those at pulses of the first
@@ -160,7 +160,7 @@ def _as_printed(model: Model, name: str, value: float) -> tuple[float, Variable]
     """The value of a condition in the unit of its column, with three digits, and its words."""
     condition = model.conditions[name]
     shown = float(convert(value, condition.unit, condition.column_unit))
-    return float(f"{shown:.3g}"), Variable(name.replace("_", " "), condition.column_unit)
+    return float(f"{shown:.3g}"), Variable(name.replace("_", " "), printed_unit(condition.column_unit))
 
 
 def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, float]) -> NDArray[np.bool_]:

@@ -21,7 +21,7 @@ from specan.study.estimation.growing import growing as growing
 from specan.study.localisation.by_frequency import localise as localise
 from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.time import TimeObservation
-from specan.units import convert, is_compatible
+from specan.units import convert, is_compatible, spoken
 
 TITLE = "a recording (TDMS, WAV, CSV, MAT, HDF5, UFF)"
 
@@ -106,8 +106,8 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     for name, (size, stated) in noise.items():
         how = "as stated" if stated else "from the fastest changes"
         statements.append(
-            f"{name}: noise of {size:.3g} {model.observables[name].unit}, {how}; a diagnosis corrects it by what the "
-            "likeliest explanation leaves"
+            f"{name}: noise of {spoken(size, unit=model.observables[name].unit)}, {how}; a diagnosis corrects it by "
+            "what the likeliest explanation leaves"
         )
     return OpenedData((kept,), tuple(held_out), tuple(statements), model=model)
 
