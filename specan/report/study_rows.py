@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -52,10 +53,14 @@ class Rows:
     variables: Mapping[str, Variable]
     units: Mapping[str, str]
 
+    def at(self, places: Any) -> Rows:
+        """Those at some places: a mask or a slice."""
+        frame, levels, read = (one[places] for one in (self.frame, self.levels, self.read))
+        return replace(self, frame=frame, levels=levels, read=read)
+
     def of(self, observable: str) -> Rows:
         """Those of one observable, in one unit."""
-        mine = self.frame["observable"] == observable
-        return replace(self, frame=self.frame[mine], levels=self.levels[mine], read=self.read[mine])
+        return self.at(self.frame["observable"] == observable)
 
     def panel(self, kind: str, x: str, hue: str) -> Panel:
         """A point for each row, over `x` and in the colour of its level of `hue`, if one is named.

@@ -55,8 +55,7 @@ class TableAgreement:
     def _rows(self, trial: Trial) -> Rows:
         tables = [o for k in self._chosen if isinstance(o := trial.problem.observations[k], TableObservation)]
         rows = table_rows(self._model, tables, [trial.predictions[k] for k in self._chosen], self._known)
-        step = 1 + len(rows.frame) // MOST_ROWS
-        return replace(rows, frame=rows.frame[::step], read=rows.read[::step])
+        return rows.at(slice(None, None, 1 + len(rows.frame) // MOST_ROWS))
 
     def show(self, trial: Trial) -> None:
         """Show another fit of the same rows; beside a trial the model as it is stays, pale."""
