@@ -76,7 +76,7 @@ class ResidualMap:
 
 
 def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
-    """The map of a fitted model; None where no operating variable varies.
+    """The map of a fitted model; None where no operating variable varies, or nothing is to be shown.
 
     Blocks are those of `specan.study.localisation.localise`: nuisance parameters cannot hide a failure in them.
     """
@@ -85,21 +85,24 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
     if not names:
         return None
     across, up = names[0], names[1] if len(names) > 1 else ""
-    columns, rows = _levels(labels[across]), _levels(labels[up]) if up else [""]
+    rows = _levels(labels[up]) if up else [""]
     blocks = gathered((frozenset(block.where.items()), block) for block in localise(problem, best).blocks)
-    cells = tuple(
-        tuple(
-            tuple(_blocks_of(blocks, labels, {across: column, **({up: row} if up else {})}))
-            for column in columns
-        )
-        for row in rows
-    )
+    columns = {
+        level: [
+            tuple(_blocks_of(blocks, labels, {across: level, **({up: row} if up else {})})) for row in rows
+        ]
+        for level in _levels(labels[across])
+    }
+    # Numbers are a scale; of names those with nothing to show are left out.
+    columns = {level: cells for level, cells in columns.items() if any(cells) or not isinstance(level, str)}
+    if not columns:
+        return None
     variables = problem.observations[0].variables
     over, upwards = (
         tuple(variable_named(name, variables).short(level, unit=False) if name else "" for level in levels)
         for name, levels in ((across, columns), (up, rows))
     )
-    return ResidualMap(across, up, over, upwards, cells, dict(variables))
+    return ResidualMap(across, up, over, upwards, tuple(zip(*columns.values())), dict(variables))
 
 
 def map_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:
@@ -151,7 +154,7 @@ def _blocks_of(
 def failing_map(found: ResidualMap | None, known: bool) -> str:
     """Left-out z of every pair of levels as coloured cells; framed where it is significant."""
     if found is None:
-        return "<p>No operating variable varies: there is no map.</p>"
+        return "<p>No map: no operating variable varies, or the model fails nowhere.</p>"
     title = f"violet: low, orange: high, full colour at {found.end:g}; "
     title += "framed: significant" if known else "relative to 1 %"
     if known and not found.significant.any():
