@@ -103,7 +103,7 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("repeat_turns", turns, "1", "Turns of the carrier after which everything repeats.", ()),
         ("carrier_turn", turn, "1", "Turns of the carrier.", ()),
         ("mesh_waves", np.exp(2j * np.pi * gear.z_ring * np.outer(np.arange(1, HARMONICS + 1), turn)), "1",
-         "exp(2j pi h z_ring turn), one row a harmonic of the mesh.", ()),
+         "exp(2j pi h z_ring turn), one row per harmonic of the mesh.", ()),
         ("transfer_path", path_window(2 * np.pi * turn + from_sensor), "1",
          "Weight with which each sensor hears each planet as it passes, (sensors, planets, angle).", ("sensor",)),
         ("sun_order", float(sun_order(gear)), "1", "Turns of the sun against the carrier.", ()),

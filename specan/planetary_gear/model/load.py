@@ -48,7 +48,7 @@ def planet_stiffness(load_share):
     return load_share / np.mean(load_share)
 
 
-@quantity(unit="N", axes=("planet",), reference="springs between rigid carrier, sun and ring, one a planet")
+@quantity(unit="N", axes=("planet",), reference="springs between rigid carrier, sun and ring, one per planet")
 def planet_load(mean_load, planet_stiffness, planet_position, load_stiffness, pressure_cosine):
     """Force that each planet passes on, (operating points, planets).
 

@@ -67,8 +67,8 @@ def figure_compare_orders(study: Study, channel: str | None = None) -> Figure:
     figure.align_ylabels(grid[:, 0])
     heading(
         figure, f"{study.directory.resolve().name}: measured and model", *state_of(study),
-        f"{observation.of_row[row]}, {observation.channels[row]}. Lines: measured. Dashes: model with one gain a "
-        "harmonic. Grey: below it nothing is known.",
+        f"{observation.of_row[row]}, {observation.channels[row]}. Lines: measured. Dashes: model with one gain "
+        "per harmonic. Grey: below it nothing is known.",
     )  # fmt: skip
     return figure
 

@@ -103,7 +103,7 @@ def _check_columns(
         raise InputError(
             f"{table.path}: the column{'s' if several else ''} {names} {'are' if several else 'is'} missing{why} "
             f"(found: {', '.join(table.frame)})",
-            remedy=f'add it, or say which header it has: --column "{missing[0]}=HEADER"',
+            remedy=f'add it, or name its header: --column "{missing[0]}=HEADER"',
         )
     if there.isdisjoint(measurable):
         raise InputError(
