@@ -17,7 +17,7 @@ from typing import Any
 from pydantic_core import core_schema
 
 from specan.errors import RequestError, require_known
-from specan.units import base_unit, convert
+from specan.units import base_unit, convert, spoken
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,9 @@ class Parameter:
     def __post_init__(self) -> None:
         low, high = self.domain
         if not low <= self.default <= high:
+            start = spoken(self.default, unit=self.unit, digits=6)
             raise RequestError(
-                f"a parameter ({self.doc or 'undocumented'}) starts at {self.default} {self.unit}",
+                f"a parameter ({self.doc or 'undocumented'}) starts at {start}",
                 expected=f"a value between {low} and {high}",
             )
         if self.min > self.max:

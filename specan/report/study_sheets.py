@@ -103,10 +103,14 @@ def _in_unit(unit: str) -> str:
     return f", {printed_unit(unit)}".removesuffix(", ")
 
 
-def pulls(found: Iterable[Pull]) -> Sheet:
+def pulls(found: Sequence[Pull]) -> Sheet:
     """Values of a fit outside of what was known of them."""
-    rows = [[p.parameter, *p.shown(), f"{p.pull:+.1f}", "at its bound" if p.at_bound else ""] for p in found]
-    header = ["parameter", "value", "known", "unit", "off by", ""]
+    off = [f"{p.pull:+.1f}" if p.pull else "" for p in found]
+    rows = [
+        [p.parameter, spoken(p.value, unit=p.unit), p.range, by, "at its bound" * p.at_bound]
+        for p, by in zip(found, off, strict=True)
+    ]
+    header = ["parameter", "value", "known", "off by", ""]
     return Sheet("Values outside the known range, in standard uncertainties", header, rows)
 
 

@@ -84,31 +84,22 @@ class Comparison(Result):
             unseen = zip(study.data.held_out, study.held_out.predictions, strict=True)
             parts += [("held-out", one, predicted) for one, predicted in unseen]
         known = study.model.observables
-        own = ("data", "observable", "measured", "model", "residual", "u", "unit")
         columns = {name: c.column for name, c in study.model.conditions.items() if not c.group}
         frames = []
         for data, one, predicted in parts:
             names = np.broadcast_to(getattr(one, "observable", one.name), one.measured.shape)
-            frames.append(
-                pd.DataFrame(
-                    {
-                        **one.places,
-                        "data": data,
-                        **{n: labels for n, labels in one.labels.items() if n not in columns},
-                        **{
-                            f"{c} (condition)" if c in own else c: readings(study.model, one, c)
-                            for n, c in columns.items()
-                            if n in one.conditions
-                        },
-                        "observable": names,
-                        "measured": one.measured,
-                        "model": predicted,
-                        "residual": one.measured - predicted,
-                        "u": one.sigma,
-                        "unit": [known[name].unit if name in known else "" for name in names],
-                    }
-                )
-            )
+            own = {
+                "observable": names,
+                "measured": one.measured,
+                "model": predicted,
+                "residual": one.measured - predicted,
+                "u": one.sigma,
+                "unit": [known[name].unit if name in known else "" for name in names],
+            }
+            of_row = {n: labels for n, labels in one.labels.items() if n not in columns}
+            of_row |= {c: readings(study.model, one, c) for n, c in columns.items() if n in one.conditions}
+            rows = pd.DataFrame({**one.places, "data": data, **of_row}, index=np.arange(names.size))
+            frames.append(rows.join(pd.DataFrame(own), lsuffix=" (condition)"))
         return pd.concat(frames, ignore_index=True)
 
     @property

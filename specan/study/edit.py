@@ -13,12 +13,14 @@ import numpy as np
 from specan.errors import RequestError, SpecanError, nearest, require_known
 from specan.models import Use
 from specan.models.catalogue import effects_from_file
-from specan.result import Result, picked
+from specan.result import Result, counted, picked
 from specan.study.build_problem import undetermined
 from specan.study.create import effect_entry, hold_undetermined
 from specan.study.estimation.fit import fit
 from specan.study.history import History, Step, changing, commit, error_pairs
 from specan.study.selection.candidates import without
+from specan.study.selection.pulls import pulls, shown
+from specan.study.selection.refits import Refit
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyText, read_study_file, use_of
 from specan.study.user_effects import rival_laws
@@ -239,18 +241,10 @@ def _remarks_on_adding(
     count = len(new.best.theta) - len(old.best.theta)
     if new.data.known and fall < count * np.log(new.problem.n_effective):
         remarks.append(
-            f"chi-square falls by {fall:.1f}, less than the penalty of {count} new parameter{'s' * (count != 1)} "
+            f"chi-square falls by {fall:.1f}, less than the penalty of {counted(count, 'new parameter')} "
             f"({count * np.log(new.problem.n_effective):.1f}): {use} is not supported by the data"
         )
-    for name in new.best.at_bound:
-        ends = new.problem.domain(name.whole)
-        end = min(ends, key=lambda e: abs(e - new.best.theta[new.best.names.index(name)]))
-        parameter = new.problem.assembly.parameters[name.whole]
-        value = spoken(parameter.from_si(end), unit=parameter.unit, digits=6)
-        remarks.append(f"{name} lies at the end of its domain, {value}")
-    for other, row in new.parameters.items():
-        if not row["plausible"]:
-            remarks.append(f"{other} = {spoken(row['value'], unit=row['unit'])} lies outside its known range")
+    remarks += [pull.text for pull in shown(pulls(Refit(frozenset(), new.problem, new.best)))]
     free = [n for n in undetermined(new.problem, new.best.theta) if n.whole not in new.problem.priors]
     remarks += [f"{name} is not determined by these data at the values that were found" for name in free]
     if new.data.known:

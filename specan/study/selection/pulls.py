@@ -8,7 +8,7 @@ import numpy as np
 
 from specan.models.effect import ParameterName, Use
 from specan.study.selection.refits import Refit
-from specan.units import printed_unit, spoken
+from specan.units import spoken
 
 # Standard deviations beyond which a fit holds only with a value that contradicts what is known: three, as for an
 # outlier of a normal law (p = 0.003).
@@ -45,21 +45,17 @@ class Pull:
         return abs(self.pull) > TOO_FAR or self.at_bound
 
     @property
+    def range(self) -> str:
+        """What was known, as a person reads it."""
+        ends = [end for end in self.known if np.isfinite(end)]
+        side = "" if len(ends) > 1 else "above " if np.isfinite(self.known[0]) else "below "
+        return side + spoken(*ends, unit=self.unit)
+
+    @property
     def text(self) -> str:
         """``mu = 0.22, known 0.01 to 0.12``."""
-        value, known, unit = self.shown(2)
-        space = f" {unit}" if unit else ""
         bound = ", at the end of its domain" if self.at_bound else ""
-        return f"{self.parameter} = {value}{space}, known {known}{space}{bound}"
-
-    def shown(self, digits: int = 3) -> tuple[str, str, str]:
-        """Value, range and unit as a person reads them."""
-        low, high = self.known
-        if np.isfinite([low, high]).all():
-            known = spoken(low, high)
-        else:
-            known = f"above {spoken(low)}" if np.isfinite(low) else f"below {spoken(high)}"
-        return spoken(self.value, digits=digits), known, printed_unit(self.unit)
+        return f"{self.parameter} = {spoken(self.value, unit=self.unit, digits=2)}, known {self.range}{bound}"
 
 
 def pulls(refit: Refit) -> tuple[Pull, ...]:
