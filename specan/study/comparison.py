@@ -99,7 +99,8 @@ class Comparison(Result):
             of_row = {n: labels for n, labels in one.labels.items() if n not in columns}
             of_row |= {c: readings(study.model, one, c) for n, c in columns.items() if n in one.conditions}
             rows = pd.DataFrame({**one.places, "data": data, **of_row}, index=np.arange(names.size))
-            frames.append(rows.join(pd.DataFrame(own), lsuffix=" (condition)"))
+            rows = rows.rename(columns={name: f"{name} (condition)" for name in own})
+            frames.append(rows.assign(**own))
         return pd.concat(frames, ignore_index=True)
 
     @property

@@ -230,7 +230,7 @@ def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Ite
         unit = printed_unit(problem.assembly.model.observables[observable].unit)
         ranges = _ranges(observable, unit, rows, np.abs(predicted)) if o.kind == "table" else ()
         for name, text, shape in (*_courses(o), *ranges):
-            for kind, size in {"gain": np.abs(predicted), "zero": level}.items():
+            for kind, size in {"gain": predicted, "zero": level}.items():
                 columns = (size * rows)[:, None] * shape
                 if np.any(columns):
                     yield Fault(name.format(kind), text.format(kind), columns)
