@@ -189,9 +189,8 @@ def printed_unit(unit: str) -> str:
     ['°C', 'N·m', 'bar/(m³/s)²', 'µm/N', '%', 'mmH2O', 'N/m⁵', '']
     """
     shown = re.sub(r"\bu(m|Pa|N)\b", r"µ\1", unit.replace("**", "^").replace("*", "·"))
-    powers = re.sub(
-        r"(?<=[A-Za-z)])(\^?[23]|\^[4-9])(?![\w.])", lambda found: "²³⁴⁵⁶⁷⁸⁹"[int(found[0][-1]) - 2], shown
-    )
+    raised = re.compile(r"(?<=[A-Za-z)])(\^?[23]|\^[4-9])(?![\w.])")
+    powers = raised.sub(lambda found: "²³⁴⁵⁶⁷⁸⁹"[int(found[0][-1]) - 2], shown)
     return {"degC": "°C", "degF": "°F", "percent": "%", "1": ""}.get(unit, powers)
 
 

@@ -161,11 +161,13 @@ def figure_orders(found: OrderSpectrum) -> Drawing:
 
 
 def figure_order_map(found: OrderSpectrum) -> Drawing:
-    """Levels against order and speed, one panel a channel; columns in the order of speed."""
-    place, positive = np.argsort(found.speed_hz, kind="stable"), found.order > 0
+    """Levels against order and speed, one panel a channel; at a steady speed against time."""
+    steady = found.tacho.drift_percent < 1.0
+    over = found.time_s if steady else found.speed_hz
+    place, positive = np.argsort(over, kind="stable"), found.order > 0
     pictures = [
-        Picture(name, found.order[positive], found.speed_hz[place], found.map_level_dB[place, row][:, positive],
-                "Speed / Hz", level_label(level_reference(unit).text))
+        Picture(name, found.order[positive], over[place], found.map_level_dB[place, row][:, positive],
+                "Time / s" if steady else "Speed / Hz", level_label(level_reference(unit).text))
         for row, (name, unit) in enumerate(zip(found.channels[:_MOST_MAPS], found.units, strict=False))
     ]  # fmt: skip
     left_out = len(found.channels) - len(pictures)

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import specan
 from specan.errors import RequestError
 from specan.io.write_tdms import write_tdms
+from specan.report.figures_spectra import figure_order_map
 from specan_cli.main import main
 
 
@@ -68,6 +70,14 @@ def test_pictures_and_text(run_up, tmp_path):
     assert rows[0][:3] == ["channel", "order", "amplitude"]
     strongest = max(rows[1:], key=lambda row: float(row[2]))
     assert strongest[1] == "24"
+
+
+def test_a_map_is_over_speed_and_at_a_steady_speed_over_time(run_up):
+    by_tacho, stated = specan.orders(run_up), specan.orders(run_up, speed_hz=25.0)
+    assert [figure_order_map(one).pictures[0].y_label for one in (by_tacho, stated)] == [
+        "Speed / Hz",
+        "Time / s",
+    ]
 
 
 def test_an_envelope_band_that_cannot_be_read(run_up):
