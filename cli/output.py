@@ -230,13 +230,15 @@ class OutputFile(click.Path):
         """
         ending = path.suffix.lower()
         if self.endings and ending and ending not in self.endings:
-            options = [
-                p for p in click.get_current_context().command.params if isinstance(p.type, OutputFile)
-            ]
+            options = {
+                p.name: p.type.endings
+                for p in click.get_current_context().command.params
+                if isinstance(p.type, OutputFile)
+            }
             raise RequestError(
                 f"{path} ends in {ending}, a format that this command cannot write",
                 expected=", ".join(self.endings),
-                remedy=", ".join(f"give --{p.name} {path}" for p in options if ending in p.type.endings),
+                remedy=", ".join(f"give --{name} {path}" for name, ends in options.items() if ending in ends),
             )
 
 

@@ -432,6 +432,8 @@ def _given(
         values, slopes = drives[:rows], np.gradient(drives[:rows], axis=1)
         around = values[:, 3:-1] - values[:, 1:-3], values[:, 4:] - values[:, :-4]
         slopes[:, 2:-2] = (8 * around[0] - around[1]) / 12
+        still = np.diff(values, axis=1) == 0  # what is switched has no slope before and after
+        slopes[:, :-1][still] = slopes[:, 1:][still] = 0.0
         drives[rows:] = slopes
     return times, drives, starts
 

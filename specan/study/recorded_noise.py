@@ -109,7 +109,7 @@ def _likeliest_first(
     order = sorted(
         zip(promises, models, grown(models), strict=True), key=lambda one: (-one[2].share, one[2].chi2)
     )
-    catalogue.led = {promise.use: led.values for promise, _, led in order}
+    catalogue.led = {promise.use: led.values for promise, _, led in order if led.share == 1}
     best, likeliest, led = order[0]
     for o in problem.observations:
         if isinstance(o, TimeObservation) and (why := _runs_apart(o, likeliest, led.values)):

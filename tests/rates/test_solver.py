@@ -284,3 +284,17 @@ def test_dry_friction_turns_round_within_a_sample(shift: float, count: int) -> N
     error = np.asarray(found["x_measured"]) - known
     assert np.std(error[width > 0]) < 1.2e-6
     assert model.solver.method() == "Runge-Kutta, at most 1 step per sample"
+
+
+def test_what_is_switched_does_nothing_before_and_overshoots_nothing_after(way):
+    """The integral of a step between two samples: zero, then a straight line from half way."""
+
+    def dx(u):
+        return u
+
+    model = Model.from_rates(
+        dx, states={"x": State("m")}, inputs={"u": "m/s"}, observables={"x": Signal("m", 1e-9)}
+    )
+    time = np.arange(40.0)
+    found = model.assemble().evaluate({"time": time, "u_channel": (time > 19.5) * 1.0})
+    assert np.allclose(found["x_measured"], np.maximum(time - 19.5, 0), rtol=0, atol=1e-12)

@@ -309,7 +309,11 @@ def larger_noise(problem: Problem) -> str:
         for name, noise in o.noise.items()
         if noise.times > 2.0
     ]
-    return f"{' and '.join(found)}: something may be missing there" if found else ""
+    stated = all(
+        set(o.noise) <= set(o.stated) for o in problem.observations if isinstance(o, TimeObservation)
+    )
+    advice = "" if stated else " (state the noise of the channel, Signal(unit, noise), to decide)"
+    return f"{' and '.join(found)}: something may be missing there{advice}" if found else ""
 
 
 def _form(one: Explanation) -> str:

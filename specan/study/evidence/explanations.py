@@ -248,6 +248,9 @@ class Explanations:
                 continue
             singles = sum(len(other) == 1 for _, other in fitted)
             anyway = not form.parts and len(uses) == 1 and (self._bends or singles < self.fitted_anyway)
+            anyway &= promise.use in (
+                form.catalogue.led or uses
+            )  # of those that are far off, what came nearest
             if not (anyway or self._worth_a_fit(uses, -promised)):
                 self._left.setdefault(key, (-promised, form, promise))
                 continue

@@ -89,7 +89,7 @@ class Catalogue:
     not_testable : dict
         Effects that the data say nothing about, with the reason.
     led : dict
-        Values from which else to fit each.
+        Where the base is far off, values from which else to fit those effects that come nearest.
     """
 
     def __init__(
