@@ -349,15 +349,9 @@ def _of_machine(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
     instruments = {name for name, effect in known.items() if effect.instrument}
     own = [k for k, n in enumerate(problem.names) if Use.parse(n.owner).name not in instruments]
     changes = (problem.sensitivities(tangent.theta)[0] * tangent.theta)[:, own]
-
-    def in_words(by: Array) -> str:
-        # 0.1: change over the largest, below which it is not told
-        told = [(problem.names[k], x) for k, x in zip(own, by, strict=True) if abs(x) > 0.1 * abs(by).max()]
-        return ", ".join(f"{name} by {100 * x:+.2g} %" for name, x in told)
-
     for line, after in _from_a_row_on(o) if np.any(changes) else ():
-        text = f"the machine is another from {line} on, as after a change of oil or parts: "
-        yield Fault("machine from a row on", text, changes * after[:, None], in_words=in_words)
+        text = f"the machine is another from {line} on, as after a change of oil or parts"
+        yield Fault("machine from a row on", text, changes * after[:, None])
 
 
 def levels(problem: Problem) -> Iterator[Flags]:

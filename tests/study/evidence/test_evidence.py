@@ -185,11 +185,9 @@ def test_parts_that_were_changed_between_two_rows_are_told_with_their_sizes(toy,
     found = told(base_problem(model, [rows]))
     assert found.verdict == "faulty-data"
     assert "the machine is another from line 22 on" in found.reason
-    for name, change in {"slope": 50, "offset": 50 * offset}.items():
-        size = re.search(rf"line.{name} by ([-+\d.]+) %", found.reason)
-        assert (float(size[1]) if size else 0) == pytest.approx(
-            change, abs=12
-        )  # a share of what all rows give
+    change = np.where(order >= 20, offset + 1.5 * toy.x, 0.0)
+    (size,) = re.findall(r"reading by up to ([\d.]+) W", found.reason)
+    assert float(size) == pytest.approx(np.ptp(change), rel=0.15)
 
 
 def test_faults_between_which_nothing_decides_are_all_said():
