@@ -269,7 +269,7 @@ _COMPILED: dict[tuple[str, str], Any] = {}  # by what was compiled: a model that
 
 @cache
 def _numba() -> Any:
-    """The compiler, which is told what it does not know of single numbers; None where it is not installed."""
+    """The compiler, which is told what limits of single numbers are; None where it is not installed."""
     try:
         import numba
     except ImportError:
@@ -278,9 +278,6 @@ def _numba() -> Any:
     one = numba.types.Number
     numba.extending.overload(np.clip)(
         lambda x, low, high: (lambda x, low, high: min(max(x, low), high)) if isinstance(x, one) else None
-    )
-    numba.extending.overload(np.heaviside)(
-        lambda x, there: lambda x, there: there if x == 0 else 1.0 * (x > 0)
     )
     return numba
 

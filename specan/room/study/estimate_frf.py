@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from specan.analysis.transfer_function import TransferFunction
-from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.dsp.welch import power_density
@@ -81,7 +80,9 @@ def observe_recording(
         kept[:, (frequency_hz >= low) & (frequency_hz <= high)] = False
     if not kept.any():
         raise RequestError("all lines of the band are left out", remedy="leave out less, or widen the band")
-    power = _block_power(driven[found.start :], block, found.numbers)
+    window, reference = np.hanning(block + 1)[:-1], driven[found.start :]
+    blocks = [reference[s : s + block] for s in range(0, reference.size - block + 1, block // 2)]
+    power = np.array([np.abs(np.fft.rfft(window * one)[found.numbers]) ** 2 for one in blocks])
     plain = FieldObservation(
         name=recording.label,
         recording=recording.label,
@@ -158,13 +159,6 @@ def _estimated(
             remedy="check the channels or change [band]",
         )
     return found, own
-
-
-def _block_power(reference: Real, block: int, lines: Any) -> Real:
-    """Power of the reference at some lines in every half-overlapping block, array (blocks, lines)."""
-    window = np.hanning(block + 1)[:-1]
-    starts = range(0, reference.size - block + 1, block // 2)
-    return np.array([np.abs(np.fft.rfft(window * reference[s : s + block])[lines]) ** 2 for s in starts])
 
 
 def _in_rows(own: InRecording, count: int, part: Any, fill: float) -> Any:

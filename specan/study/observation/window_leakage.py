@@ -85,7 +85,9 @@ def fold(
     for row, line in enumerate(lines):
         low = max(1, int(np.ceil((line - REACH) * per_line)))
         k = np.arange(low, min(int((line + REACH) * per_line) + 1, len(spectrum)))
-        seen = _hann_response(line - k / per_line, block)
+        off = line - k / per_line  # lines, of the periodic Hann window's transform
+        beside = _dirichlet(off - 1, block) + _dirichlet(off + 1, block)
+        seen = 0.5 * _dirichlet(off, block) - 0.25 * beside
         turned = _sum_over_blocks(k, starts, hop, n, np.conj(blocks_e[:, row]))
         fine = spectrum[k] * seen * turned / (n * power[row])
         between = _interpolation(k / per_line * NODES_PER_LINE, numbers)
@@ -103,13 +105,6 @@ def _sum_over_blocks(
         total *= step
         total += factor
     return total * np.exp(2j * np.pi * (k * int(starts[0]) % n) / n)
-
-
-def _hann_response(offset: Real, block: int) -> Complex:
-    """Fourier transform of the periodic Hann window at an offset in lines."""
-    return 0.5 * _dirichlet(offset, block) - 0.25 * (
-        _dirichlet(offset - 1, block) + _dirichlet(offset + 1, block)
-    )
 
 
 def _dirichlet(x: Real, block: int) -> Complex:
