@@ -80,8 +80,8 @@ def observe_recording(
         kept[:, (frequency_hz >= low) & (frequency_hz <= high)] = False
     if not kept.any():
         raise RequestError("all lines of the band are left out", remedy="leave out less, or widen the band")
-    window, reference = np.hanning(block + 1)[:-1], driven[found.start :]
-    blocks = [reference[s : s + block] for s in range(0, reference.size - block + 1, block // 2)]
+    window, driving = np.hanning(block + 1)[:-1], driven[found.start :]
+    blocks = [driving[s : s + block] for s in range(0, driving.size - block + 1, block // 2)]
     power = np.array([np.abs(np.fft.rfft(window * one)[found.numbers]) ** 2 for one in blocks])
     plain = FieldObservation(
         name=recording.label,
