@@ -19,7 +19,7 @@ SAMPLES = (
     "own_model/*",
     "worm_drive/*",
     "worm_gear/*",
-    "worm_gear/study/*/*",
+    "worm_gear/study/[!_]*/*",
     "planetary_gear/*",
 )
 

@@ -215,7 +215,7 @@ def test_noise_is_no_calibrator() -> None:
 
 def test_a_recording_too_short_says_so(rig: Rig) -> None:
     take = calibrator_take(rig, (1, 2), 400, RATE, 1)
-    with pytest.raises(InputError, match="hold fewer than 200 cycles"):
+    with pytest.raises(InputError, match="is shorter than 200 cycles"):
         evaluate_insertion(recording(take, "short.tdms"))
 
 

@@ -124,7 +124,7 @@ def test_no_vibrometer(noise, tmp_path):
     ("arguments", "message"),
     [
         (["--reference", "Vib"], "no channel 'Vib'"),
-        (["--plot", "figure"], ".png"),
+        (["--plot", "figure.doc"], ".png"),
         (["--plot", "nowhere/figure.png"], "does not exist"),
         (["--fmin", "5000"], "no line"),
         (["--overlap", "1.5"], "overlap"),

@@ -106,7 +106,7 @@ def flat(box):
         (with_an_odd_name, "'y1.left'.*without"),
         (without_volume, "holds no tetrahedra, only triangle"),
         (with_a_gap_inside, "has a hole"),
-        (with_a_wall_that_ends, r"has a hole: 0\.0.* m\^2"),
+        (with_a_wall_that_ends, r"has a hole: 0\.0.* m²"),
         (with_a_wall_inside, "'screen'.*no outer face"),
         (with_a_triangle_twice, "belongs to 'y1' and to 'door'"),
         (in_millimetres, "900 x 600 x 700 m large.*millimetres"),
