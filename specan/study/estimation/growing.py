@@ -18,6 +18,7 @@ from specan.study.estimation.levenberg_marquardt import NotSettledError, descend
 from specan.study.estimation.problem import Problem
 from specan.study.observation.time import TimeObservation
 
+# All four are assumed.
 FAR = 0.5  # of the RMS of what is measured, from which a straight line from a fit leads nowhere
 LEAST = 10  # samples for each parameter, of the first moments
 LONGER = 1.4  # each part than the one before, and models that go on

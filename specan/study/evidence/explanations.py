@@ -248,9 +248,8 @@ class Explanations:
                 continue
             singles = sum(len(other) == 1 for _, other in fitted)
             anyway = not form.parts and len(uses) == 1 and (self._bends or singles < self.fitted_anyway)
-            anyway &= promise.use in (
-                form.catalogue.led or uses
-            )  # of those that are far off, what came nearest
+            # Where the base is far off, only what came nearest.
+            anyway &= promise.use in (form.catalogue.led or uses)
             if not (anyway or self._worth_a_fit(uses, -promised)):
                 self._left.setdefault(key, (-promised, form, promise))
                 continue
