@@ -106,22 +106,24 @@ def recordings(place: Path, values: int, rng: np.random.Generator) -> Iterator[s
     import specan
     from specan.inspect.opened import Opened, watched
     from specan.inspect.recording_page import RecordingPage
-    from specan.inspect.view import View
+    from specan.inspect.view import OF_TABS, View
 
-    tabs = View.model_fields["tab"].annotation.__args__
+    tabs = list(OF_TABS)
+    common = [(field, tabs) for field in View.model_fields if field != "settings"]
+    own = [(field, [tab]) for tab, kind in OF_TABS.items() for field in kind.model_fields]
     for name in FILES:
         files = Opened((watched(specan.read(place / name), place / name),), ())
         fill = partial(RecordingPage, opened=files)
         keys = list(files.keys)
-        for field in View.model_fields:
+        for field, places in (*common, *own):
             for k in rng.permutation(len(fuzz_commands.ODD))[:values]:
-                tab, odd = tabs[int(rng.integers(len(tabs)))], fuzz_commands.ODD[k]
+                tab, odd = places[int(rng.integers(len(places)))], fuzz_commands.ODD[k]
                 address = {"tab": [tab.encode()], field: [odd.encode()]}
-                if tab == "orders" and field != "speed":
-                    address.setdefault("speed", [b"10"])
+                if tab == "orders" and field != "speed_hz":
+                    address.setdefault("speed_hz", [b"10"])
                 yield from (f"{name}: {text}" for text in of_page(fill, address, {}))
                 change = {field: (odd,) if field == "channel" else odd}
-                if field in ("reference", "over", "tacho", "of", "instrument"):
+                if field in ("reference", "tacho", "of", "instrument"):
                     change = {field: keys[int(rng.integers(len(keys)))]}
                 yield from (f"{name}: {text}" for text in of_page(fill, {"tab": [tab.encode()]}, change))
         for tab in tabs:

@@ -23,6 +23,7 @@ class Settings(BaseModel):
 
 
 def _offered(value: int | str) -> int | str:
+    value = int(value) if str(value).isdigit() else value
     if value not in DIVISIONS:
         raise ValueError(f"{', '.join(map(str, DIVISIONS[:-1]))} or {DIVISIONS[-1]!r}")
     return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -126,6 +127,12 @@ class Opened:
         return tuple(
             k for k in keys if k in known and known[k][1].role != "tacho" and known[k][1].label != named
         )
+
+    def command(self, number: int, verb: str, words: Sequence[str]) -> str:
+        """A verb for one of the recordings, read as it was here."""
+        recording = self.recordings[number]
+        path = getattr(recording.source, "path", recording.label)
+        return shlex.join(["specan", verb, str(path), *words, *self.arguments])
 
     @property
     def calibration(self) -> str:

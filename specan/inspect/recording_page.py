@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ from specan.inspect.tabs.levels import LevelsTab, OctaveTab
 from specan.inspect.tabs.orders import OrdersTab
 from specan.inspect.tabs.spectra import FftTab, FrfTab, SpectrogramTab
 from specan.inspect.tabs.tab import Found, Tab, text_of
-from specan.inspect.view import View, commands
+from specan.inspect.view import View
 from specan.inspect.waveform_view import WaveformView
 from specan.inspect.work import Tell
 from specan.report.figure_style import image
@@ -68,6 +69,7 @@ class RecordingPage(Page):
         self.drawing = self.worker(self._failed)
         self.view = view = self._with_channels(self.view)
         self.tabs: dict[str, Tab] = {kind.name: kind(opened, view, self.change) for kind in TABS}
+        self._settings: dict[str, Mapping[str, Any]] = {}  # of each tab that was in front
         self.found: Found = []
         self.waveform = WaveformView(opened, view, self._moved, self._chosen)
         self._moving = False
@@ -172,8 +174,9 @@ class RecordingPage(Page):
 
     def change(self, **changes: Any) -> None:
         """Other settings: address, waveform, results follow."""
+        self._settings[self.view.tab] = self.view.settings
         try:
-            view = self.view.but(**changes)
+            view = self.view.but(**{**self._settings.get(changes.get("tab", ""), {}), **changes})
         except SpecanError as fault:
             self._failed(str(fault))
             return
@@ -186,7 +189,6 @@ class RecordingPage(Page):
         if view.tab != old.tab:
             self.found = []
             self.readout.text = ""
-            self.tabs[view.tab].settings_of(view)
             self._wait()
         self.waveform.show_section(view)
         self._start.value, self._stop.value, self._cursor.value = view.start, view.stop, view.cursor
@@ -269,7 +271,7 @@ class RecordingPage(Page):
         return "\n".join(content.decode() for _, content in self._contents("txt"))
 
     def _command(self) -> str:
-        return "\n".join(commands(self.opened, self.view))
+        return "\n".join(self.tabs[self.view.tab].commands(self.view))
 
     def _contents(self, kind: str) -> list[tuple[int, bytes]]:
         """Numbers or figure of each result on the tab, as its verb gives them."""

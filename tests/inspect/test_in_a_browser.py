@@ -83,8 +83,6 @@ def test_zoom_section_and_numbers(browser, open_page, serve):
         [
             str(NOISE),
             *channels,
-            "--fmin",
-            "20",
             "--start",
             str(start),
             "--stop",
@@ -135,7 +133,7 @@ def test_a_recording_whose_names_are_markup_and_which_changes_and_vanishes(
 @pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "orders", "info"])
 def test_a_tenth_of_a_second_of_zeros_beside_noise(open_page, silence, tab):
     """Every tab shows something, or says in a sentence what it would need."""
-    page = open_page(f"{silence}?tab={tab}&over=0&cursor=1000")
+    page = open_page(f"{silence}?tab={tab}&cursor=1000" + ("&reference=0" if tab == "frf" else ""))
     page.wait(lambda: page.script("return Bokeh.documents[0].get_model_by_name('tabs') != null"))
     page.wait(
         lambda: page.text("status").strip() or page.text("readout").strip() or page.text("info").strip()
@@ -177,8 +175,8 @@ FOUR = [o for k in (1, 2, 3, 4) for o in ("--channel", f"Measurement/Mic {k}")]
 def test_averaging_and_overlap_of_a_spectrum_are_those_of_the_command(browser, open_page, serve, tmp_path):
     page = open_page(serve(str(NOISE)) + "?tab=fft&lines=400&cursor=500")
     for name, text in (("exponential", "exponential"), ("max", "max hold"), ("min", "min hold")):
-        page.choose("spectrum_averaging", text)
-        page.wait(lambda name=name: f"spectrum_averaging={name}" in browser.current_url)
+        page.choose("averaging", text)
+        page.wait(lambda name=name: f"averaging={name}" in browser.current_url)
     page.type("overlap", "0.75")
     page.wait(lambda: "overlap=0.75" in browser.current_url and "dB" in page.text("readout"))
     expected = written(
@@ -216,7 +214,7 @@ def test_the_generator_as_instrument_and_the_uncertainty_on_screen(browser, open
 
 @pytest.mark.long
 def test_levels_are_saved_as_the_command_writes_them(browser, open_page, serve, tmp_path):
-    page = open_page(serve(str(NOISE)) + "?tab=levels&level_averaging=slow&level_weighting=A")
+    page = open_page(serve(str(NOISE)) + "?tab=levels&averaging=slow&weighting=A")
     page.wait(lambda: "Mic 4" in page.text("levels"))
     expected = written(rms, tmp_path, str(NOISE), *FOUR, "--averaging", "slow", "--weighting", "A")
     page.wait(lambda: saved_text(browser, page, "noise_24_microphones_levels.txt") == expected)

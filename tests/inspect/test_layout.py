@@ -16,10 +16,11 @@ import specan
 from specan.data.calibration import stated
 from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import Plots
+from specan.inspect.recording_page import TABS
 from specan.inspect.tabs.levels import OctaveTab
 from specan.inspect.tabs.spectra import FftTab, FrfTab
 from specan.inspect.tabs.tab import text_of
-from specan.inspect.view import View, commands
+from specan.inspect.view import View
 from specan.io.open import open_recording
 from specan.report.panels import Curve, Drawing, Panel
 from specan_cli.main import main
@@ -32,27 +33,29 @@ MODEL = "Bokeh.documents[0].get_model_by_name"
 @pytest.mark.parametrize(
     "view",
     [
-        View(fraction=12, weighting="A", start=0.5, stop=2.0),
-        View(averaging="fast", hold="max", fmin=100.0),
-        View(tab="fft", lines=400, window="flat-top", spectrum_averaging="exponential", reference="Mic 1"),
-        View(tab="frf", lines=400, estimator="H3c", overlap=0.75, unwrapped=True),
-        View(tab="levels", level_weighting="A", level_averaging="slow"),
-        View(tab="spectrogram", lines=200, of="Measurement/Mic 2"),
-        View(tab="orders", speed=25.125, turns=4, max_order=20.0, order_map=True),
-        View(tab="info"),
+        View().but(fraction=12, weighting="A", start=0.5, stop=2.0),
+        View().but(averaging="fast", hold="max", fmin=100.0),
+        View().but(tab="fft", lines=400, window="flat-top", averaging="exponential", reference="Mic 1"),
+        View().but(tab="frf", lines=400, estimator="H3c", overlap=0.75, unwrap=True),
+        View().but(tab="levels", weighting="A", averaging="slow"),
+        View().but(tab="spectrogram", lines=200, of="Measurement/Mic 2"),
+        View().but(tab="orders", speed_hz=25.125, turns=4, max_order=20.0, map=True),
+        View().but(tab="info"),
     ],
     ids=lambda view: view.tab,
 )
 def test_the_command_of_a_view_runs_and_takes_its_settings(view, tmp_path):
     opened = Opened((open_recording(NOISE),))
-    (line,) = commands(opened, view.but(channel=("Measurement/Mic 1", "Measurement/Mic 2")))
+    view = view.but(channel=("Measurement/Mic 1", "Measurement/Mic 2"))
+    tab = next(kind for kind in TABS if kind.name == view.tab)
+    (line,) = tab(opened, view, print).commands(view)
     program, *arguments = shlex.split(line)
     assert program == "specan"
     result = CliRunner().invoke(main, [*arguments, "--json"], catch_exceptions=False)
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
     if view.tab == "octave":
-        assert found["fraction"] == view.fraction
+        assert found["fraction"] == view.settings.get("fraction", 3)
         assert [c["channel"] for c in found["channels"]] == ["Mic 1", "Mic 2"]
 
 
@@ -67,8 +70,9 @@ def test_the_command_of_a_tab_gives_its_numbers_calibration_and_lines_included(t
     view = View(
         tab=tab.__name__.removesuffix("Tab").lower(), channel=("Measurement/Mic 1", "Measurement/Mic 2")
     )
-    found = tab(opened, view, lambda **_: None).compute(view, lambda _: True)
-    (line,) = commands(opened, view)
+    shown = tab(opened, view, lambda **_: None)
+    found = shown.compute(view, lambda _: True)
+    (line,) = shown.commands(view)
     done = CliRunner().invoke(main, [*shlex.split(line)[1:], "-o", "-"], catch_exceptions=False)
     shown = text_of(stated(found[0][1], recording)).decode()
     written, shown = (

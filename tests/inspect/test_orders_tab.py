@@ -17,7 +17,7 @@ from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import even
 from specan.inspect.tabs.orders import OrdersTab
 from specan.inspect.tabs.tab import text_of
-from specan.inspect.view import View, commands
+from specan.inspect.view import View
 from specan.report.figures_spectra import figure_order_map
 from specan_cli.main import main
 
@@ -49,7 +49,7 @@ def drawn(one: Opened, view: View, told: list[dict]) -> tuple[OrdersTab, list]:
 
 
 def test_an_order_stands_at_its_level_and_the_tacho_is_left_out():
-    tab, found = drawn(opened(), View(tab="orders", channel=KEYS, max_order=60.0), [])
+    tab, found = drawn(opened(), View().but(tab="orders", channel=KEYS, max_order=60.0), [])
     assert found[0][1].channels == ("Acc",)
     curves = tab.plots.first.source.data
     assert curves["name"] == ["Acc"]
@@ -62,7 +62,7 @@ def test_an_order_stands_at_its_level_and_the_tacho_is_left_out():
 
 def test_a_cursor_in_hertz_stands_at_its_order_at_the_mean_speed():
     told: list[dict] = []
-    tab, found = drawn(opened(), View(tab="orders", channel=KEYS, max_order=60.0), told)
+    tab, found = drawn(opened(), View().but(tab="orders", channel=KEYS, max_order=60.0), told)
     mean = (TURNS[-1] - TURNS[0]) / TIME[-1]
     speed = found[0][1].tacho.mean_hz
     assert speed == pytest.approx(mean, rel=0.01)
@@ -77,7 +77,7 @@ def test_a_cursor_in_hertz_stands_at_its_order_at_the_mean_speed():
 
 
 def test_orders_stand_upright_in_the_map_and_a_resonance_runs_along_a_hyperbola():
-    view = View(tab="orders", channel=KEYS, max_order=60.0, turns=8, order_map=True)
+    view = View().but(tab="orders", channel=KEYS, max_order=60.0, turns=8, map=True)
     tab, _ = drawn(opened(), view, [])
     (heat,) = tab.plots.maps.values()
     assert heat.sheet in tab.plots.body.children
@@ -94,7 +94,7 @@ def test_orders_stand_upright_in_the_map_and_a_resonance_runs_along_a_hyperbola(
 
 
 def test_a_line_is_not_lost_where_the_picture_has_fewer_columns():
-    view = View(tab="orders", channel=KEYS, turns=40, order_map=True)
+    view = View().but(tab="orders", channel=KEYS, turns=40, map=True)
     _, found = drawn(opened(), view, [])
     result = found[0][1]
     assert result.order.size > 1600
@@ -105,19 +105,19 @@ def test_a_line_is_not_lost_where_the_picture_has_fewer_columns():
 
 def test_without_a_tacho_the_page_asks_for_a_speed_and_takes_it():
     one = opened(tacho=False)
-    view = View(tab="orders", channel=("G/Acc",))
+    view = View().but(tab="orders", channel=("G/Acc",))
     with pytest.raises(RequestError, match=r"no tacho.*speed of the shaft"):
         drawn(one, view, [])
-    tab, found = drawn(one, view.but(speed=12.5, max_order=100.0, start=0.0, stop=4.0), [])
+    tab, found = drawn(one, view.but(speed_hz=12.5, max_order=100.0, start=0.0, stop=4.0), [])
     assert tab.per_hertz(found[0][1]) == 1 / 12.5
     assert found[0][1].order[np.argmax(found[0][1].amplitude[0])] == 40.0  # 500 Hz
-    named, _ = drawn(one, view.but(tacho="Other", pulses=1.0, channel=("G/Acc", "G/Other")), [])
+    named, _ = drawn(one, view.but(tacho="Other", pulses_per_turn=1.0, channel=("G/Acc", "G/Other")), [])
     assert named.plots.first.source.data["name"] == ["Acc"]
 
 
 def test_a_tacho_alone_is_nothing_to_analyse():
     with pytest.raises(RequestError, match="not a tacho"):
-        drawn(opened(), View(tab="orders", channel=("G/Tacho",)), [])
+        drawn(opened(), View().but(tab="orders", channel=("G/Tacho",)), [])
 
 
 @pytest.fixture
@@ -135,22 +135,24 @@ def test_the_command_gives_the_same_numbers(run_up, tmp_path):
     from specan.io.open import open_recording
 
     one = Opened((watched(open_recording(run_up), run_up),))
-    view = View(tab="orders", channel=tuple(one.keys), pulses=1.0, ratio=0.5, max_order=30.0, turns=4)
-    _, found = drawn(one, view, [])
-    (line,) = commands(one, view)
+    view = View().but(
+        tab="orders", channel=tuple(one.keys), pulses_per_turn=1.0, ratio=0.5, max_order=30.0, turns=4
+    )
+    tab, found = drawn(one, view, [])
+    (line,) = tab.commands(view)
     arguments = shlex.split(line)[1:]
     out = tmp_path / "orders.txt"
     result = CliRunner().invoke(main, [*arguments, "-o", str(out)], catch_exceptions=False)
     assert result.exit_code == 0, result.output
     assert text_of(stated(found[0][1], one.recordings[0])) == out.read_bytes()
-    with_map = commands(one, view.but(order_map=True))[0]
+    with_map = tab.commands(view.but(map=True))[0]
     shown = CliRunner().invoke(main, [*shlex.split(with_map)[1:], "--json"], catch_exceptions=False)
     assert len(json.loads(shown.stdout)["columns"]["speed_hz"]) > 1
 
 
 @pytest.mark.long
 def test_the_page_shows_orders_and_the_map(open_page, serve, run_up):
-    page = open_page(f"{serve(str(run_up))}?tab=orders&pulses=1&max_order=60&order_map=true&cursor=336")
+    page = open_page(f"{serve(str(run_up))}?tab=orders&pulses_per_turn=1&max_order=60&map=true&cursor=336")
     page.wait(lambda: "order 2" in page.text("readout"))
     data = "Bokeh.documents[0].get_model_by_name('picture').data"
     assert page.script(f"return ({data}.image ?? {data}.get('image')).length") == 1

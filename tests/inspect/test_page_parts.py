@@ -68,10 +68,11 @@ def hour() -> tuple[Recording, Counting]:
 def test_a_view_comes_back_from_its_address():
     from urllib.parse import parse_qs
 
-    view = View(tab="frf", channel=("G/Mic 1", "2:G/ä & b"), start=0.25, stop=1.5, fraction=12, weighting="A",
-                averaging="0.5", harmonics=True, cursor=123.456, lines=800, unwrapped=True)  # fmt: skip
+    view = View().but(tab="frf", channel=("G/Mic 1", "2:G/ä & b"), start=0.25, stop=1.5, estimator="H2",
+                      overlap="0.75", harmonics=True, cursor=123.456, lines=800, unwrap=True)  # fmt: skip
     arguments = {k: [v.encode() for v in values] for k, values in parse_qs(view.query).items()}
     assert View.from_arguments(arguments) == view
+    assert view.settings == {"estimator": "H2", "overlap": 0.75, "lines": 800, "unwrap": True}
 
 
 @pytest.mark.parametrize(
@@ -129,7 +130,7 @@ def test_what_is_not_read_yet_is_a_gap():
 
 def octave_tab(one: Recording, **settings) -> tuple[OctaveTab, View]:
     opened = Opened((one,))
-    view = View(channel=tuple(opened.keys), **settings)
+    view = View().but(channel=tuple(opened.keys), **settings)
     return OctaveTab(opened, view, lambda **changes: None), view
 
 
@@ -172,7 +173,7 @@ def test_the_level_against_time_is_that_of_the_verb():
     from specan.inspect.tabs.levels import LevelsTab
 
     opened = Opened((recording(2.0, 2),))
-    view = View(tab="levels", channel=("G/Mic 0", "G/Mic 1"), level_weighting="C", level_averaging="slow")
+    view = View().but(tab="levels", channel=("G/Mic 0", "G/Mic 1"), weighting="C", averaging="slow")
     tab = LevelsTab(opened, view, lambda **changes: None)
     found = tab.compute(view, go_on)
     tab.draw(found, view)

@@ -7,11 +7,6 @@ import numpy as np
 import pytest
 
 import specan
-from specan.analysis.levels import Levels
-from specan.analysis.octave import Octave
-from specan.analysis.orders import Orders
-from specan.analysis.spectrum import FourierSpectrum, SpectrogramSettings
-from specan.analysis.transfer_function import TransferFunction
 
 RATE = 8000
 
@@ -35,23 +30,6 @@ def test_the_equivalent_level_lies_between_the_lowest_and_the_highest(thud):
 def test_a_history_has_its_maximum_where_the_knock_is(thud):
     knock = specan.octave(thud, averaging="fast", band=2000).history
     assert knock.time_s[np.argmax(knock.level_dB[0, 0])] == pytest.approx(0.5, abs=knock.interval_s)
-
-
-@pytest.mark.parametrize(
-    ("tab", "kind"),
-    [
-        ("octave", Octave), ("fft", FourierSpectrum), ("frf", TransferFunction), ("levels", Levels),
-        ("spectrogram", SpectrogramSettings), ("orders", Orders),
-    ],
-)  # fmt: skip
-def test_what_the_page_does_not_write_into_its_command_is_what_the_verb_takes(tab, kind):
-    pytest.importorskip("bokeh")
-    from specan.inspect.view import View, settings_of
-
-    usual = {"fmin": 20.0, "fmax": 20000.0, "weighting": "Z" if tab == "octave" else "A"}
-    for setting, value in settings_of(View(), tab).items():
-        default = getattr(kind(), setting)
-        assert value == (usual.get(setting) if default is None else default)
 
 
 def test_a_spectrogram_shows_what_changes_unless_lines_are_given(thud):

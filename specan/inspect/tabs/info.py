@@ -17,9 +17,9 @@ _LONGEST, _MOST = 300, 300  # characters of a cell, and rows of a table that are
 class InfoTab(Tab):
     """Headers only; nothing is computed, and all of it is shown when the page opens."""
 
-    name, title, tip = "info", "Info", None
+    name, title, verb, tip = "info", "Info", "info", None
 
-    def add_controls(self, view: View) -> None:
+    def add_controls(self) -> None:
         """The tables."""
         content = Div(
             text="<hr>".join(map(_of, self.opened.recordings)), sizing_mode="stretch_width", name="info"
@@ -29,6 +29,10 @@ class InfoTab(Tab):
     def compute(self, view: View, tell: Tell) -> Found:
         """Nothing."""
         return []
+
+    def commands(self, view: View) -> list[str]:
+        """For each recording."""
+        return [self.opened.command(number, self.verb, []) for number in range(len(self.opened.recordings))]
 
 
 def _of(recording: Recording) -> str:

@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 import numpy as np
 from bokeh.models import Div, ScrollBox
 
-from specan.analysis.levels import Levels
 from specan.analysis.octave import READINGS_PER_TIME_CONSTANT, Octave
 from specan.data.band_levels import BandLevels
 from specan.data.levels import SignalLevels
@@ -18,7 +17,7 @@ from specan.dsp.weighting import FAST, SLOW
 from specan.inspect.look import share
 from specan.inspect.opened import Chosen
 from specan.inspect.tabs.tab import Found, Tab
-from specan.inspect.view import View
+from specan.inspect.view import View, written
 from specan.report.figure_style import micro
 from specan.report.figures_bands import band_panels, history_panels
 from specan.report.html_page import table
@@ -39,13 +38,13 @@ class _Found:
 class LevelsTab(Tab):
     """RMS and its relatives, and the time-weighted level over the whole recording."""
 
-    name, title, kind = "levels", "Levels", Levels
+    name, title, verb = "levels", "Levels", "rms"
     tip, hertz = ("s", "dB"), False
 
-    def add_controls(self, view: View) -> None:
+    def add_controls(self) -> None:
         """Weightings, and the tables."""
-        self.choice(view, "level_weighting", "Weighting", ["A", "B", "C", "Z"], 80)
-        self.choice(view, "level_averaging", "Time weighting", ["fast", "slow"])
+        self.choice("weighting", "Weighting", ["A", "B", "C", "Z"], 80, "A")
+        self.choice("averaging", "Time weighting", ["fast", "slow"])
         self.numbers = Div(sizing_mode="stretch_width", name="levels")
         below = ScrollBox(child=self.numbers, sizing_mode="stretch_both", styles=share(2))
         self.body = [*self.body, below]
@@ -53,14 +52,16 @@ class LevelsTab(Tab):
 
     def analyse(self, view: View, chosen: Chosen, recording: Recording) -> _Found:
         """Numbers of the section, and the level against time."""
-        key = (chosen.number, chosen.patterns, view.level_averaging)
+        averaging = view.settings.get("averaging", "fast")
+        key = (chosen.number, chosen.patterns, averaging)
         if key not in self._kept:
-            self._kept = {**dict(list(self._kept.items())[-20:]), key: _history(chosen, recording, view)}
+            kept = list(self._kept.items())[-20:]
+            self._kept = {**dict(kept), key: _history(chosen, recording, averaging)}
         return _Found(super().analyse(view, chosen, recording), self._kept[key])
 
     def drawing(self, result: _Found, view: View) -> Drawing:
         """The level against time."""
-        return history_panels(result.history, view.level_weighting)
+        return history_panels(result.history, result.numbers.weighting)
 
     def draw(self, found: Found, view: View) -> None:
         """Level against time, and the tables."""
@@ -73,12 +74,12 @@ class LevelsTab(Tab):
         )
 
 
-def _history(chosen: Chosen, recording: Recording, view: View) -> BandLevels:
+def _history(chosen: Chosen, recording: Recording, averaging: Any) -> BandLevels:
     """Levels against time, with all weightings: of few bands, since none is shown."""
     duration = min(c.duration_s for c in chosen.channels)
-    constant = {"fast": FAST, "slow": SLOW}[view.level_averaging]
+    constant = {"fast": FAST, "slow": SLOW}[averaging]
     settings = Octave(
-        channels=chosen.patterns, averaging=view.level_averaging, fraction=1,
+        channels=chosen.patterns, averaging=averaging, fraction=1,
         band=min(1000.0, chosen.channels[0].sampling_rate / 5),
         interval_s=min(max(constant / READINGS_PER_TIME_CONSTANT, duration / _MOST), duration),
     )  # fmt: skip
@@ -91,29 +92,26 @@ _AVERAGING = ("linear", "fast", "slow", "impulse")
 class OctaveTab(Tab):
     """The octave spectrum."""
 
-    name, title, kind = "octave", "Octave", Octave
+    name, title, verb = "octave", "Octave", "octave"
     readings: ClassVar = {"level_dB": "{:.2f} dB", "flags": "{}"}
 
-    def add_controls(self, view: View) -> None:
+    def add_controls(self) -> None:
         """Bands, weighting, averaging; the overall levels beside the figures."""
-        self.choice(view, "fraction", "1/N octave", [*DIVISIONS], 80)
-        self.choice(view, "weighting", "Weighting", ["Z", "A", "B", "C"], 80)
-        constants = dict.fromkeys(["0.25", "0.5", "2", "5", "10", *({view.averaging} - {*_AVERAGING})])
-        self.choice(
-            view, "averaging", "Averaging", [*_AVERAGING, *((text, f"{text} s") for text in constants)]
-        )
-        self.choice(view, "hold", "Hold", [("", "none"), "max", "min"], 80)
-        self.number(view, "fmin", "From / Hz")
-        self.number(view, "fmax", "To / Hz")
+        self.choice("fraction", "1/N octave", [*DIVISIONS], 80)
+        self.choice("weighting", "Weighting", ["Z", "A", "B", "C"], 80)
+        constants = dict.fromkeys(["0.25", "0.5", "2", "5", "10", written(self._begun.averaging)])
+        texts = [(text, f"{text} s") for text in constants if text not in _AVERAGING]
+        self.choice("averaging", "Averaging", [*_AVERAGING, *texts])
+        self.choice("hold", "Hold", [("", "none"), "max", "min"], 80)
+        self.number("fmin", "From / Hz", usual="20")
+        self.number("fmax", "To / Hz", usual="20000")
         self.overall = Div(sizing_mode="stretch_width", name="overall")
         self.side = [self.overall]
 
-    def more(self, view: View, chosen: Chosen) -> dict[str, Any]:
-        """Of several rates each goes as far as it can."""
-        return {
-            "hold": None if view.averaging == "linear" else view.hold or None,
-            "fmax": view.fmax if view.fmax <= 0.8 * chosen.channels[0].sampling_rate / 2 else None,
-        }
+    def given(self, view: View) -> dict[str, Any]:
+        """A linear average has no highest value."""
+        found = super().given(view)
+        return found if "averaging" in found else {n: v for n, v in found.items() if n != "hold"}
 
     def drawing(self, result: Any, view: View) -> Drawing:
         """Steps from edge to edge of each band."""

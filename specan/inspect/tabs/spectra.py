@@ -7,40 +7,39 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from specan.analysis.spectrum import FourierSpectrum, SpectrogramSettings
-from specan.analysis.transfer_function import TransferFunction
 from specan.data.spectrum import SCALINGS
 from specan.dsp.windows import WINDOWS
-from specan.inspect.opened import Chosen
 from specan.inspect.plots import plain
 from specan.inspect.tabs.tab import Found, Tab
-from specan.inspect.view import COLUMNS, View
+from specan.inspect.view import View
 from specan.report.figures_spectra import figure_frequency_response
 from specan.report.panels import Drawing
+
+COLUMNS = 500  # of a spectrogram on the page
 
 
 class FftTab(Tab):
     """Levels of the lines, and their phases over a reference channel."""
 
-    name, title, kind = "fft", "FFT magnitude and phase", FourierSpectrum
+    name, title, verb = "fft", "FFT magnitude and phase", "fft"
     readings: ClassVar = {"values": "{:.5g} {unit}", "level_dB": "{:.2f} dB", "phase_deg": "{:.2f} degrees"}
 
-    def add_controls(self, view: View) -> None:
+    def add_controls(self) -> None:
         """Blocks, scaling, averages, the reference of the phase."""
-        self.number(view, "lines", "Lines", mode="int", placeholder="automatic")
-        self.choice(view, "window", "Window", WINDOWS, 130)
-        self.number(view, "overlap", "Overlap", 70)
-        self.choice(view, "scaling", "Scaling", SCALINGS, 125)
+        self.number("lines", "Lines", mode="int", usual="automatic")
+        self.choice("window", "Window", WINDOWS, 130)
+        self.number("overlap", "Overlap", 70)
+        self.choice("scaling", "Scaling", SCALINGS, 125)
         averages = ["linear", "exponential", ("max", "max hold"), ("min", "min hold")]
-        self.choice(view, "spectrum_averaging", "Averaging", averages)
-        self.number(view, "blocks", "Blocks", 70, mode="int")
-        self.channel_choice(view, "reference", "Phase over", "choose a channel", 190)
+        self.choice("averaging", "Averaging", averages)
+        self.number("n_exponential", "Blocks", 70, mode="int")
+        self.channel_choice("reference", "Phase over", "choose a channel", 190)
 
 
 class FrfTab(Tab):
     """Responses on screen over a reference."""
 
-    name, title, kind = "frf", "Transfer function", TransferFunction
+    name, title, verb = "frf", "Transfer function", "frf"
     needs, tip = "a response", ("Hz", "value")
     readings: ClassVar = {
         "magnitude": "{:.5g} {unit}",
@@ -51,18 +50,18 @@ class FrfTab(Tab):
         "u_total_phase_deg": "u {:.2g} degrees",
     }
 
-    def add_controls(self, view: View) -> None:
+    def add_controls(self) -> None:
         """Reference, estimator, phase, blocks."""
-        self.channel_choice(view, "over", "Reference", "the vibrometer")
-        self.choice(view, "estimator", "Estimator", ["H1", "H2", "Hv", "H3c"], 90)
-        self.channel_choice(view, "instrument", "Instrument (H3c)", "the generator", 150)
-        self.choice(view, "unwrapped", "Phase", [("False", "-180 to 180"), ("True", "unwrapped")], 130)
-        self.number(view, "lines", "Lines", mode="int", placeholder="automatic")
-        self.number(view, "overlap", "Overlap", 70)
+        self.channel_choice("reference", "Reference", "the vibrometer")
+        self.choice("estimator", "Estimator", ["H1", "H2", "Hv", "H3c"], 90)
+        self.channel_choice("instrument", "Instrument (H3c)", "the generator", 150)
+        self.choice("unwrap", "Phase", [("false", "-180 to 180"), ("true", "unwrapped")], 130)
+        self.number("lines", "Lines", mode="int", usual="automatic")
+        self.number("overlap", "Overlap", 70)
 
     def drawing(self, result: Any, view: View) -> Drawing:
         """Magnitude, phase and coherence, with their bands of 95 %."""
-        return figure_frequency_response(result, unwrapped=view.unwrapped)
+        return figure_frequency_response(result, unwrapped=bool(view.settings.get("unwrap")))
 
 
 class SpectrogramTab(Tab):
@@ -70,23 +69,25 @@ class SpectrogramTab(Tab):
 
     hertz = False
     readings: ClassVar = {"level_dB": "{:.2f} dB"}
-    name, title, kind, tip = "spectrogram", "Spectrogram", SpectrogramSettings, ("s", "Hz")
+    name, title, verb, tip = "spectrogram", "Spectrogram", "fft", ("s", "Hz")
 
-    def add_controls(self, view: View) -> None:
+    def add_controls(self) -> None:
         """The channel, and blocks."""
         keys = [(key, plain(self.opened.text(n, c.label))) for key, (n, c) in self.opened.keys.items()]
-        self.choice(view, "of", "Channel", [("", "the first on screen"), *keys], 220)
-        self.number(view, "lines", "Lines", mode="int", placeholder="automatic")
-        self.choice(view, "window", "Window", WINDOWS, 130)
-        self.number(view, "overlap", "Overlap", 70)
+        self.choice("of", "Channel", [("", "the first on screen"), *keys], 220)
+        self.number("lines", "Lines", mode="int", usual="automatic")
+        self.choice("window", "Window", WINDOWS, 130)
+        self.number("overlap", "Overlap", 70)
 
     def keys(self, view: View) -> Sequence[str]:
         """Of one channel only."""
-        return (view.of,) if view.of in self.opened.keys else view.channel[:1]
+        of = view.settings.get("of")
+        return (of,) if of in self.opened.keys else view.channel[:1]
 
-    def more(self, view: View, chosen: Chosen) -> dict[str, Any]:
+    def given(self, view: View) -> dict[str, Any]:
         """As many columns as the screen shows."""
-        return {"columns": COLUMNS}
+        own = {name: value for name, value in view.settings.items() if name != "of"}
+        return {**own, "spectrogram": True, "columns": COLUMNS}
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
         """Lowest and highest level of the nearest line over time."""

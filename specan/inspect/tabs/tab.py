@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -15,12 +16,12 @@ from specan.data.recording import Recording
 from specan.errors import RequestError
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import Plots, Spectral, plain
-from specan.inspect.view import View, settings_of, with_labels
+from specan.inspect.view import ANALYSES, OF_TABS, View, written
 from specan.inspect.work import Tell, heard
 from specan.report.figures import description_of
 from specan.report.panels import Drawing, joined
 from specan.result import RecordingResult
-from specan.schema import Settings, parse
+from specan.schema import parse
 
 Change = Callable[..., None]
 Found = list[tuple[int, Any]]  # number of the recording, and its result
@@ -33,8 +34,8 @@ class Tab:
     ----------
     name, title : str
         In the address, and on the page.
-    kind : type of Settings
-        The analysis.
+    verb : str
+        The one that gives the same.
     needs : str
         What has to be chosen for it.
     tip : tuple of str, or None
@@ -55,7 +56,7 @@ class Tab:
 
     name: ClassVar[str]
     title: ClassVar[str]
-    kind: ClassVar[type[Settings]]
+    verb: ClassVar[str]
     needs: ClassVar[str] = "a channel"
     tip: ClassVar[tuple[str, str] | None] = ("Hz", "dB")
     hertz: ClassVar[bool] = True
@@ -67,12 +68,13 @@ class Tab:
         self.controls: list[Any] = []
         self.side: list[Any] = []
         self.figures: list[Spectral] = []
-        self._widgets: dict[str, Select | NumericInput] = {}
+        self._titles: dict[str, str] = {}
+        self._begun: Any = OF_TABS[self.name](**(view.settings if view.tab == self.name else {}))
         self.body: list[Any] = []
         if self.tip is not None:
             self.plots = Plots(self.add_figure if self.readings else None, hertz=self.hertz, tip=self.tip)
             self.body = [self.plots.body]
-        self.add_controls(view)
+        self.add_controls()
 
     # --- the result -------------------------------------------------------------------------------
 
@@ -92,13 +94,41 @@ class Tab:
 
     def analyse(self, view: View, chosen: Chosen, recording: Recording) -> Any:
         """The result of some channels."""
-        given = {**settings_of(view, self.name), "channels": chosen.patterns, **self.more(view, chosen)}
-        settings: Any = parse(self.kind, given, self.name)
+        kind = ANALYSES[self.name]
+        own = {name: value for name, value in self.given(view).items() if name in kind.model_fields}
+        section = {"channels": chosen.patterns, "start_s": view.start, "stop_s": view.stop}
+        settings: Any = parse(kind, {**own, **section}, self.name)
         return settings(recording)
 
-    def more(self, view: View, chosen: Chosen) -> dict[str, Any]:
-        """Settings that do not stand in the view as they are."""
-        return {}
+    def given(self, view: View) -> dict[str, Any]:
+        """Settings of the analysis and of what is drawn, where they are not as usual."""
+        return dict(view.settings)
+
+    def commands(self, view: View) -> list[str]:
+        """What gives the same on the command line, one for each recording on screen.
+
+        Examples
+        --------
+        >>> from specan.inspect.opened import Opened
+        >>> from specan.io.open import open_recording
+        >>> from specan.inspect.tabs.levels import OctaveTab
+        >>> opened = Opened((open_recording("sample_data/recordings/knock.tdms"),))
+        >>> view = View(channel=("Measurement/Mic 1",)).but(fraction=12)
+        >>> OctaveTab(opened, view, print).commands(view)
+        ["specan octave sample_data/recordings/knock.tdms --channel 'Measurement/Mic 1' --fraction 12"]
+        """
+        section = {"start": view.start or None, "stop": view.stop}
+        options = [
+            word
+            for name, value in {**self.given(view), **section}.items()
+            if value is not None
+            for word in ((option_of(name),) if value is True else (option_of(name), written(value)))
+        ]
+        lines = []
+        for one in self.opened.chosen(self.keys(view)):
+            channels = [word for name in one.patterns for word in ("--channel", name)]
+            lines.append(self.opened.command(one.number, self.verb, [*channels, *options]))
+        return lines
 
     # --- on the page ------------------------------------------------------------------------------
 
@@ -157,47 +187,59 @@ class Tab:
 
     # --- controls ----------------------------------------------------------------------------------
 
-    def add_controls(self, view: View) -> None:
+    def add_controls(self) -> None:
         """What can be chosen on this tab."""
 
-    def choice(self, view: View, field: str, title: str, options: Sequence[Any], width: int = 110) -> None:
-        """A list of values of a setting."""
+    def choice(
+        self, name: str, title: str, options: Sequence[Any], width: int = 110, usual: str = ""
+    ) -> None:
+        """A list of values of a setting; `usual` is shown where none is chosen."""
         texts = [option if isinstance(option, tuple) else (str(option), str(option)) for option in options]
-        whole = type(View.model_fields[field].default) is int
-        value = str(getattr(view, field))
-        self._control(
-            Select(title=title, value=value, options=texts, width=width), field, int if whole else None
-        )
+        value = written(getattr(self._begun, name)) or usual
+        self._control(Select(title=title, value=value, options=texts, width=width), name)
 
-    def channel_choice(self, view: View, field: str, title: str, otherwise: str, width: int = 170) -> None:
+    def channel_choice(self, name: str, title: str, otherwise: str, width: int = 170) -> None:
         """A list of all channels by their names; `otherwise` is what holds without a choice."""
         names = dict.fromkeys(c.label for _, c in self.opened.keys.values())
-        self.choice(view, field, title, [("", otherwise), *((name, plain(name)) for name in names)], width)
+        self.choice(name, title, [("", otherwise), *((one, plain(one)) for one in names)], width)
 
-    def number(
-        self, view: View, field: str, title: str, width: int = 90, mode: str = "float", placeholder: str = ""
-    ) -> None:
+    def number(self, name: str, title: str, width: int = 90, mode: str = "float", usual: str = "") -> None:
         """A setting that is a number."""
-        value = getattr(view, field)
-        self._control(
-            NumericInput(title=title, value=value, mode=mode, width=width, placeholder=placeholder), field
-        )
+        value = getattr(self._begun, name)
+        widget = NumericInput(title=title, value=value, mode=mode, width=width, placeholder=usual)
+        self._control(widget, name)
 
-    def _control(self, widget: Any, field: str, kind: Callable[[Any], Any] | None = None) -> None:
-        widget.name = field
-        widget.on_change("value", lambda a, old, new: self.change(**{field: kind(new) if kind else new}))
+    def _control(self, widget: Any, name: str) -> None:
+        widget.name = name
+        widget.on_change("value", lambda a, old, new: self.change(**{name: new}))
         self.controls.append(widget)
-        self._widgets[field] = widget
+        self._titles[name] = widget.title
 
     def worded(self, message: str) -> str:
-        """A message with the names that its controls have here."""
-        return with_labels(message, self.name, {field: w.title for field, w in self._widgets.items()})
+        """A message with the titles of the controls in place of options.
 
-    def settings_of(self, view: View) -> None:
-        """Show settings that another tab has changed."""
-        for field, widget in self._widgets.items():
-            value = getattr(view, field)
-            widget.value = value if isinstance(widget, NumericInput) else str(value)
+        Examples
+        --------
+        >>> from specan.inspect.opened import Opened
+        >>> from specan.inspect.tabs.orders import OrdersTab
+        >>> OrdersTab(Opened(()), View(), print).worded("state the speed of the shaft with --speed HZ")
+        "state the speed of the shaft with 'Speed / Hz'"
+        """
+        titles = {option_of(name): title for name, title in self._titles.items()}
+
+        def title(option: re.Match[str]) -> str:
+            return f"'{titles[option[1]]}'" if option[1] in titles else option[0]
+
+        return re.sub(r"(--[a-z-]+)(?: [A-Z]+\b)?(?: \(\w+= in Python\))?", title, message)
+
+
+# Options that are not called as the setting of the analysis.
+_OPTIONS = {"n_exponential": "blocks", "speed_hz": "speed", "pulses_per_turn": "pulses"}
+
+
+def option_of(name: str) -> str:
+    """The option of a verb that is a setting."""
+    return f"--{_OPTIONS.get(name, name)}".replace("_", "-")
 
 
 def text_of(result: RecordingResult) -> bytes:
