@@ -16,21 +16,18 @@ from specan.errors import ComputationError, RequestError
 from specan.models.effect import ParameterName
 from specan.study.estimation.distributions import quantile, tail
 from specan.study.estimation.levenberg_marquardt import (
-    MOST_REFINING,
     STEP_TOLERANCE,
     Minimum,
     NotSettledError,
     descend,
     finite,
-    refine,
     unit,
 )
-from specan.study.estimation.linear import least_inside
+from specan.study.estimation.linear import least_inside, orthonormal
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 
-NEAR = 1e-4  # relative, where the trust-region steps of each start end; those of `refine` go on from the best
-MOST_STEPS = 60  # of one start, before another method is tried
+MOST_EXACT = 400  # steps to the minimum itself
 FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
 
 
@@ -122,7 +119,10 @@ def fit(problem: Problem, start: Array | Mapping[str, Any] | None = None, starts
         if other.chi2 < best.chi2 - 1e-9 * abs(best.chi2):
             best = other
     if problem.strategy.exact_minimum:
-        best, _ = refine(problem, best.theta)
+        try:
+            best = _exact(problem, best.theta)
+        except NotSettledError as fault:
+            best = fault.reached
     return replace(describe(problem, best.theta, best.residual, best.jacobian), converged=converged)
 
 
@@ -132,7 +132,7 @@ def _minima(problem: Problem, places: Sequence[Array], near: bool) -> tuple[list
     unsettled: list[Minimum] = []
     reason = "no start gave finite values"
     frugal = _from_nearer if problem.strategy.continuation else descend
-    for method in (frugal, _trust_region) if problem.strategy.exact_minimum else (frugal,):
+    for method in (frugal, _exact) if problem.strategy.exact_minimum else (frugal,):
         for theta0 in places:
             try:
                 found.append(method(problem, theta0))
@@ -155,28 +155,48 @@ def _minima(problem: Problem, places: Sequence[Array], near: bool) -> tuple[list
     return found or unsettled, bool(found)
 
 
-def _trust_region(problem: Problem, theta0: Array) -> Minimum:
-    """Trust-region steps; in a valley that bends too much for them, those of `refine` from where they got."""
+def _exact(problem: Problem, start: Array) -> Minimum:
+    """The minimum itself, by trust-region steps (Branch, Coleman & Li 1999) with derivatives of fourth order.
+
+    They end where the residual is orthogonal to all that the parameters can do, which is no matter of how uncertain the
+    data are said to be.
+    """
     low, high = problem.bounds()
-    inside = np.clip(theta0, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale)
+
+    def residual(theta: Array) -> Array:
+        try:
+            return problem.residual(theta)
+        except ComputationError:  # a loop of the model that does not converge there: the step was too long
+            return np.full(problem.n_data + problem.pseudo.order.size, np.nan)
+
     found = least_squares(
-        lambda theta: finite(problem.residual(theta)),
-        inside,
-        jac=lambda theta: finite(problem.jacobian(theta)),
+        residual,
+        np.clip(start, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale),
+        lambda theta: finite(problem.jacobian(theta, _fine_steps(problem, theta), 4)),
         bounds=(low, high),
         x_scale=problem.scale,
-        method="trf",
-        xtol=NEAR,
-        ftol=NEAR,
-        gtol=NEAR,
-        max_nfev=MOST_STEPS,
+        # rounding ends the last steps
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+        max_nfev=MOST_EXACT,
     )
-    if found.status > 0:
-        return Minimum(found.x, found.fun, found.jac, 2 * float(found.cost))
-    minimum, settled = refine(problem, found.x)
-    if not settled:
-        raise NotSettledError(minimum, MOST_REFINING)
+    minimum = Minimum(found.x, found.fun, found.jac, 2 * float(found.cost))
+    promised = float(np.sum((orthonormal(found.jac).T @ found.fun) ** 2))
+    if found.status == 0 and promised > STEP_TOLERANCE * unit(problem, minimum.chi2):
+        raise NotSettledError(minimum, MOST_EXACT)
     return minimum
+
+
+def _fine_steps(problem: Problem, theta: Array) -> Array:
+    """Steps of derivatives that change all predictions by the same share, whatever the size of a parameter."""
+    columns = np.linalg.norm(problem.jacobian(theta)[: problem.n_data], axis=0)
+    predicted = np.linalg.norm(problem.whiten(np.concatenate(problem.predictions(theta))))
+    # 1e-4: that share: rounding then errs by 1e-12
+    share = 1e-4 * predicted / np.maximum(columns, 1e-300)
+    # 1e-3, 1e-8: of a parameter's size, which a step does not exceed, and below which it is lost in rounding
+    most, least = (part * np.maximum(problem.scale, np.abs(theta)) for part in (1e-3, 1e-8))
+    return np.where(share > 0, np.clip(share, least, most), most)
 
 
 def _from_nearer(problem: Problem, theta0: Array) -> Minimum:

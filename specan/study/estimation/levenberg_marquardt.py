@@ -1,14 +1,8 @@
-"""Descents of least squares: a frugal one for the many refits of a search, and the last steps to the minimum itself.
+"""A frugal descent of least squares, for the many refits of a search.
 
-Levenberg-Marquardt steps (Marquardt 1963) with the parameters held inside their bounds. The frugal descent takes few
+Levenberg-Marquardt steps (Marquardt 1963) with the parameters held inside their bounds. The descent takes few
 Jacobians: between exact ones the secant update of Broyden (1965) keeps the last one current at the price of one
 residual, and a minimum is accepted only on an exact one.
-
-The refinement is damped in units of the Jacobian's columns (Moré 1978), with the second-order correction of geodesic
-acceleration (Transtrum & Sethna 2012, arXiv:1201.5885), which follows a valley that bends. Derivatives are of fourth
-order, with steps that change the predictions by a fixed share whatever the size of a parameter. Steps end where the
-residual is orthogonal to everything that the parameters can do (the relative offset of Bates & Watts 1981), which is
-no matter of how uncertain the data are said to be.
 """
 
 from __future__ import annotations
@@ -30,10 +24,6 @@ STEP_TOLERANCE = 1e-3  # chi-square that an exact Gauss-Newton step may still pr
 STALL_TOLERANCE = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
 MOST_JACOBIANS = 25  # of one descent, before it counts as not converged
 SCREENING_JACOBIANS = 3  # Jacobians that each of several starts is led by before the others are left
-
-ROUNDED = 1e-10  # share of chi-square below which rounding hides whether a step lowers it
-MOST_REFINING = 200  # of one refinement
-REACH = 0.1  # of a step, at which its acceleration is measured
 
 
 @dataclass(frozen=True)
@@ -272,117 +262,6 @@ def _solve(matrix: Array, right: Array) -> Array:
         return np.linalg.solve(scaled + 1e-14 * np.eye(root.size), right / root) / root
     except np.linalg.LinAlgError:
         return np.linalg.lstsq(scaled, right / root, rcond=1e-12)[0] / root
-
-
-def refine(problem: Problem, start: Array) -> tuple[Minimum, bool]:
-    """Minimise the sum of squares of a problem's residual from a place near the minimum.
-
-    Returns
-    -------
-    minimum : Minimum
-        With a Jacobian of fourth order.
-    settled : bool
-        Whether another step promises less chi-square than a fit is taken to show.
-
-    Raises
-    ------
-    ComputationError
-        Not finite at the start.
-    """
-    descent = _Refinement(problem, start)
-    descent.look_around()
-    before, promised, order = np.inf, descent.derive(2), 2
-    for _ in range(MOST_REFINING):
-        # 1e-3: share of chi-square promised, above which derivatives of second order do
-        if order == 2 and promised < 1e-3 * descent.chi2:
-            order, promised = 4, descent.derive(4)
-        chi2 = descent.chi2
-        # 1e-16: share of chi-square that another step may still promise
-        moved = promised > 1e-16 * chi2 and descent.step()
-        # 1e-14: of chi-square, that a sum over some hundred rows may be off by
-        gained = moved and descent.chi2 < chi2 * (1 - 1e-14)
-        if order == 4 and not (gained or (moved and promised <= ROUNDED * chi2 and promised <= before / 2)):
-            break  # rounding, or the accuracy of the model, is reached
-        order = order if gained else 4
-        before, promised = promised, descent.derive(order)
-    return descent.minimum(descent.jacobian), promised < STEP_TOLERANCE * unit(problem, descent.chi2)
-
-
-class _Refinement(_Place):
-    """Where the last steps stand, with the Jacobian there, and the damping of the next one."""
-
-    damping = 0.0
-
-    def look_around(self) -> None:
-        """Take a first Jacobian, and the size of what is predicted."""
-        self.jacobian = finite(self.problem.jacobian(self.theta), "derivatives")
-        predicted = np.concatenate(self.problem.predictions(self.theta))
-        self.predicted = float(np.linalg.norm(self.problem.whiten(predicted)))
-
-    def derive(self, order: int) -> float:
-        """Derive at theta; the fall in chi-square that an undamped step promises."""
-        self.jacobian = finite(self.problem.jacobian(self.theta, self._steps(), order), "derivatives")
-        uphill = self.jacobian.T @ self.residual
-        held = ((self.theta <= self.low) & (uphill > 0)) | ((self.theta >= self.high) & (uphill < 0))
-        self.moving = np.flatnonzero(~held & np.any(self.jacobian != 0, axis=0))
-        slopes = self.jacobian[:, self.moving]
-        self.norms = np.linalg.norm(slopes, axis=0)
-        left, values, right = np.linalg.svd(slopes / self.norms, full_matrices=False)
-        # 1e-11: of the largest singular value: directions that no step goes in
-        determined = values > 1e-11 * values.max(initial=0.0)
-        self.left, self.values, self.right = left[:, determined], values[determined], right[determined]
-        return float(np.sum((self.left.T @ self.residual) ** 2))
-
-    def _steps(self) -> Array:
-        """Steps of derivatives: such that each changes the predictions by the same share."""
-        columns = np.linalg.norm(self.jacobian[: self.problem.n_data], axis=0)
-        typical = np.maximum(self.size, np.abs(self.theta))
-        # 1e-3, 1e-8: of a parameter's size, which a step does not exceed, and below which it is lost in rounding
-        most, least = 1e-3 * typical, 1e-8 * typical
-        # 1e-4: of all predictions, by which a step of a derivative changes them: rounding then errs by 1e-12
-        share = 1e-4 * self.predicted / np.maximum(columns, 1e-300)
-        return np.where(share > 0, np.clip(share, least, most), most)
-
-    def step(self) -> bool:
-        """Take a step that does not raise chi-square, if there is one."""
-        # 25: tries of one step
-        for _ in range(25):
-            velocity = self._solve(self.residual)
-            after = self.residual + self.jacobian @ velocity
-            promised = self.chi2 - float(after @ after)
-            near_the_end = promised < ROUNDED * self.chi2
-            moved = velocity if near_the_end else self._bent(velocity)
-            if moved is not None:
-                theta, residual = self.at(self.theta + moved)
-                allowed = self.chi2 * (1 + 1e-3 * ROUNDED if near_the_end else 1.0)
-                if residual is not None and residual @ residual <= allowed:
-                    self.theta, self.residual = theta, residual
-                    self.damping = self.damping / 10 if self.damping > 1e-12 else 0.0
-                    return True
-            if near_the_end:
-                return False
-            self.damping = max(4 * self.damping, 1e-6)
-        return False
-
-    def _solve(self, right: Array) -> Array:
-        """Damped solution of J step = -right, zero for what is held."""
-        step = np.zeros(self.theta.size)
-        damped = self.values * (self.left.T @ right) / (self.values**2 + self.damping)
-        step[self.moving] = -(self.right.T @ damped) / self.norms
-        return step
-
-    def _bent(self, velocity: Array) -> Array | None:
-        """The step with half its acceleration, from the second difference along it; None where that is too large."""
-        _, near = self.at(self.theta + REACH * velocity)
-        if near is None:
-            return None
-        turn = 2 / REACH * ((near - self.residual) / REACH - self.jacobian @ velocity)
-        acceleration = self._solve(turn)
-        length = np.linalg.norm(self.norms * velocity[self.moving])
-        # 0.75: acceleration over velocity, both of a step that is trusted
-        if np.linalg.norm(self.norms * acceleration[self.moving]) > 0.75 * length:
-            return None
-        return velocity + acceleration / 2
 
 
 def finite(array: Array, what: str = "values") -> Array:
