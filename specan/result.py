@@ -203,11 +203,11 @@ class RecordingResult(Result):
 
     def tables(self) -> Iterable[dict[str, Any]]:
         """Columns of the text file, of one channel or a part of it after the other."""
-        names = self.dimensions[1:]
-        axes = crossed(**{name: getattr(self, name) for name in names})
-        values = self.values_over()
+        columns = self.columns()
+        count = len(columns.pop("channel")) // len(self.channels)
         for row, channel in enumerate(self.channels):
-            yield {"channel": channel, **axes, **{name: found[row].ravel() for name, found in values.items()}}
+            own = slice(row * count, (row + 1) * count)
+            yield {"channel": channel, **{name: values[own] for name, values in columns.items()}}
 
     def columns(self) -> dict[str, Any]:
         """One row for each channel, and for each line or band of it."""
@@ -217,8 +217,16 @@ class RecordingResult(Result):
 
     def content(self) -> dict[str, Any]:
         """What `to_dict` gives, with arrays in it."""
-        channels = records(channel=self.channels, **self.of_channels())
+        each = self.of_channels()
+        channels = [{"channel": name, **_entry(each, row)} for row, name in enumerate(self.channels)]
         return {"file": self.label, **self.facts(), "channels": channels, **picked(self, "notes settings")}
+
+
+def _entry(values: Any, row: int) -> Any:
+    """What a mapping of sequences has in a row; so do the mappings in it."""
+    if not isinstance(values, Mapping):
+        return values[row]
+    return {f"{k:g}" if isinstance(k, float) else k: _entry(v, row) for k, v in values.items()}
 
 
 def cell(value: Any, form: str = ".2f") -> str:

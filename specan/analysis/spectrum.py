@@ -11,7 +11,7 @@ import numpy as np
 import scipy.fft
 from pydantic import Field
 
-from specan.analysis.accumulator import READ_BLOCK, read_through
+from specan.analysis.accumulator import READ_BLOCK
 from specan.analysis.section import SectionSettings, compared, joined, section, weightable
 from specan.arrays import Complex, Real
 from specan.data.channel import Channel
@@ -105,75 +105,67 @@ class FourierSpectrum(BlockSettings):
         if self.whole or self.averaging == "none":
             parts = list(single_blocks(recording, self))
             return joined(parts, "channels units density phase_deg rms flags")
-        return read_through(SpectrumAccumulator(recording, self), recording)
+        cut = chosen(recording, self)
+        reference, channels, count = cut.reference, cut.channels, len(cut.shown)
+        if reference is not None and self.averaging in ("max", "min"):
+            raise RequestError(
+                f"a {self.averaging} hold has no phase over a reference", remedy="leave out the reference"
+            )
+        spectra = CrossSpectra(
+            channels[0].sampling_rate,
+            cut.block,
+            self.window,
+            self.overlap,
+            n_channels=len(channels),
+            references=[] if reference is None else [channels.index(reference)],
+            **picked(self, "detrend averaging n_exponential"),
+            derivatives=[channel.derivatives for channel in channels],
+        )
+        for samples in cut.recording.blocks(channels, READ_BLOCK, cut.start, cut.stop):
+            spectra.add(samples)
+        found = spectra.result()
+        f, auto = found.frequency_hz, found.auto[:count]
+        correction = np.stack([correction_of_block(c, f) for c in cut.shown])
+        phase = None
+        if reference is not None:
+            over = correction * np.conj(correction_of_block(reference, f))
+            phase = np.where(auto > 0, phase_deg(found.cross[0, :count] * over), np.nan)
+        density = auto * np.abs(correction) ** 2
+        return spectrum_of(cut, self, f, density, phase, (found.n_blocks, found.n_effective))
 
 
-class SpectrumAccumulator:
-    """Takes the samples of `channels` from `start` to `stop` in pieces of any length.
+class Laid(NamedTuple):
+    """The run that is meant, its reference, the channels to be shown and to be read, and the samples of a block."""
+
+    recording: Recording
+    reference: Channel | None
+    shown: tuple[Channel, ...]
+    channels: tuple[Channel, ...]
+    notes: tuple[str, ...]
+    start: int
+    stop: int
+    block: int
+
+
+def chosen(recording: Recording, settings: FourierSpectrum) -> Laid:
+    """What is analysed.
 
     Raises
     ------
     InputError
         No usable channel, or fewer samples than a block.
-    RequestError
-        A reference together with a hold, or an empty range of frequencies.
     """
-
-    def __init__(self, recording: Recording, settings: FourierSpectrum) -> None:
-        self.recording, self.settings = recording, settings
-        if settings.averaging == "none" or settings.whole:
-            raise RequestError("a single block is not averaged", remedy="call the settings instead")
-        recording, self.reference, self.shown, self.notes = chosen(recording, settings)
-        if self.reference is not None and settings.averaging in ("max", "min"):
-            raise RequestError(
-                f"a {settings.averaging} hold has no phase over a reference", remedy="leave out the reference"
-            )
-        self.channels = self.shown
-        if self.reference is not None and self.reference not in self.shown:
-            self.channels = (*self.shown, self.reference)
-        self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
-        self.block = block_of(recording, settings, self.stop - self.start)
-        self.rate = self.channels[0].sampling_rate
-        self._spectra = CrossSpectra(
-            self.rate,
-            self.block,
-            settings.window,
-            settings.overlap,
-            n_channels=len(self.channels),
-            references=[] if self.reference is None else [self.channels.index(self.reference)],
-            **picked(settings, "detrend averaging n_exponential"),
-            derivatives=[channel.derivatives for channel in self.channels],
-        )
-
-    def add(self, samples: Real) -> None:
-        """Take the next samples (channels, m) of `channels`."""
-        self._spectra.add(samples)
-
-    def result(self) -> Spectrum:
-        """Spectra from what was added so far."""
-        found = self._spectra.result()
-        f, count = found.frequency_hz, len(self.shown)
-        correction = np.stack([correction_of_block(c, f) for c in self.shown])
-        phase = None
-        if self.reference is not None:
-            over = correction * np.conj(correction_of_block(self.reference, f))
-            phase = np.where(found.auto[:count] > 0, phase_deg(found.cross[0, :count] * over), np.nan)
-        density = found.auto[:count] * np.abs(correction) ** 2
-        notes = (*self.notes, *integrated(self.shown, self.settings.window, self.block))
-        lines = Lines(f, density, phase, self.block, found.n_blocks, found.n_effective)
-        return spectrum_of(self.recording, self.shown, self.settings, lines, notes)
-
-
-def chosen(
-    recording: Recording, settings: FourierSpectrum
-) -> tuple[Recording, Channel | None, tuple[Channel, ...], tuple[str, ...]]:
-    """The run that is meant, its reference, the channels to be shown, and notes on those left out."""
-    if settings.reference is None:
-        return recording, None, *weightable(recording, settings.channels, settings.weighting)
-    run, others = compared(recording, settings.reference, settings.channels)
-    reference = run.channel(settings.reference)
-    shown, notes = weightable(run, settings.channels, settings.weighting, like=reference)
-    return run, reference, shown, (*others, *notes)
+    reference: Channel | None = None
+    others: tuple[str, ...] = ()
+    if settings.reference is not None:
+        recording, others = compared(recording, settings.reference, settings.channels)
+        reference = recording.channel(settings.reference)
+    shown, notes = weightable(recording, settings.channels, settings.weighting, like=reference)
+    channels = shown if reference is None or reference in shown else (*shown, reference)
+    start, stop = section(recording, channels, settings.start_s, settings.stop_s)
+    block = block_of(recording, settings, stop - start)
+    notes = (*others, *notes, *integrated(shown, settings.window, block))
+    return Laid(recording, reference, shown, channels, notes, start, stop, block)
 
 
 def single_blocks(recording: Recording, settings: FourierSpectrum) -> Iterator[Spectrum]:
@@ -184,11 +176,8 @@ def single_blocks(recording: Recording, settings: FourierSpectrum) -> Iterator[S
     Spectrum
         Of one channel.
     """
-    recording, reference, shown, notes = chosen(recording, settings)
-    channels = shown if reference is None or reference in shown else (*shown, reference)
-    start, stop = section(recording, channels, settings.start_s, settings.stop_s)
-    block = block_of(recording, settings, stop - start)
-    rate, notes = channels[0].sampling_rate, (*notes, *integrated(shown, settings.window, block))
+    cut = chosen(recording, settings)
+    block, rate = cut.block, cut.channels[0].sampling_rate
     scale, shape = scale_of(settings, block, rate), window(settings.window, block)
     f: Real = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
     mirrored = has_mirror(f.size, block)
@@ -196,7 +185,7 @@ def single_blocks(recording: Recording, settings: FourierSpectrum) -> Iterator[S
 
     def spectrum(channel: Channel) -> Complex:
         """Peak values, exp(+j w t)."""
-        samples = recording.read([channel], start, start + block)[0]
+        samples = cut.recording.read([channel], cut.start, cut.start + block)[0]
         if channel.derivatives:
             convert(samples, channel.derivatives)
         if settings.detrend:
@@ -208,17 +197,16 @@ def single_blocks(recording: Recording, settings: FourierSpectrum) -> Iterator[S
             found *= correction_of_block(channel, f)
         return np.asarray(found)
 
-    turn = None if reference is None else np.conj(spectrum(reference))
-    for channel in shown:
+    turn = None if cut.reference is None else np.conj(spectrum(cut.reference))
+    for channel in cut.shown:
         found = spectrum(channel)
         density = np.square(np.abs(found)) / np.where(mirrored, 2.0 * scale.enbw_hz, scale.enbw_hz)
         if turn is not None:
             found *= turn
         phase = np.where(found != 0, phase_deg(found), np.nan)
         del found
-        lines = Lines(f, density[None], phase[None], block)
-        yield spectrum_of(recording, (channel,), settings, lines, notes)
-        del density, phase, lines  # while the next channel is read
+        yield spectrum_of(cut._replace(shown=(channel,)), settings, f, density[None], phase[None])
+        del density, phase  # while the next channel is read
 
 
 def correction_of_block(channel: Channel, f: Real) -> Complex:
@@ -276,26 +264,16 @@ def scale_of(settings: BlockSettings, block: int, rate: float) -> SpectrumScale:
     return SpectrumScale(settings.scaling, settings.window, spacing, enbw_hz, gain, settings.weighting)
 
 
-class Lines(NamedTuple):
-    """Lines of blocks of `block` samples, and what was averaged."""
-
-    frequency_hz: Real
-    density: Real
-    phase: Real | None
-    block: int
-    n_blocks: int = 1
-    n_effective: float = 1.0
-
-
 def spectrum_of(
-    recording: Recording,
-    channels: tuple[Channel, ...],
+    cut: Laid,
     settings: FourierSpectrum,
-    lines: Lines,
-    notes: tuple[str, ...],
+    frequency_hz: Real,
+    density: Real,
+    phase: Real | None,
+    averages: tuple[int, float] = (1, 1.0),
 ) -> Spectrum:
-    """The lines that were asked for, with all that belongs to them."""
-    frequency_hz, density, phase, block, n_blocks, n_effective = lines
+    """The lines that were asked for, with all that belongs to them; `averages` are all blocks and independent ones."""
+    channels, block, notes = cut.shown, cut.block, cut.notes
     kept = lines_between(frequency_hz, settings.fmin, settings.highest_hz)
     rate = channels[0].sampling_rate
     mostly_below = _cut(channels, density, settings.window)
@@ -309,19 +287,19 @@ def spectrum_of(
     if settings.averaging in ("linear", "exponential") and phase is None:
         notes = (*notes, "no phase: choose a reference channel to see it")
     return Spectrum(
-        **settings.origin(recording, channels, notes),
+        **settings.origin(cut.recording, channels, notes),
         frequency_hz=frequency_hz,
         units=tuple(c.target_unit for c in channels),
         density=density,
         has_mirror=has_mirror(kept.size, block)[kept],
         scale=scale_of(settings, block, rate),
-        averaging="none" if n_blocks == 1 and settings.whole else settings.averaging,
-        n_blocks=n_blocks,
-        n_effective=n_effective,
+        averaging="none" if settings.whole else settings.averaging,
+        n_blocks=averages[0],
+        n_effective=averages[1],
         phase_deg=phase,
         phase_reference=settings.reference,
         rms=np.sqrt(np.sum(density, axis=1) * (rate / block)),
-        flags=tuple((*recording.flags, *_flags(*of_one)) for of_one in zip(density, mostly_below)),
+        flags=tuple((*cut.recording.flags, *_flags(*of_one)) for of_one in zip(density, mostly_below)),
     )
 
 

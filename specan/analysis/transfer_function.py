@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from specan.analysis.section import (
 )  # fmt: skip
 from specan.arrays import Complex, Real
 from specan.data.channel import Channel
-from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
+from specan.data.frequency_response import FrequencyResponse, leaking
 from specan.data.recording import Recording
 from specan.dsp.leakage import leakage_bias
 from specan.dsp.transfer_function import Estimate, Estimator, Instrument, arrivals, estimate, u_phase_deg
@@ -250,7 +250,7 @@ class TransferFunctionAccumulator:
         u_relative = np.hypot(found.u_relative, u_leakage)
         step = self.reference.sampling_rate / settings.block
         notes = (*self.notes, *self._remarks(found, lost, cut, spectra.auto[0]))
-        return FrequencyResponse(
+        shown = FrequencyResponse(
             **settings.origin(self.recording, self.responses, notes),
             frequency_hz=f,
             units=tuple(quotient(c.target_unit, self.reference.target_unit) for c in self.responses),
@@ -270,11 +270,10 @@ class TransferFunctionAccumulator:
             delay_s=np.array(shifts) / self.reference.sampling_rate,
             reference_rms=float(np.sqrt(np.sum(spectra.auto[0] * np.abs(base) ** 2) * step)),
             reference_unit=self.reference.target_unit,
-            flags=tuple(
-                (*self.recording.flags, *_flags(spectra, found, u_relative, lost, row, first))
-                for row in range(len(self.responses))
-            ),
+            flags=((),) * len(self.responses),
         )
+        words = (_flags(spectra, shown, row, first) for row in range(len(self.responses)))
+        return replace(shown, flags=tuple((*self.recording.flags, *own) for own in words))
 
     def _cut(self, spectra: SpectralMatrix) -> Real:
         """What the ends of the section cut from a line's response, over all of it.
@@ -379,14 +378,8 @@ def block_of(lines: int) -> int:
     return round(lines * SAMPLES_PER_LINE)
 
 
-def _flags(
-    spectra: SpectralMatrix,
-    found: Estimate,
-    u_relative: Real,
-    lost: Real,
-    row: int,
-    first: int,
-) -> list[str]:
+def _flags(spectra: SpectralMatrix, found: FrequencyResponse, row: int, first: int) -> list[str]:
+    """Words for a response: what most of its lines have, or why it has none."""
     own = spectra.auto[first + row]
     if not np.all(np.isfinite(own)):
         return ["not-finite"]
@@ -394,15 +387,7 @@ def _flags(
         return ["dead"]
     if not np.any(spectra.auto[0] > 0):
         return ["no-reference"]
-    flags = []
-    with np.errstate(invalid="ignore"):
-        if not np.median(100 * u_relative[row]) <= LOW_SNR_PERCENT:
-            flags.append("low-snr")
-        if np.median(found.coherence[row]) < LOW_COHERENCE:
-            flags.append("low-coherence")
-    if np.median(leaking(100 * lost[row], 100 * u_relative[row])) > 0.5:
-        flags.append("leakage")
-    return flags
+    return [word for word, lines in found.line_flags.items() if np.mean(lines[row]) > 0.5]
 
 
 # The look takes as many samples as this many blocks, in blocks longer by up to this power of two, of which it

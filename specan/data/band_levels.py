@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from specan.arrays import Flags, Real
 from specan.divisions import division_name
-from specan.result import RecordingResult, Sheet, cell, counted, explained, picked, records
+from specan.result import RecordingResult, Sheet, cell, counted, explained, picked
 from specan.units import LevelReference
 
 if TYPE_CHECKING:
@@ -191,25 +191,19 @@ class BandLevels(RecordingResult):
         found = {
             **picked(self, "group=groups unit=units"),
             "level_reference": [reference.text for reference in self.references],
-            "level_dB": self.level_dB,
-            "overall_dB": records(**self.overall_dB),
-            "flags": self.flags,
-            "overall_flags": [{w: self.overall_flags(row, w) for w in self.overall_dB} for row in rows],
+            **picked(self, "level_dB overall_dB flags"),
+            "overall_flags": {w: [self.overall_flags(row, w) for row in rows] for w in self.overall_dB},
             "band_flags": all_flags(self),
         }
         if self.other is not None:
-            found["edges"] = self.edges
-            found["other_settling_dB"] = self.other.level_dB
-            found["other_settling_overall_dB"] = records(**self.other.overall_dB)
+            other = picked(self.other, "other_settling_dB=level_dB other_settling_overall_dB=overall_dB")
+            found |= {"edges": self.edges, **other}
         if self.percentile_dB is not None:
-            totals = {f"{n:g}": records(**v) for n, v in (self.percentile_overall_dB or {}).items()}
-            found["percentile_dB"] = records(**{f"{n:g}": v for n, v in self.percentile_dB.items()})
-            found["percentile_overall_dB"] = records(**totals)
+            found |= picked(self, "percentile_dB percentile_overall_dB")
         if self.history is not None:
-            found["history_dB"] = self.history.level_dB
-            found["overall_history_dB"] = records(**self.history.overall_dB)
-            found["history_max_dB"] = self.history.max_dB
-            found["overall_history_max_dB"] = records(**self.history.overall_max_dB)
+            levels = "history_dB=level_dB overall_history_dB=overall_dB"
+            highest = "history_max_dB=max_dB overall_history_max_dB=overall_max_dB"
+            found |= picked(self.history, f"{levels} {highest}")
         return found
 
     def sheets(self) -> list[Sheet]:

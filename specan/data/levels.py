@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from specan.arrays import Real
-from specan.result import RecordingResult, Sheet, cell, counted, picked, records
+from specan.result import RecordingResult, Sheet, cell, counted, picked
 from specan.units import LevelReference, level_reference
 
 
@@ -149,8 +149,7 @@ class SignalLevels(RecordingResult):
     def columns(self) -> dict[str, Any]:
         """One row for each channel, as ``specan rms -o`` writes it."""
         return {
-            "channel": self.channels,
-            "unit": list(self.units),
+            **picked(self, "channel=channels group=groups unit=units"),
             **picked(self, "rms peak crest_factor mean minimum maximum"),
             "level_reference": [reference.text for reference in self.references],
             **picked(self, "level_dB peak_dB C_peak_dB=c_peak_dB"),
@@ -200,33 +199,18 @@ class SignalLevels(RecordingResult):
             f"settling: {self.settling}",
         ]
 
-    def tables(self) -> Iterable[dict[str, Any]]:
-        """The columns, with the groups."""
-        columns = self.columns()
-        for row, (channel, group, unit) in enumerate(
-            zip(columns.pop("channel"), self.groups, columns.pop("unit"))
-        ):
-            values = {name: found[row : row + 1] for name, found in columns.items()}
-            yield {"channel": channel, "group": group, "unit": unit, **values}
-
     def of_channels(self) -> dict[str, Any]:
         """What `content` says of each channel."""
-        time_weighted = [
-            {
-                "weighting": self.weighting if unit == "Pa" else "Z",
-                "averaging": self.averaging,
-                "max": self.max_dB[row],
-                "min": self.min_dB[row],
-                "exceeded": {f"{n:g}": values[row] for n, values in self.percentile_dB.items()},
-            }
-            for row, unit in enumerate(self.units)
-        ]
+        time_weighted = {
+            "weighting": [self.weighting if unit == "Pa" else "Z" for unit in self.units],
+            "averaging": [self.averaging] * len(self.units),
+            **picked(self, "max=max_dB min=min_dB exceeded=percentile_dB"),
+        }
         return {
             **picked(self, "group=groups unit=units"),
             "level_reference": [reference.text for reference in self.references],
             **picked(self, "rms level_dB peak peak_dB C_peak_dB=c_peak_dB crest_factor mean minimum maximum"),
-            "equivalent_dB": records(**self.equivalent_dB),
-            "exposure_dB": records(**self.exposure_dB),
+            **picked(self, "equivalent_dB exposure_dB"),
             "time_weighted_dB": time_weighted,
             "flags": self.flags,
         }

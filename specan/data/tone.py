@@ -127,10 +127,6 @@ class ToneTable(RecordingResult):
         over = f"phases over {self.reference}, exp(+j w t)" if self.reference else "no reference, no phases"
         return [f"tone of {self.label}: {self.frequency_hz:.9g} Hz on {self.leader}", over]
 
-    def tables(self) -> list[dict[str, Any]]:
-        """Columns of the text file."""
-        return [self.columns()]
-
     @property
     def level_dB(self) -> Real:
         """Level of `rms` re the reference of each unit (ISO 1683)."""

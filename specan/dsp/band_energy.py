@@ -156,47 +156,40 @@ class LagSpectrum:
     --------
     >>> x = np.array([[1.0, 2.0, 0.0, -1.0]])
     >>> spectrum = LagSpectrum(1, 4)
-    >>> spectrum.add(x, np.fft.rfft(x, 8), 0)
+    >>> spectrum.add(np.fft.rfft(x, 8), 0)
     >>> float(spectrum.finish()[0][0, 0].round(9)), float(x.sum()) ** 2
     (4.0, 4.0)
     """
 
     def __init__(self, rows: int, length: int = LENGTH) -> None:
         self.length, self._sum = length, np.zeros((rows, length + 1), dtype=complex)
-        self._previous = np.empty_like(self._sum)
+        self._previous: Complex | None = None
         # What a fade takes away from the samples of the previous block.
         self._taken: Real | None = None
-        self._blocks = self._half = self._longest = 0
+        self._half = 0
 
     def add(
-        self,
-        block: Real,
-        transform: Complex,
-        half: int,
-        taken: Real | None = None,
-        end: Complex | None = None,
+        self, transform: Complex, half: int, taken: Real | None = None, end: Complex | None = None
     ) -> Real | None:
-        """Take the next block, shape (rows, at most L); what `finish` is more for a record that is faded here.
+        """Take the next block; what `finish` is more for a record that is faded here.
 
         `transform` is that of 2 L samples, shape (rows, L + 1), of which the block fills the half that `half` says.
         `taken` is what a fade takes away from the block, `end` the transform of that. Successive blocks are in
         alternate halves of the 2 L samples. That puts X_{b+1} after X_b without a factor, since the correlation is
         circular.
         """
-        more = self._correlate(transform, end) if self._blocks else None
+        if self._previous is None:
+            self._previous, more = np.empty_like(self._sum), None
+        else:
+            more = self._correlate(transform, end)
         self._previous[...] = transform
-        self._longest, self._taken, self._half = block.shape[1], None if taken is None else taken.copy(), half
-        self._blocks += 1
+        self._taken, self._half = None if taken is None else taken.copy(), half
         return more
 
-    @property
-    def _end(self) -> Complex | None:
-        """Transform of what is taken away from the previous block."""
-        return None if self._taken is None else transformed("gone", self._taken, self._half, self.length)
-
     def _correlate(self, following: Complex | None, following_end: Complex | None) -> Real | None:
-        """Add conj(X_b) (X_b + X_{b+1}); with Y = X - E what conj(Y_b) (Y_b + Y_{b+1}) is more."""
-        previous, end = self._previous, self._end
+        """Add conj(X_b) (X_b + X_{b+1}); what the same of faded blocks is more."""
+        previous = self._previous
+        assert previous is not None
         rows, lines = previous.shape
         product, conjugate = (_memory.take(name, rows, lines, _COMPLEX) for name in ("product", "conjugate"))
         np.conjugate(previous, out=conjugate)
@@ -204,28 +197,15 @@ class LagSpectrum:
             product[...] = previous
         else:
             np.add(previous, following, out=product)
+        end = None if self._taken is None else transformed("gone", self._taken, self._half, self.length)
+        faded = None
+        if end is not None or following_end is not None:
+            own = previous if end is None else previous - end
+            faded = product - sum(one for one in (end, following_end) if one is not None)
+            faded *= np.conjugate(own)
         product *= conjugate
         self._sum += product
-        if end is None and following_end is None:
-            return None
-        total = np.zeros_like(previous)
-        for other in (end, following_end):
-            if other is not None:
-                total -= np.multiply(conjugate, other, out=product)
-        if end is not None:
-            np.conjugate(end, out=conjugate)
-            for other, sum_up in (
-                (previous, np.subtract),
-                (following, np.subtract),
-                (end, np.add),
-                (following_end, np.add),
-            ):
-                if other is not None:
-                    sum_up(total, np.multiply(conjugate, other, out=product), out=total)
-        return self._energy_of(self._lags(total))
-
-    def _lags(self, cross: Complex) -> Real:
-        return np.fft.irfft(cross)[:, : self.length + 1]
+        return None if faded is None else self._energy_of(faded - product)
 
     def finish(self) -> tuple[Real, Real | None]:
         """Energy spectrum, shape (rows, L + 1), at m / (2 L) cycles a sample, and what it is more with the last fade.
@@ -233,14 +213,11 @@ class LagSpectrum:
         The sum over all 2 L lines, divided by 2 L, is the energy. Call it once, after the last block. Rounding leaves
         some 1e-17 of the energy in every band; where there is nothing else a line may be negative.
         """
-        if self._blocks == 1 and self._longest <= _UNTOUCHED * self.length:
-            # All lags of the record lie where nothing is faded out: the squared transform is the same.
-            energy, end = _squared(self._previous), self._end
-            return energy, None if end is None else _squared(self._previous - end) - energy
         more = self._correlate(None, None)
-        return self._energy_of(self._lags(self._sum)), more
+        return self._energy_of(self._sum), more
 
-    def _energy_of(self, lags: Real) -> Real:
+    def _energy_of(self, cross: Complex) -> Real:
+        lags = np.fft.irfft(cross)[:, : self.length + 1]
         lags *= _fade(self.length)
         symmetric = np.concatenate([lags, lags[:, -2:0:-1]], axis=1)
         return np.asarray(np.fft.rfft(symmetric).real)
@@ -263,12 +240,6 @@ def _fade(length: int) -> Real:
     fade = falling_step(np.arange(length + 1.0), _UNTOUCHED * length, length)
     fade.flags.writeable = False
     return fade
-
-
-def _squared(transform: Complex) -> Real:
-    squared = np.square(transform.real)
-    squared += np.square(transform.imag)
-    return np.asarray(squared)
 
 
 def total_energy(lines: Real) -> Real:
@@ -575,7 +546,7 @@ class BandEnergy:
             self._position += count
             self.total += lines[:, 0].real
         assert at.lags is not None
-        if (more := at.lags.add(block, lines, half, taken, end)) is not None:
+        if (more := at.lags.add(lines, half, taken, end)) is not None:
             at.place.add(self._inner, more)
         if at.thinned is not None:
             self._pass_on(number + 1, at.thinned[0].add(lines, half), at.thinned[1].add(end, half))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from specan.analysis.spectrum import FourierSpectrum, SpectrogramSettings, SpectrumAccumulator
+from specan.analysis.spectrum import FourierSpectrum, SpectrogramSettings
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.dsp.windows import WINDOWS
 from specan.errors import InputError, RequestError
@@ -183,8 +183,6 @@ def test_flags_and_refusals():
         FourierSpectrum(lines=100_000)(recording(NOISE))
     with pytest.raises(RequestError, match="no line"):
         FourierSpectrum(lines=400, fmin=5000)(recording(NOISE))
-    with pytest.raises(RequestError, match="single block"):
-        SpectrumAccumulator(recording(NOISE), FourierSpectrum(averaging="none"))
 
 
 def test_spectrogram_shows_when():
