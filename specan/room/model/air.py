@@ -1,56 +1,15 @@
-"""The air: speed of sound, density, attenuation.
-
-ISO 9613-1 comes from the library `acoustics`: one module of it, without the rest of that library. ``import acoustics``
-runs all of its modules. That costs a second, loads pandas and matplotlib, and fails under scipy from 1.17 on, where a
-function is gone that only its directivities use. The module with the standard's formulas needs numpy only, and is
-loaded by itself.
-"""
+"""The air: speed of sound, density, attenuation."""
 
 from __future__ import annotations
 
-from functools import cache
-from importlib.util import find_spec, module_from_spec, spec_from_file_location
-from pathlib import Path
-from types import ModuleType
-
 import numpy as np
 
-from specan.errors import RequestError
+from specan.arrays import Real
 from specan.models.quantity import quantity
-
-_MODULE = Path("standards") / "iso_9613_1_1993.py"
 
 ZERO_CELSIUS = 273.15  # K
 GAS_CONSTANT_AIR = 287.05  # J/(kg K), dry air
-
-
-@cache
-def iso_9613_1() -> ModuleType:
-    """The module ``acoustics.standards.iso_9613_1_1993``, loaded from its file.
-
-    Raises
-    ------
-    RequestError
-        The library is not installed, or is a version without that file.
-
-    Examples
-    --------
-    >>> round(float(iso_9613_1().soundspeed(293.15)), 1)
-    343.2
-    """
-    package = find_spec("acoustics")  # looks for it and does not run it
-    places = [] if package is None else list(package.submodule_search_locations or [])
-    path = next((Path(p) / _MODULE for p in places if (Path(p) / _MODULE).is_file()), None)
-    spec = None if path is None else spec_from_file_location("specan_iso_9613_1", path)
-    if spec is None or spec.loader is None:
-        raise RequestError(
-            "the library 'acoustics' with ISO 9613-1 is missing",
-            expected="acoustics 0.2.6",
-            remedy="pip install acoustics==0.2.6",
-        )
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+ATMOSPHERE, WARM, TRIPLE_POINT = 101325.0, 293.15, 273.16  # Pa, K, K: what ISO 9613-1 refers to
 
 
 @quantity(unit="K")
@@ -62,7 +21,7 @@ def air_temperature(nominal_air_temperature, temperature_difference):
 @quantity(unit="m/s", reference="ISO 9613-1:1993, eq. A.5: c = 343.2 sqrt(T / 293.15)")
 def sound_speed(air_temperature):
     """Speed of sound below all relaxation."""
-    return 343.2 * np.sqrt(air_temperature / 293.15)
+    return 343.2 * np.sqrt(air_temperature / WARM)
 
 
 @quantity(unit="kg/m^3")
@@ -74,22 +33,10 @@ def density(air_temperature, air_pressure):
 @quantity(unit="1/m", reference="ISO 9613-1:1993, eq. 5")
 def air_attenuation(frequency, air_temperature, air_pressure, relative_humidity):
     """Attenuation of the sound pressure in air, Np/m."""
-    iso = iso_9613_1()
-    oxygen, nitrogen = _relaxation_hz(air_temperature, air_pressure, relative_humidity)
-    decibel = iso.attenuation_coefficient(
-        air_pressure / 1000,  # that library counts in kPa
-        air_temperature,
-        iso.REFERENCE_PRESSURE,
-        iso.REFERENCE_TEMPERATURE,
-        nitrogen,
-        oxygen,
-        frequency,
-    )
-    return np.asarray(decibel) * (np.log(10) / 20)
-
-
-# Relaxation terms of ISO 9613-1:1993, eq. 5: factor (s/m) and temperature (K) of oxygen and nitrogen.
-_RELAXATIONS = ((0.01275, 2239.1), (0.1068, 3352.0))
+    relaxing = _relaxations(air_temperature, air_pressure, relative_humidity)
+    factor = 1.84e-11 * (ATMOSPHERE / air_pressure) * np.sqrt(air_temperature / WARM)
+    factor = factor + sum(strength / (hertz + frequency**2 / hertz) for strength, hertz in relaxing)
+    return 8.686 * np.log(10) / 20 * frequency**2 * factor  # 8.686: as the standard prints 20 / ln(10)
 
 
 @quantity(unit="1", reference="Morfey and Howell, J. Acoust. Soc. Am. 68 (1980) 1525")
@@ -101,20 +48,21 @@ def air_dispersion(frequency, sound_speed, air_temperature, air_pressure, relati
     factor of the process times the speed of sound: 6e-5 for nitrogen at 20 degC.
     """
     total = np.zeros(len(frequency))
-    relaxations = _relaxation_hz(air_temperature, air_pressure, relative_humidity)
-    for relaxation_hz, (factor, characteristic) in zip(relaxations, _RELAXATIONS, strict=True):
-        strength = factor * np.exp(-characteristic / air_temperature) * (air_temperature / 293.15) ** -2.5
-        x2 = (frequency / relaxation_hz) ** 2
+    for strength, hertz in _relaxations(air_temperature, air_pressure, relative_humidity):
+        x2 = (frequency / hertz) ** 2
         total += strength * sound_speed / (2 * np.pi) * x2 / (1 + x2)
     return total
 
 
-def _relaxation_hz(temperature: float, pressure: float, humidity: float) -> tuple[float, float]:
-    """Relaxation frequencies of oxygen and nitrogen (ISO 9613-1:1993, eqs 3 and 4)."""
-    iso = iso_9613_1()
-    kilopascal = pressure / 1000
-    water = iso.molar_concentration_water_vapour(
-        humidity * 100, iso.saturation_pressure(temperature), kilopascal
-    )
-    oxygen = float(iso.relaxation_frequency_oxygen(kilopascal, water))
-    return oxygen, float(iso.relaxation_frequency_nitrogen(kilopascal, temperature, water))
+def _relaxations(temperature: float, pressure: float, humidity: float) -> list[tuple[Real, Real]]:
+    """Factor (s/m) and frequency of the relaxations of oxygen and nitrogen (ISO 9613-1:1993, eqs 3 to 5, B.2, B.3)."""
+    warm, dense = temperature / WARM, pressure / ATMOSPHERE
+    water = (
+        100 * humidity / dense * 10 ** (4.6151 - 6.8346 * (TRIPLE_POINT / temperature) ** 1.261)
+    )  # per cent
+    oxygen = dense * (24 + 4.04e4 * water * (0.02 + water) / (0.391 + water))
+    nitrogen = dense * warm**-0.5 * (9 + 280 * water * np.exp(-4.170 * (warm ** (-1 / 3) - 1)))
+    factors = [
+        f * np.exp(-kelvin / temperature) * warm**-2.5 for f, kelvin in ((0.01275, 2239.1), (0.1068, 3352.0))
+    ]
+    return list(zip(factors, (oxygen, nitrogen), strict=True))
