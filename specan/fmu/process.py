@@ -60,12 +60,6 @@ class FmuProcess:
             found.append(answer)
         return found
 
-    def stop(self) -> None:
-        """End the process, if there is one."""
-        if self._process is not None:
-            _end(self._process)
-            self._process = None
-
     def _start(self) -> None:
         if self._process is not None and self._process.poll() is None:
             return
@@ -80,7 +74,7 @@ class FmuProcess:
         threading.Thread(target=_receive, args=(self._process.stdout, self._answers), daemon=True).start()
         _, fault = self._ask(dict(self.settings), START_S)
         if fault:
-            self.stop()
+            _end(self._process)
             raise RequestError(f"the FMU {self.name} cannot be loaded: it {fault}")
 
     def _ask(self, request: Any, limit_s: float) -> tuple[Any, str]:
@@ -94,18 +88,15 @@ class FmuProcess:
         except OSError:
             answer = None
         except queue.Empty:
-            self.stop()
+            _end(self._process)
             return None, f"takes longer than {limit_s:g} s for one simulation and was stopped"
         if answer is None:
-            code, said = self._process.wait(), self._last_words()
-            self._process = None
-            return None, f"crashed ({'signal ' + str(-code) if code < 0 else 'exit code ' + str(code)}{said})"
+            code = self._process.wait()
+            self._errors.seek(0)
+            said = self._errors.read().decode("utf-8", "replace").strip().splitlines()[-1:]
+            how = [f"signal {-code}" if code < 0 else f"exit code {code}", *(line[:200] for line in said)]
+            return None, f"crashed ({': '.join(how)})"
         return answer, f"reports an error: {answer}" if isinstance(answer, str) else ""
-
-    def _last_words(self) -> str:
-        self._errors.seek(0)
-        lines = self._errors.read().decode("utf-8", "replace").strip().splitlines()
-        return f": {lines[-1][:200]}" if lines else ""
 
 
 def _receive(stream: IO[bytes], answers: queue.Queue[Any]) -> None:
