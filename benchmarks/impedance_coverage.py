@@ -86,11 +86,13 @@ def one_room(
 def compare(found: Impedance, truth: Truth, areas: Any) -> Iterator[dict[str, Any]]:
     """For every wall-band whether each interval holds the truth."""
     share = np.array([areas[wall] for wall in WALLS])
-    for row in found.rows:
+    for row in found.table.itertuples():
         beta = true_admittance(truth, np.array([row.mid_hz]))
         walls = dict(zip(WALLS, beta, strict=True)) | {"all": share @ beta / share.sum()}
         true = {n: float(f(walls[row.wall])[0]) for n, f in FUNCTIONS.items()}
-        held = {n: getattr(row, n).low <= value <= getattr(row, n).high for n, value in true.items()}
+        held = {
+            n: getattr(row, f"{n}_low") <= value <= getattr(row, f"{n}_high") for n, value in true.items()
+        }
         yield {
             "wall": row.wall, "third_octave_hz": row.third_octave_hz, "determined": row.determined, "held": held,
             "z": float((row.admittance - walls[row.wall][0]).real / row.standard_error),

@@ -21,10 +21,11 @@ from specan.report.residual_map import axis_text
 from specan.report.study_words import state_of
 from specan.room.model.field_map import FieldMap
 from specan.room.model.receivers import receivers_of
-from specan.room.wall_impedance.surface_impedance import ALL, Impedance, WallBand
+from specan.room.wall_impedance.surface_impedance import ALL, Impedance
 from specan.study.localisation.frf_errors import FrfErrors
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -49,7 +50,7 @@ def figure_impedance(found: Impedance) -> Figure:
             _bars(axes, rows, name)
         grid[0, column].set_title(f"Wall {wall}")
         grid[2, column].set_xlabel("Frequency / Hz")
-        octave_axis(grid[2, column], rows[0].mid_hz / 1.15, rows[-1].mid_hz * 1.15)
+        octave_axis(grid[2, column], rows["mid_hz"].min() / 1.15, rows["mid_hz"].max() * 1.15)
     grid[0, 0].set(ylabel="Absorption coefficient,\nnormal incidence", ylim=(0, 1))
     grid[1, 0].set(ylabel="Re Z / (rho c)", yscale="log")
     grid[2, 0].set(ylabel="Im Z / (rho c)", yscale="symlog")
@@ -57,35 +58,30 @@ def figure_impedance(found: Impedance) -> Figure:
         axes.yaxis.set_major_formatter("{x:g}")
     figure.align_ylabels(grid[:, 0])
     mean = found.of(ALL)
-    if mean:
+    if len(mean):
         for axes in grid[0]:
-            at = [r.mid_hz for r in mean]
-            axes.plot(
-                at, [r.absorption_normal.value for r in mean], ":", color="0.4", lw=1, label="all walls"
-            )
-    known = sum(row.determined for wall in walls for row in found.of(wall))
-    total = sum(len(found.of(wall)) for wall in walls)
+            axes.plot(mean["mid_hz"], mean["absorption_normal"], ":", color="0.4", lw=1, label="all walls")
+    known = found.table["determined"][found.table["wall"] != ALL]
     heading(
         figure, "Surface impedance of the walls",
-        f"{known} of {total} bands are determined. Bars: 95 % intervals; pale: upper limit only, not determined. "
-        "Dotted: all walls together.",
+        f"{known.sum()} of {known.size} bands are determined. Bars: 95 % intervals; pale: upper limit only, not "
+        "determined. Dotted: all walls together.",
     )  # fmt: skip
     return figure
 
 
-def _bars(axes: Axes, rows: list[WallBand], name: str) -> None:
+def _bars(axes: Axes, rows: pd.DataFrame, name: str) -> None:
     """Intervals with their values; of what is not determined the absorption alone, pale and without a value."""
     absorption = name == "absorption_normal"
-    for row in rows:
-        interval = getattr(row, name)
-        ends = [interval.low, interval.high]
-        if not (row.determined or absorption) or not np.isfinite(ends).all():
+    style: dict[str, Any] = {"color": COLOURS[0 if absorption else 1]}
+    for mid_hz, known, value, *ends in rows[
+        ["mid_hz", "determined", name, f"{name}_low", f"{name}_high"]
+    ].to_numpy():
+        if not (known or absorption) or not np.all(np.isfinite(ends)):
             continue
-        style: dict[str, Any] = {"color": COLOURS[0 if absorption else 1]}
-        alpha = 1.0 if row.determined else 0.3
-        axes.plot([row.mid_hz] * 2, ends, lw=3, solid_capstyle="butt", alpha=alpha, **style)
-        if row.determined:
-            axes.plot(row.mid_hz, interval.value, "o", ms=4, **style)
+        axes.plot([mid_hz] * 2, ends, lw=3, solid_capstyle="butt", alpha=1.0 if known else 0.3, **style)
+        if known:
+            axes.plot(mid_hz, value, "o", ms=4, **style)
 
 
 @styled

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import Delivery, plot_option
+from specan_cli.output import Delivery, plot_option, show_sheets
 from specan_cli.study import study_verb, told
 
 if TYPE_CHECKING:
-    from specan.room.wall_impedance.advice import Advice
     from specan.room.wall_impedance.surface_impedance import Impedance
     from specan.study.study import Study
 
@@ -39,25 +39,12 @@ def command(study: Study, deliver: Delivery, wall: str | None, accuracy: float) 
     progress("what would determine the rest")
     advice = advise(shown)
     deliver.draw(shown)
-    content = {**shown.to_dict(), "advice": [one.as_dict() for one in advice]}
-    deliver.put_out(content, lambda: _print(shown, advice))
+    deliver.put_out({**shown.to_dict(), "advice": advice}, lambda: _print(shown, advice))
 
 
-def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:
-    from specan_cli.output import table
-
-    for wall in dict.fromkeys(row.wall for row in found.rows):
-        rows = []
-        for row in found.of(wall):
-            alpha = row.absorption_normal
-            cells = ["not determined", "by these positions", f"at most {alpha.high:.2f}", ""]
-            if row.determined:
-                columns = (row.resistance, row.reactance, alpha, row.absorption_diffuse)
-                shown = zip(columns, (".3g", ".3g", ".3f", ".2f"), strict=True)
-                cells = [f"{one.value:{form}} {one.low:{form}}..{one.high:{form}}" for one, form in shown]
-            rows.append([f"{row.third_octave_hz:g}", *cells])
-        title = "Mean over all walls, by area" if wall == "all" else f"Wall {wall}"
-        table(title, ["Hz", "Re Z/(rho c)", "Im Z/(rho c)", "alpha, normal", "alpha, diffuse"], rows)
+def _print(found: Impedance, advice: Sequence[Mapping[str, Any]]) -> None:
+    for sheet in found.sheets():
+        show_sheets([sheet])
         click.echo("")
     for text in found.sentences():
         click.echo(text[0].upper() + text[1:] + ".")
@@ -69,4 +56,4 @@ def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:
     if advice:
         click.echo("\nMeasurements that would determine more:")
         for one in advice:
-            click.echo(f"  {one.text}")
+            click.echo(f"  {one['text']}")

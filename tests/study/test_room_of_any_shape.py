@@ -99,12 +99,12 @@ def test_the_soft_wall_is_found_by_its_impedance(recorded):
     z = np.stack([off.real, off.imag]) / spread
     z = z.reshape(2, *found.fit.beta.shape)[..., inside]
     assert np.sqrt(np.mean(z**2)) < 1.3
-    soft = [row for row in found.of("z1") if row.standard_error < 0.05]
+    soft = [row for row in found.of("z1").itertuples() if row.standard_error < 0.05]
     assert len(soft) >= 2
     assert all(row.admittance.real > BETA + 2 * row.standard_error for row in soft)
     (cover,) = advise(found)  # places for further microphones are not looked for in a mesh
-    assert cover.kind == "cover-wall"
-    whole = [row for row in found.rows if row.wall == "all"]
+    assert cover["kind"] == "cover-wall"
+    whole = found.of("all").itertuples()
     sizes = np.array([areas[wall] for wall in found.fit.walls])
     mean = sizes @ truth[:, 0] / sizes.sum()
     assert all(abs(row.admittance.real - mean) < 3 * row.standard_error for row in whole)

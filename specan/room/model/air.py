@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from specan.arrays import Real
 from specan.models.quantity import quantity
 
 ZERO_CELSIUS = 273.15  # K
 GAS_CONSTANT_AIR = 287.05  # J/(kg K), dry air
-ATMOSPHERE, WARM, TRIPLE_POINT = 101325.0, 293.15, 273.16  # Pa, K, K: what ISO 9613-1 refers to
+ATMOSPHERE, WARM, TRIPLE_POINT = 101.325, 293.15, 273.16  # kPa, K, K: what ISO 9613-1 refers to
 
 
 @quantity(unit="K")
@@ -30,13 +29,23 @@ def density(air_temperature, air_pressure):
     return air_pressure / (GAS_CONSTANT_AIR * air_temperature)
 
 
+# Relaxation of oxygen and nitrogen: factor (s/m) and temperature (K) of ISO 9613-1:1993, eq. 5.
+RELAXATIONS = ((0.01275, 2239.1), (0.1068, 3352.0))
+
+
 @quantity(unit="1/m", reference="ISO 9613-1:1993, eq. 5")
 def air_attenuation(frequency, air_temperature, air_pressure, relative_humidity):
     """Attenuation of the sound pressure in air, Np/m."""
-    relaxing = _relaxations(air_temperature, air_pressure, relative_humidity)
-    factor = 1.84e-11 * (ATMOSPHERE / air_pressure) * np.sqrt(air_temperature / WARM)
-    factor = factor + sum(strength / (hertz + frequency**2 / hertz) for strength, hertz in relaxing)
-    return 8.686 * np.log(10) / 20 * frequency**2 * factor  # 8.686: as the standard prints 20 / ln(10)
+    warm = air_temperature / WARM
+    relaxing = sum(
+        factor * np.exp(-kelvin / air_temperature) * (hertz + frequency**2 / hertz) ** -1.0
+        for (factor, kelvin), hertz in zip(
+            RELAXATIONS, _hertz(air_temperature, air_pressure, relative_humidity)
+        )
+    )
+    classical = 1.84e-11 * (ATMOSPHERE / (air_pressure / 1000)) * warm**0.5
+    decibel = 8.686 * frequency**2 * (classical + warm**-2.5 * relaxing)
+    return decibel * (np.log(10) / 20)
 
 
 @quantity(unit="1", reference="Morfey and Howell, J. Acoust. Soc. Am. 68 (1980) 1525")
@@ -48,21 +57,19 @@ def air_dispersion(frequency, sound_speed, air_temperature, air_pressure, relati
     factor of the process times the speed of sound: 6e-5 for nitrogen at 20 degC.
     """
     total = np.zeros(len(frequency))
-    for strength, hertz in _relaxations(air_temperature, air_pressure, relative_humidity):
-        x2 = (frequency / hertz) ** 2
+    hertz = _hertz(air_temperature, air_pressure, relative_humidity)
+    for (factor, kelvin), relaxation_hz in zip(RELAXATIONS, hertz, strict=True):
+        strength = factor * np.exp(-kelvin / air_temperature) * (air_temperature / WARM) ** -2.5
+        x2 = (frequency / relaxation_hz) ** 2
         total += strength * sound_speed / (2 * np.pi) * x2 / (1 + x2)
     return total
 
 
-def _relaxations(temperature: float, pressure: float, humidity: float) -> list[tuple[Real, Real]]:
-    """Factor (s/m) and frequency of the relaxations of oxygen and nitrogen (ISO 9613-1:1993, eqs 3 to 5, B.2, B.3)."""
-    warm, dense = temperature / WARM, pressure / ATMOSPHERE
-    water = (
-        100 * humidity / dense * 10 ** (4.6151 - 6.8346 * (TRIPLE_POINT / temperature) ** 1.261)
-    )  # per cent
+def _hertz(temperature: float, pressure: float, humidity: float) -> tuple[float, float]:
+    """Relaxation frequencies of oxygen and nitrogen (ISO 9613-1:1993, eqs 3 and 4; water by annex B)."""
+    kilopascal, warm = pressure / 1000, temperature / WARM
+    dense = kilopascal / ATMOSPHERE
+    vapour = ATMOSPHERE * 10 ** (4.6151 - 6.8346 * (TRIPLE_POINT / temperature) ** 1.261)
+    water = 100 * humidity * vapour / kilopascal  # per cent
     oxygen = dense * (24 + 4.04e4 * water * (0.02 + water) / (0.391 + water))
-    nitrogen = dense * warm**-0.5 * (9 + 280 * water * np.exp(-4.170 * (warm ** (-1 / 3) - 1)))
-    factors = [
-        f * np.exp(-kelvin / temperature) * warm**-2.5 for f, kelvin in ((0.01275, 2239.1), (0.1068, 3352.0))
-    ]
-    return list(zip(factors, (oxygen, nitrogen), strict=True))
+    return oxygen, dense * warm**-0.5 * (9 + 280 * water * np.exp(-4.170 * (warm ** (-1 / 3) - 1)))

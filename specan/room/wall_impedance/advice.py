@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from specan.result import gathered, picked
+from specan.result import gathered
 from specan.room.model.places import free_places, with_microphones
 from specan.room.model.receivers import receivers_of
 from specan.room.study.field_observation import field_observations
@@ -21,108 +21,64 @@ from specan.room.study.receiver_places import (
     planned,
     spoken_place,
 )
-from specan.room.wall_impedance.surface_impedance import Impedance
+from specan.room.wall_impedance.surface_impedance import ALL, Impedance
 from specan.room.wall_impedance.wall_admittance import WallFit, WallProblem
 from specan.study.observation import Array
 
 MICROPHONES = 4  # that are proposed together
 
 
-@dataclass(frozen=True)
-class Advice:
-    """A measurement that would help, and what it would tell.
+def advise(found: Impedance) -> list[dict[str, Any]]:
+    """Which further microphones, and which covered wall, would determine what is open; nothing if nothing is.
 
-    Attributes
-    ----------
-    kind : str
-        ``positions`` or ``cover-wall``.
-    places_m : tuple
-        Of further microphones.
-    wall : str
-        That would be covered.
-    determines : tuple of (wall, nominal Hz)
-        What would be determined and is not.
-    of : int
-        How many wall-bands are not.
+    Of each: its kind (``positions`` or ``cover-wall``), the places of further microphones, the wall that would be
+    covered, what would be determined and is not, how many wall-bands are not, and all that in words.
     """
-
-    kind: str
-    places_m: tuple[tuple[float, ...], ...]
-    wall: str
-    determines: tuple[tuple[str, float], ...]
-    of: int
-
-    @property
-    def text(self) -> str:
-        """In words."""
-        count = len(self.determines)
-        told = f"would determine {count} of the {self.of} undetermined wall-bands"
-        told += f" ({_listed(self.determines)})" if count else ""
-        if self.kind == "positions":
-            where = ", ".join(spoken_place(p) for p in self.places_m)
-            return f"{len(self.places_m)} further microphones at {where} {told}"
-        return f"covering wall {self.wall} with a rigid board and recording once more {told}"
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        found = picked(self, "kind places_m wall determines open=of text")
-        return found | {"determines": [{"wall": w, "third_octave_hz": f} for w, f in self.determines]}
-
-
-def _listed(found: tuple[tuple[str, float], ...]) -> str:
-    return "; ".join(f"{w}: {', '.join(f'{b:g}' for b in bands)} Hz" for w, bands in gathered(found).items())
-
-
-def advise(found: Impedance) -> tuple[Advice, ...]:
-    """Which further microphones, and which covered wall, would determine what is open; nothing if nothing is."""
     goal = _Goal.of(found)
-    if not goal.places.size:
-        return ()
+    if not goal.names:
+        return []
     problem, theta = found.fit.problem, found.fit.at(found.fit.beta)
     jacobian = problem.jacobian(theta)
     known = jacobian.T @ jacobian
     box = receivers_of(problem.assembly.model).box
-    further = () if box is None else (_further_microphones(problem, theta, known, goal),)
-    return (*further, _covered_wall(found.fit, known, goal))
+    further = [] if box is None else [_further_microphones(problem, theta, known, goal)]
+    return [*further, _covered_wall(found.fit, known, goal)]
 
 
 @dataclass(frozen=True, eq=False)
 class _Goal:
-    """Wall-bands that are open: their place among the admittances, and the standard error they need."""
+    """Wall-bands that are open: their place in theta, and the standard error they need."""
 
-    names: tuple[tuple[str, float], ...]
-    places: Array
+    names: list[tuple[str, float]]
+    places: list[int]
     needed: float
-    own: int
 
     @classmethod
     def of(cls, found: Impedance) -> _Goal:
-        fit = found.fit
-        names, places = [], []
-        for row in found.rows:
-            if row.wall in fit.walls and not row.determined:
-                band = int(np.argmin(np.abs(fit.mid_hz - row.mid_hz)))
-                names.append((row.wall, row.third_octave_hz))
-                places.append(fit.walls.index(row.wall) * len(fit.mid_hz) + band)
+        fit, open_ = found.fit, found.table[~found.table["determined"] & (found.table["wall"] != ALL)]
+        bands = np.argmin(np.abs(open_["mid_hz"].to_numpy()[:, None] - fit.mid_hz), axis=1)
+        walls = [fit.walls.index(wall) for wall in open_["wall"]]
+        places = (len(fit.theta) + np.array(walls, dtype=int) * len(fit.mid_hz) + bands).tolist()
         needed = found.accuracy / (4 * 1.96) / np.sqrt(max(fit.reduced_chi2, 1.0))
-        return cls(tuple(names), np.array(places, dtype=int), needed, len(fit.theta))
+        return cls(list(zip(open_["wall"], open_["third_octave_hz"], strict=True)), places, needed)
 
-    def errors(self, information: Array) -> Array:
-        """Standard errors that an information matrix leaves."""
-        index = self.own + self.places
-        return np.sqrt(np.diag(np.linalg.inv(information))[index])
+    def short(self, information: Array) -> Array:
+        """By how much, in logarithms, the errors that an information matrix leaves are too large."""
+        errors = np.sqrt(np.diag(np.linalg.inv(information))[self.places])
+        return np.maximum(np.log(errors / self.needed), 0.0)
 
-    def shortfall(self, information: Array) -> float:
-        """By how much, in logarithms, the errors together are too large."""
-        return float(np.sum(np.maximum(np.log(self.errors(information) / self.needed), 0.0)))
+    def advice(self, kind: str, information: Array, what: str, **more: Any) -> dict[str, Any]:
+        """What some measurement would determine."""
+        reached = [name for name, lack in zip(self.names, self.short(information), strict=True) if lack <= 0]
+        told = f"{what} would determine {len(reached)} of the {len(self.names)} undetermined wall-bands"
+        each = gathered(reached).items()
+        listed = "; ".join(f"{wall}: {', '.join(f'{f:g}' for f in bands)} Hz" for wall, bands in each)
+        determines = [{"wall": wall, "third_octave_hz": f} for wall, f in reached]
+        about = {"places_m": [], "wall": "", **more, "determines": determines, "open": len(self.names)}
+        return {"kind": kind, **about, "text": told + (f" ({listed})" if listed else "")}
 
-    def reached(self, information: Array) -> tuple[tuple[str, float], ...]:
-        """What would be determined."""
-        enough = self.errors(information) <= self.needed
-        return tuple(name for name, ok in zip(self.names, enough, strict=True) if ok)
 
-
-def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal: _Goal) -> Advice:
+def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal: _Goal) -> dict[str, Any]:
     """One place after the other, each the best beside those that are taken."""
     places = free_places(receivers_of(problem.assembly.model).rig)
     model, names = with_microphones(problem.assembly.model, places)
@@ -132,11 +88,12 @@ def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal:
     chosen: list[int] = []
     for _ in range(min(MICROPHONES, len(places))):
         left = [k for k in range(len(places)) if k not in chosen]
-        best = min(left, key=lambda k: goal.shortfall(known + each[k]))
+        best = min(left, key=lambda k: float(goal.short(known + each[k]).sum()))
         chosen.append(best)
         known = known + each[best]
-    taken = tuple(tuple(float(x) for x in places[k]) for k in chosen)
-    return Advice("positions", taken, "", goal.reached(known), len(goal.names))
+    taken = places[chosen].tolist()
+    what = f"{len(taken)} further microphones at {', '.join(map(spoken_place, taken))}"
+    return goal.advice("positions", known, what, places_m=taken)
 
 
 def _seen(problem: WallProblem, observation: Any, theta: Array) -> tuple[Any, Array]:
@@ -145,7 +102,7 @@ def _seen(problem: WallProblem, observation: Any, theta: Array) -> tuple[Any, Ar
     return seen, seen.whiten(problem.over([seen]).sensitivities(theta)[0])
 
 
-def _covered_wall(fit: WallFit, known: Array, goal: _Goal) -> Advice:
+def _covered_wall(fit: WallFit, known: Array, goal: _Goal) -> dict[str, Any]:
     """A wall behind a rigid board takes nothing: what changes was its own."""
     tried = []
     bands = len(fit.mid_hz)
@@ -155,10 +112,9 @@ def _covered_wall(fit: WallFit, known: Array, goal: _Goal) -> Advice:
         beta[number] = 0.0
         _, slopes = _seen(fit.problem, few, fit.at(beta))
         for part in (0, 1):
-            first = goal.own + part * beta.size + number * bands
+            first = len(fit.theta) + part * beta.size + number * bands
             slopes[:, first : first + bands] = 0.0
-        both = known + slopes.T @ slopes
-        tried.append(
-            (goal.shortfall(both), Advice("cover-wall", (), wall, goal.reached(both), len(goal.names)))
-        )
-    return min(tried, key=lambda pair: pair[0])[1]
+        tried.append((wall, known + slopes.T @ slopes))
+    wall, best = min(tried, key=lambda one: float(goal.short(one[1]).sum()))
+    what = f"covering wall {wall} with a rigid board and recording once more"
+    return goal.advice("cover-wall", best, what, wall=wall)

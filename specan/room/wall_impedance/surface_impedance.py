@@ -14,17 +14,17 @@ a coefficient one writes, becomes the delta rule where g is straight, and is ope
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
-from itertools import product
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from specan.arrays import Complex
 from specan.dsp.bands import band_at, nominal_frequency
 from specan.errors import RequestError, require_known
 from specan.models.effect import ParameterName
-from specan.result import Result, counted, gathered, picked
+from specan.result import Result, Sheet, counted, gathered, records
 from specan.room.model.absorption import diffuse_absorption, normal_absorption
 from specan.room.wall_impedance.wall_admittance import WallFit, wall_fit
 from specan.study.build_problem import assemble
@@ -39,15 +39,6 @@ ALL = "all"  # the name of the mean over the walls
 _DIRECTIONS, _RADII = 720, 12
 
 
-@dataclass(frozen=True)
-class Interval:
-    """A value with the ends of its 95 % interval; an end that is open is infinite."""
-
-    value: float
-    low: float
-    high: float
-
-
 # what is reported of an admittance
 FUNCTIONS: dict[str, Callable[[Complex], Array]] = {
     "resistance": lambda beta: np.real(1 / beta) + 0.0,  # no -0
@@ -58,58 +49,24 @@ FUNCTIONS: dict[str, Callable[[Complex], Array]] = {
 }
 
 
-@dataclass(frozen=True)
-class WallBand:
-    """One wall in one third octave.
-
-    Attributes
-    ----------
-    wall : str
-        Name, or ``all`` for the mean over the walls, weighted by their areas.
-    third_octave_hz, mid_hz : float
-        Nominal and exact mid-band frequency; everything is meant at the latter.
-    determined : bool
-        See `Impedance.criterion`.
-    admittance : complex
-        rho c / Z, the best one that a passive wall may have.
-    resistance, reactance, magnitude : Interval
-        Real part, imaginary part and modulus of Z/(rho c), exp(+j w t): a mass is positive.
-    absorption_normal, absorption_diffuse : Interval
-    """
-
-    wall: str
-    third_octave_hz: float
-    mid_hz: float
-    determined: bool
-    admittance: complex
-    standard_error: float
-    resistance: Interval
-    reactance: Interval
-    magnitude: Interval
-    absorption_normal: Interval
-    absorption_diffuse: Interval
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON: numbers, lists [low, high]."""
-        text = "" if self.determined else "not determined by these positions"
-        found = {"text": text, **{name: asdict(getattr(self, name)) for name in FUNCTIONS}}
-        return picked(self, "wall third_octave_hz determined") | found
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Impedance(Result):
     """All walls and bands of a room.
 
     Attributes
     ----------
-    rows : tuple of WallBand
-        Wall by wall, the mean over all walls last.
+    table : DataFrame
+        One row for each wall and third octave, the mean over all walls (``all``), weighted by their areas, last:
+        nominal and exact mid-band frequency, whether the band is determined, and the best admittance rho c / Z that a
+        passive wall may have, with the standard error of its real part; of each of `FUNCTIONS` the value and the ends
+        ``_low`` and ``_high`` of its 95 % interval, infinite where one is open. Z/(rho c) is that of exp(+j w t): a
+        mass is positive.
     accuracy : float
         Of the criterion.
     fit : WallFit
     """
 
-    rows: tuple[WallBand, ...]
+    table: pd.DataFrame
     accuracy: float
     fit: WallFit
 
@@ -117,32 +74,56 @@ class Impedance(Result):
 
     def summary(self) -> str:
         """How many walls and bands, and how many of them the data determine."""
-        known = sum(row.determined for row in self.rows)
-        return f"{counted(len(self.walls), 'wall')}, {known} of {len(self.rows)} bands determined"
+        known = self.table["determined"]
+        return f"{counted(len(self.walls), 'wall')}, {known.sum()} of {len(known)} bands determined"
 
     def columns(self) -> dict[str, Any]:
         """One row for each wall and third octave, with the ends of the 95 % intervals."""
-        found: dict[str, Any] = {
-            name: [getattr(row, name) for row in self.rows]
-            for name in ("wall", "third_octave_hz", "determined")
-        }
-        for name, (end, suffix) in product(FUNCTIONS, {"value": "", "low": "_low", "high": "_high"}.items()):
-            found[name + suffix] = [getattr(getattr(row, name), end) for row in self.rows]
-        return found
+        found = self.table.drop(columns=["mid_hz", "admittance", "standard_error"])
+        return {name: values.to_numpy() for name, values in found.items()}
 
     def content(self) -> dict[str, Any]:
         """What `to_dict` gives, with arrays in it."""
-        return {
-            "rows": [row.as_dict() for row in self.rows],
-            "criterion": self.criterion,
-            "reduced_chi2": self.fit.reduced_chi2,
-            "sentences": self.sentences(),
+        ends = {"value": "", "low": "_low", "high": "_high"}
+        rows = [
+            {
+                **{name: row[name] for name in (*self.dimensions, "determined")},
+                "text": "" if row["determined"] else "not determined by these positions",
+                **{name: {end: row[name + suffix] for end, suffix in ends.items()} for name in FUNCTIONS},
+            }
+            for row in records(**self.columns())
+        ]
+        about = {"criterion": self.criterion, "reduced_chi2": self.fit.reduced_chi2}
+        return {"rows": rows, **about, "sentences": self.sentences()}
+
+    def sheets(self) -> list[Sheet]:
+        """A table of each wall, as the verb prints it."""
+        header = ["Hz", "Re Z/(rho c)", "Im Z/(rho c)", "alpha, normal", "alpha, diffuse"]
+        forms = {
+            "resistance": ".3g",
+            "reactance": ".3g",
+            "absorption_normal": ".3f",
+            "absorption_diffuse": ".2f",
         }
+        found = []
+        for wall, bands in self.table.groupby("wall", sort=False):
+            rows = []
+            for row in bands.to_dict("records"):
+                cells = [
+                    f"{row[n]:{f}} {row[n + '_low']:{f}}..{row[n + '_high']:{f}}" for n, f in forms.items()
+                ]
+                if not row["determined"]:
+                    most = f"at most {row['absorption_normal_high']:.2f}"
+                    cells = ["not determined", "by these positions", most, ""]
+                rows.append([f"{row['third_octave_hz']:g}", *cells])
+            title = "Mean over all walls, by area" if wall == ALL else f"Wall {wall}"
+            found.append(Sheet(title, header, rows))
+        return found
 
     @property
     def walls(self) -> tuple[str, ...]:
-        """Names of the walls in `rows`, without their mean."""
-        return tuple(dict.fromkeys(r.wall for r in self.rows if r.wall != ALL))
+        """Names of the walls in `table`, without their mean."""
+        return tuple(wall for wall in self.table["wall"].unique() if wall != ALL)
 
     @property
     def criterion(self) -> str:
@@ -152,9 +133,9 @@ class Impedance(Result):
             "(1.96 x 4 x standard error of Re(rho c/Z))"
         )
 
-    def of(self, wall: str) -> list[WallBand]:
+    def of(self, wall: str) -> pd.DataFrame:
         """Bands of one wall."""
-        return [row for row in self.rows if row.wall == wall]
+        return self.table[self.table["wall"] == wall]
 
     def only(self, wall: str) -> Impedance:
         """One wall.
@@ -165,7 +146,7 @@ class Impedance(Result):
             There is none of that name.
         """
         require_known(wall, self.walls, f"the room has no wall {wall!r}")
-        return Impedance(tuple(self.of(wall)), self.accuracy, self.fit)
+        return Impedance(self.of(wall), self.accuracy, self.fit)
 
     def sentences(self) -> list[str]:
         """What stands out, in words: the softest wall, and where the data do not tell."""
@@ -233,21 +214,23 @@ def impedance(
     rows = [
         _row(wall, fit.mid_hz[k], *fit.mean(share, k), accuracy) for wall, share in shares for k in inside
     ]
-    return Impedance(tuple(rows), accuracy, fit)
+    return Impedance(pd.DataFrame(rows), accuracy, fit)
 
 
-def _row(wall: str, mid_hz: float, beta: complex, covariance: Array, accuracy: float) -> WallBand:
+def _row(wall: str, mid_hz: float, beta: complex, covariance: Array, accuracy: float) -> dict[str, Any]:
     best, region, open_ended = _region(beta, covariance)
     error = float(np.sqrt(covariance[0, 0]))
-    found = {}
+    found = {
+        "wall": wall, "third_octave_hz": nominal_frequency(band_at(mid_hz, 3), 3), "mid_hz": float(mid_hz),
+        "determined": bool(1.96 * 4 * error <= accuracy), "admittance": best, "standard_error": error,
+    }  # fmt: skip
     for name, function in FUNCTIONS.items():
         values = function(region)
         low, high = float(values.min()), float(values.max())
         if open_ended and name in ("resistance", "reactance", "magnitude"):
             low, high = {"resistance": 0.0, "reactance": -np.inf}.get(name, low), np.inf
-        found[name] = Interval(float(function(np.array([best]))[0]), low, high)
-    nominal = nominal_frequency(band_at(mid_hz, 3), 3)
-    return WallBand(wall, nominal, float(mid_hz), bool(1.96 * 4 * error <= accuracy), best, error, **found)
+        found |= {name: float(function(np.array([best]))[0]), f"{name}_low": low, f"{name}_high": high}
+    return found
 
 
 def _region(beta: complex, covariance: Array) -> tuple[complex, Complex, bool]:
@@ -279,35 +262,37 @@ def _region(beta: complex, covariance: Array) -> tuple[complex, Complex, bool]:
 
 def _softest(found: Impedance) -> list[str]:
     """Where the surest absorption is."""
-    sure = [row for row in found.rows if row.determined and row.wall != ALL]
-    if not sure:
+    sure = found.table[found.table["determined"] & (found.table["wall"] != ALL)]
+    if sure.empty:
         return []
-    peak = max(sure, key=lambda row: row.absorption_normal.low)
-    a, z = peak.absorption_normal, peak.magnitude
-    others = [r.absorption_normal.high for r in sure if r.wall != peak.wall and r.mid_hz == peak.mid_hz]
-    rest = f"; every other wall at most {max(others):.3f} there" if others else ""
+    peak = sure.loc[sure["absorption_normal_low"].idxmax()]
+    others = sure[(sure["wall"] != peak["wall"]) & (sure["mid_hz"] == peak["mid_hz"])][
+        "absorption_normal_high"
+    ]
+    rest = f"; every other wall at most {others.max():.3f} there" if others.size else ""
     return [
-        f"softest: wall {peak.wall} at {peak.third_octave_hz:g} Hz, absorbs {a.value:.3f} ({a.low:.3f} to "
-        f"{a.high:.3f}) at normal incidence, |Z|/(rho c) = {z.value:.3g} ({z.low:.3g} to {z.high:.3g}){rest}"
+        "softest: wall {wall} at {third_octave_hz:g} Hz, absorbs {absorption_normal:.3f} ({absorption_normal_low:.3f} "
+        "to {absorption_normal_high:.3f}) at normal incidence, |Z|/(rho c) = {magnitude:.3g} ({magnitude_low:.3g} to "
+        "{magnitude_high:.3g})".format_map(peak)
+        + rest
     ]
 
 
 def _not_told(found: Impedance) -> list[str]:
     """Runs of bands that are not determined, walls with the same runs together."""
+    open_ = found.table[~found.table["determined"] & (found.table["wall"] != ALL)]
     runs = gathered(
-        (tuple(row.third_octave_hz for row in found.of(wall) if not row.determined), wall)
-        for wall in found.walls
+        (tuple(bands), wall) for wall, bands in open_.groupby("wall", sort=False)["third_octave_hz"]
     )
     return [
         f"not determined by these positions: wall{'s' * (len(walls) > 1)} {', '.join(walls)} at {_ranges(bands, found)}"
         for bands, walls in runs.items()
-        if bands
     ]
 
 
 def _ranges(bands: tuple[float, ...], found: Impedance) -> str:
     """``25-80 Hz, 125 Hz`` for bands that follow each other."""
-    order = list(dict.fromkeys(row.third_octave_hz for row in found.rows))
+    order = found.table["third_octave_hz"].unique().tolist()
     apart = np.diff([order.index(band) for band in bands]) > 1
     runs = np.split(np.array(bands), np.flatnonzero(apart) + 1)
     return ", ".join(f"{r[0]:g}-{r[-1]:g} Hz" if len(r) > 1 else f"{r[0]:g} Hz" for r in runs)
