@@ -285,8 +285,9 @@ def effect(
         Quantities that the contribution is added to, multiplied by, or (collections) appended to.
     at : str
         Model axis at one element of which the effect acts (``wall``): used as ``name@z1``.
-    neutral : mapping
-        Amplitudes and the values, in the parameter's unit, at which the effect vanishes.
+    neutral : mapping, optional
+        Amplitudes and the values, in the parameter's unit, at which the effect vanishes; by default the first parameter
+        at zero.
     valid : mapping
         ``{quantity: (low, high, unit)}`` within which the equation holds.
     needs : sequence of str
@@ -332,7 +333,8 @@ def effect(
                 own[key] = replace(state, reads=tuple(a for a in arguments if a not in parameters))
         made = Effect(
             name, function, reads, parameters, _names(adds_to), _names(scales), _names(joins), at,
-            dict(neutral or {}), dict(valid or {}), tuple(needs), tuple(aliases), separate_by, reference,
+            dict.fromkeys([*parameters][:1], 0.0) if neutral is None else dict(neutral),
+            dict(valid or {}), tuple(needs), tuple(aliases), separate_by, reference,
             " ".join((inspect.getdoc(function) or "").split()), instrument,
             inspect.getsourcefile(inspect.unwrap(function)) or "", own, dict(units or {}),
         )  # fmt: skip

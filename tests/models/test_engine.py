@@ -256,3 +256,13 @@ def test_an_evaluation_goes_on_from_another_one():
     for name in ("shown", "temperature", "loss"):
         np.testing.assert_array_equal(again[name], whole[name])
     assert not np.array_equal(again["shown"], first["shown"])
+
+
+def test_an_effect_vanishes_where_its_first_parameter_is_zero():
+    def drag(speed, *, size=Parameter(0.3, lower=0.0), power=Parameter(2.0, min=1.0, max=3.0)):
+        """Drag."""
+        return size * speed**power
+
+    assert effect("drag", adds_to="loss")(drag).neutral == {"size": 0.0}
+    with pytest.raises(RequestError, match="neutral at power = 0"):
+        effect("drag", adds_to="loss", neutral={"power": 0.0})(drag)

@@ -120,7 +120,6 @@ def pitch_errors(
 @effect(
     "tooth-crack",
     adds_to="sun_softness",
-    neutral={"softer": 0.0},
     aliases=("pitch-errors",),
     separate_by="torque: the pulses grow with the load, those of a pitch error do not",
     reference="Chaari, Fakhfakh and Haddar, Eur. J. Mech. A 28 (2009) 461: a dip of the mesh stiffness while the tooth "
@@ -156,7 +155,6 @@ def tooth_crack(
     "planet-position-error",
     adds_to="planet_position",
     at="planet",
-    neutral={"error": 0.0},
     aliases=("unequal-load-sharing",),
     separate_by="two torques, or harmonics of the mesh beyond the first",
     reference="Parker and Lin, J. Mech. Des. 126 (2004) 365 (phase); Bodas and Kahraman, JSME Int. J. C 47 (2004) 908 "
@@ -180,7 +178,6 @@ def planet_position_error(
     "unequal-load-sharing",
     adds_to=("load_share", "planet_position"),
     at="planet",
-    neutral={"share": 0.0},
     aliases=("planet-position-error",),
     separate_by="several harmonics of the mesh and several torques: a position error also shifts the phase, with h",
     reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677, section 2; IEC 61400-4 mesh load factor",

@@ -34,7 +34,6 @@ def mesh_damping(
 @effect(
     "tip-relief",
     adds_to="tip_relief",
-    neutral={"depth": 0.0},
     aliases=("mesh-damping",),
     separate_by="torque: at one torque the first harmonic of the mesh is least",
     reference="ISO 21771:2007, 7.3; linear relief over the parts of double contact (Munro 1989)",
@@ -47,7 +46,6 @@ def tip_relief(*, depth=Parameter(5.0, "um", min=0.0, max=40.0, lower=0.0, upper
 @effect(
     "tooth-friction",
     adds_to="friction_share",
-    neutral={"coefficient": 0.0},
     aliases=("tip-relief",),
     separate_by="a sensor across the line of action",
     reference="mu F sign(sliding), which turns at the pitch point; Vaishya and Singh, J. Sound Vib. 243 (2001)",
@@ -67,7 +65,6 @@ def tooth_friction(
 @effect(
     "backlash",
     adds_to="ring_error",
-    neutral={"bounce": 0.0},
     separate_by="a torque above which it is gone; jumps when the speed goes up and down",
     reference="Kahraman and Blankenship, J. Appl. Mech. 64 (1997) 217: subharmonic motion with clearance",
 )

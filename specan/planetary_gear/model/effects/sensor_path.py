@@ -8,7 +8,6 @@ from specan.models import Parameter, effect
 @effect(
     "transmission-path",
     scales="transfer_path",
-    neutral={"sharpness": 0.0},
     aliases=("ring-flexibility",),
     separate_by="a second sensor 60 degrees away",
     reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677: a Hann window; its power is free here",
@@ -33,7 +32,6 @@ def transmission_path(
 @effect(
     "housing-resonance",
     adds_to="housing_response",
-    neutral={"strength": 0.0},
     aliases=("mesh-damping", "shaft-flexibility"),
     separate_by="a run over speed: it stays at its frequency in Hz, and every line that crosses it grows",
     reference="one mode: a (f/f0)^2 / (1 - (f/f0)^2 + 2 j z f/f0)",
@@ -59,7 +57,6 @@ def housing_resonance(
 @effect(
     "tacho-angle",
     adds_to="tacho_angle",
-    neutral={"angle": 0.0},
     separate_by="measuring the angle between the mark of the tacho and planet 1",
     reference="a shift of turn zero by a turns each order o by o a",
     instrument=True,
@@ -80,7 +77,6 @@ def tacho_angle(
 @effect(
     "speed-fluctuation",
     scales="line_coherence",
-    neutral={"jitter": 0.0},
     separate_by="a tacho with more pulses per turn",
     reference="mean of exp(j o phi) of a gaussian angle: exp(-(o s)^2 / 2)",
     instrument=True,

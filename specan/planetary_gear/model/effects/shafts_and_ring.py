@@ -35,7 +35,6 @@ def torque_ripple(
 @effect(
     "shaft-flexibility",
     adds_to="sun_shaft",
-    neutral={"compliance": 0.0},
     aliases=("housing-resonance",),
     separate_by="a run over speed, and the torque of the sun's shaft",
     reference="one torsional mode: c / (1 - (f/f0)^2 + 2 j z f/f0)",
@@ -54,7 +53,6 @@ def shaft_flexibility(
 @effect(
     "ring-flexibility",
     adds_to=("stiffness_change", "ring_error"),
-    neutral={"compliance": 0.0},
     aliases=("transmission-path",),
     separate_by="torque: the lobes grow with the load",
     reference="Kahraman and Vijayakar, J. Mech. Des. 123 (2001) 408: deflection of an internal gear on its supports",

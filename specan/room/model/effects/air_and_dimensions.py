@@ -8,7 +8,6 @@ from specan.models import Parameter, effect
 @effect(
     "temperature",
     adds_to="air_temperature",
-    neutral={"offset": 0.0},
     aliases=("dimension-error",),
     separate_by="a thermometer",
     reference="ISO 9613-1:1993, annex A: c = 343.2 sqrt(T / 293.15)",
@@ -24,7 +23,6 @@ def temperature(
 @effect(
     "air-absorption",
     adds_to="relative_humidity",
-    neutral={"humidity": 0.0},
     aliases=("wall-impedance",),
     separate_by="a hygrometer; the slope over frequency",
     reference="ISO 9613-1:1993, clause 6",
@@ -40,7 +38,6 @@ def air_absorption(
     "dimension-error",
     scales="room_dimensions",
     at="dimension",
-    neutral={"error": 0.0},
     aliases=("temperature", "wall-impedance"),
     separate_by="a tape measure; a thermometer",
     reference="k_x = n pi / L_x",

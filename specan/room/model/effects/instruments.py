@@ -27,7 +27,6 @@ def microphone_position(*, dx=AWAY, dy=AWAY, dz=AWAY):
     "microphone-gain",
     adds_to="receiver_gain",
     at="microphone",
-    neutral={"gain": 0.0},
     aliases=("microphone-position",),
     separate_by="a calibrator",
     reference="a factor 1 + g, flat in frequency",
@@ -44,7 +43,6 @@ def microphone_gain(
     "microphone-delay",
     adds_to="card_delay",
     at="card",
-    neutral={"delay": 0.0},
     aliases=("vibrometer-delay",),
     separate_by="one signal on all inputs",
     reference="a factor exp(-j w tau); a skew is common to the channels of a card",
@@ -58,7 +56,6 @@ def microphone_delay(*, delay=LATE):
 @effect(
     "vibrometer-gain",
     scales="vibrometer_gain",
-    neutral={"gain": 0.0},
     aliases=("piston-size",),
     separate_by="a vibration calibrator",
     reference="a factor 1 + g on the velocity",
@@ -74,7 +71,6 @@ def vibrometer_gain(
 @effect(
     "vibrometer-delay",
     adds_to="vibrometer_delay",
-    neutral={"delay": 0.0},
     aliases=("microphone-delay", "temperature"),
     separate_by="one signal on all inputs; the demodulator's data sheet",
     reference="a factor exp(-j w tau)",
@@ -88,7 +84,6 @@ def vibrometer_delay(*, delay=LATE):
 @effect(
     "vibrometer-noise",
     scales="vibrometer_gain",
-    neutral={"density": 0.0},
     needs=("velocity_psd",),
     aliases=("piston-breakup",),
     separate_by="the three-channel estimator with the generator as instrument",

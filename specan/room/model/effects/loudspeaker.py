@@ -10,7 +10,6 @@ from specan.room.model.field import Source, WallPlace
 @effect(
     "piston-size",
     scales="piston_radius",
-    neutral={"error": 0.0},
     aliases=("vibrometer-gain", "piston-breakup"),
     separate_by="a laser scan of the cone",
     reference="volume velocity pi a^2 v; directivity 2 J1(k a sin) / (k a sin)",
@@ -23,7 +22,6 @@ def piston_size(*, error=Parameter(0.05, "1", min=-0.2, max=0.2, lower=-0.5, upp
 @effect(
     "piston-breakup",
     scales="piston_velocity_profile",
-    neutral={"strength": 0.0},
     aliases=("vibrometer-noise", "piston-size"),
     separate_by="scanning other points of the cone",
     reference="modal superposition: 1 + a / (1 - (f / fn)^2 + j eta f / fn)",
@@ -47,7 +45,6 @@ def piston_breakup(
     "flanking-source",
     joins="sources",
     at="face",
-    neutral={"ratio": 0.0},
     aliases=("piston-size",),
     separate_by="blocking the cone and measuring what is left",
     reference="superposition: + a G(x, x2) exp(-j w tau)",

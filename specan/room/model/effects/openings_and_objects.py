@@ -36,7 +36,6 @@ LENGTH = Parameter(1.0, "1", min=0.5, max=2.0, lower=0.2, upper=5.0, doc="along 
     "helmholtz-resonator",
     joins="local_loads",
     at="face",
-    neutral={"neck_area": 0.0},
     aliases=("panel-resonance", "leak"),
     separate_by="a microphone at the neck; closing it",
     reference="Kinsler et al., Fundamentals of Acoustics, ch. 10: f0 = (c / 2 pi) sqrt(S / (V l'))",
@@ -67,7 +66,6 @@ def helmholtz_resonator(
     "leak",
     joins="local_loads",
     at="face",
-    neutral={"area": 0.0},
     aliases=("helmholtz-resonator", "panel-resonance"),
     separate_by="sealing it; the lowest frequencies, where the response leaves the stiffness line",
     reference="Kinsler et al., Fundamentals of Acoustics, ch. 10 (open side branch): Z = r + j w rho l / S",
@@ -99,7 +97,6 @@ def leak(
 @effect(
     "scatterer",
     joins="local_loads",
-    neutral={"volume": 0.0},
     aliases=("dimension-error",),
     separate_by="taking it out",
     reference="Morse & Ingard, Theoretical Acoustics, ch. 8: monopole and dipole; Lamb, Hydrodynamics, 114: ellipsoid",

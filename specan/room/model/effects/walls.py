@@ -9,7 +9,6 @@ from specan.models import Parameter, effect
     "wall-impedance",
     adds_to="wall_admittance",
     at="wall",
-    neutral={"conductance": 0.0},
     aliases=("porous-absorber", "panel-resonance"),
     separate_by="a wide band: a porous layer absorbs more with frequency, a panel around its resonance only; "
     "microphones near the wall",
@@ -50,7 +49,6 @@ def _at(frequency, mid_hz, value):
     "porous-absorber",
     adds_to="wall_admittance",
     at="wall",
-    neutral={"coverage": 0.0},
     aliases=("wall-impedance",),
     separate_by="a wide band: the layer absorbs more with frequency",
     reference="Miki 1990, J. Acoust. Soc. Jpn. (E) 11, 19-24; valid for 0.01 < f / flow resistivity < 1",
@@ -79,7 +77,6 @@ def porous_absorber(
     "panel-resonance",
     adds_to="wall_admittance",
     at="wall",
-    neutral={"coverage": 0.0},
     aliases=("wall-impedance", "helmholtz-resonator"),
     separate_by="bandwidth, and a scan of the panel with an accelerometer",
     reference="Kuttruff, Room Acoustics, ch. 2 (panel absorber); Wulbusch et al. 2023, arXiv 2308.01788",
@@ -131,7 +128,6 @@ def wall_data(frequency, octave_hz, *, conductance=ERROR, susceptance=ERROR):
     "leaning-wall",
     adds_to="wall_lean",
     at="lean",
-    neutral={"angle": 0.0},
     aliases=("dimension-error", "flanking-source"),
     separate_by="a spirit level or a plumb line; the room's edge measured at both ends of the wall",
     reference="Morse & Feshbach, Methods of Theoretical Physics, ch. 9.2 (perturbed boundary). Built walls are within "

@@ -16,7 +16,6 @@ SHARE = Parameter(0.3, "1", min=0.0, max=1.0, doc="of the viscous loss without l
 @effect(
     "bearing-friction",
     adds_to=("worm_bearing_torque", "wheel_bearing_torque"),
-    neutral={"scale": 0.0},
     reference="SKF model for the frictional moment (catalogue 10000 EN 2013, pp. 97-112)",
 )
 def bearing_friction(bearing_moment, *, scale=SCALE):
@@ -34,7 +33,6 @@ def bearing_friction(bearing_moment, *, scale=SCALE):
 @effect(
     "palmgren-bearings",
     adds_to=("worm_bearing_torque", "wheel_bearing_torque"),
-    neutral={"scale": 0.0},
     aliases=("bearing-friction",),
     separate_by="turn the shafts in their bearings without the mesh, at several speeds and loads",
     reference="Palmgren: M0 = 1e-7 f0 (nu n)^(2/3) d_m^3, M1 = f1 P1 d_m with f1 = z (P0/C0)^0.55 (Harris, Rolling "
@@ -53,7 +51,6 @@ def palmgren_bearings(bearing_load_moment, bearing_oil_moment, *, scale=SCALE):
 @effect(
     "iso-bearings",
     adds_to=("worm_bearing_torque", "wheel_bearing_torque"),
-    neutral={"scale": 0.0},
     aliases=("bearing-friction", "load-dependent-friction"),
     separate_by="turn the shafts in their bearings without the mesh, at several speeds and loads",
     reference="ISO/TR 14179-1: load-dependent moment f1 P1 d_m with f1 = 0.0006 to 0.0009 (P0/C0)^0.55 for deep groove "
@@ -71,7 +68,6 @@ def iso_bearings(bearing_load_moment, *, scale=SCALE):
 @effect(
     "axial-preload",
     adds_to="bearing_axial_load",
-    neutral={"force": 0.0},
     aliases=("mesh-starvation", "thermal-lag", "brake-drag"),
     separate_by="take the spring or the shims out and repeat a few conditions; runs without load against runs "
     "under load",
@@ -96,7 +92,6 @@ def axial_preload(
 @effect(
     "bearing-preload",
     adds_to="no_load_loss",
-    neutral={"growth": 0.0},
     aliases=("seal-drag", "torque-zero-error"),
     separate_by="runs without load over the whole range of temperatures",
     reference="linear thermal expansion of shaft against housing; both coefficients are left free here",
@@ -128,7 +123,6 @@ def bearing_preload(
 @effect(
     "inlet-shear-heating",
     scales=("bearing_rolling_moment", "bearing_oil_moment", "viscous_loss"),
-    neutral={"strength": 0.0},
     aliases=("starvation", "oil-heating", "shear-thinning"),
     separate_by="cold oil at the highest speed, bearings alone if possible",
     reference="SKF, The SKF model for calculating the frictional moment: inlet shear heating reduction factor "
@@ -159,7 +153,6 @@ def inlet_shear_heating(
 @effect(
     "starvation",
     scales=("bearing_rolling_moment", "bearing_oil_moment", "viscous_loss"),
-    neutral={"strength": 0.0},
     aliases=("inlet-shear-heating", "oil-heating", "shear-thinning"),
     separate_by="a series of oil levels at high speed",
     reference="SKF, The SKF model for calculating the frictional moment: kinematic replenishment/starvation "

@@ -14,7 +14,6 @@ FILM = 0.67  # power of speed and viscosity in the thickness of a film (Hamrock 
 @effect(
     "tooth-friction",
     adds_to="friction_coefficient",
-    neutral={"mu": 0.0},
     reference="ISO/TS 14521:2020: mean coefficients of friction of 0.02 to 0.1 for bronze on steel",
 )
 def tooth_friction(*, mu=Parameter(0.05, "1", min=0.01, max=0.12, lower=0.0, upper=0.6, doc="coefficient")):
@@ -29,7 +28,6 @@ def tooth_friction(*, mu=Parameter(0.05, "1", min=0.01, max=0.12, lower=0.0, upp
 @effect(
     "speed-dependent-friction",
     adds_to="friction_coefficient",
-    neutral={"rise": 0.0},
     valid={"sliding_speed": (0.0005, 25.0, "m/s")},
     separate_by="low speeds at high torque, on a full grid of torque and speed",
     reference="the form of ISO/TS 14521:2020 / DIN 3996, mu_0T = a + b/(v_g + v_0)^c with c about 1; for "
@@ -63,7 +61,6 @@ def speed_dependent_friction(
 @effect(
     "viscosity-dependent-friction",
     adds_to="friction_coefficient",
-    neutral={"change": 0.0},
     valid={"friction_coefficient": (0.0, 1.0, "1")},
     separate_by="cold and warm oil at high torque, and again at low torque",
     reference="ISO/TR 14179-2:2001 and Schlenk: mu ~ eta^-0.05 for cylindrical gears; worm gears with their "
@@ -91,7 +88,6 @@ def viscosity_dependent_friction(
 @effect(
     "load-dependent-friction",
     adds_to="friction_coefficient",
-    neutral={"change": 0.0},
     valid={"friction_coefficient": (0.0, 1.0, "1")},
     aliases=("bearing-friction", "iso-bearings"),
     separate_by="torque over a decade at one speed and temperature",
@@ -121,7 +117,6 @@ def load_dependent_friction(
 @effect(
     "mesh-starvation",
     adds_to="friction_coefficient",
-    neutral={"rise": 0.0},
     aliases=("axial-preload", "thermal-lag", "torque-zero-error"),
     separate_by="a higher oil level, or a jet of oil on the mesh, at high speed and torque",
     reference="film of a starved contact, h = h_full / (1 + (h_full/h_supplied)^g)^(1/g) (Chevalier, Lubrecht, Cann, "

@@ -58,7 +58,6 @@ def torque_gain_error(*, input=GAIN, output=GAIN):
 @effect(
     "torque-hysteresis",
     adds_to="indicated_input_torque",
-    neutral={"half_width": 0.0},
     needs=("elapsed_time",),
     separate_by="approach the same torque once from below and once from above",
     reference="reversibility error of a torque measuring device, half the difference between increasing and decreasing "
@@ -98,7 +97,6 @@ def direction(torque, elapsed_time):
 @effect(
     "zero-drift",
     adds_to="indicated_input_torque",
-    neutral={"rate": 0.0},
     aliases=("running-in",),
     needs=("elapsed_time",),
     separate_by="read the sensor at standstill and unloaded before, during and after the campaign; "
@@ -122,7 +120,6 @@ def zero_drift(
 @effect(
     "temperature-bias",
     adds_to="oil_temperature",
-    neutral={"bias": 0.0},
     aliases=("churning",),
     separate_by="a second thermometer, at another place in the sump",
     reference="additive error of a resistance thermometer and its place; 2 K is usual in a stirred sump",

@@ -53,7 +53,6 @@ def churning(
 @effect(
     "exponential-churning",
     adds_to="viscous_loss",
-    neutral={"torque": 0.0},
     aliases=("churning",),
     separate_by="runs without load over a wide range of speeds with two oils",
     reference="ISO/TR 14179-2: hydraulic loss torque C_1 exp(C_2 v/v_t0) of wheels that dip in oil, whatever the oil; "
@@ -82,7 +81,6 @@ def exponential_churning(
 @effect(
     "windage",
     adds_to="no_load_loss",
-    neutral={"power": 0.0},
     aliases=("mesh-pocketing",),
     separate_by="widen the range of speeds, and vary the oil level: windage does not follow it",
     reference="turbulent drag on a rotating disc: power with the 2.8th to 3rd power of the speed "
@@ -105,7 +103,6 @@ def windage(
 @effect(
     "mesh-pocketing",
     adds_to="no_load_loss",
-    neutral={"power": 0.0},
     aliases=("windage",),
     separate_by="an oil of another viscosity and equal density: churning changes, squeezing does not; "
     "a wider range of speeds distinguishes it from windage",
@@ -128,7 +125,6 @@ def mesh_pocketing(
 @effect(
     "seal-drag",
     adds_to="no_load_loss",
-    neutral={"torque": 0.0},
     aliases=("torque-zero-error", "bearing-preload"),
     separate_by="run without load in both directions of rotation, check the zero of the input torque sensor "
     "at standstill before and after, or take the seal out",
@@ -151,7 +147,6 @@ def seal_drag(
 @effect(
     "brake-drag",
     adds_to="output_torque",
-    neutral={"drag": 0.0},
     aliases=("torque-zero-error", "thermal-lag", "axial-preload"),
     separate_by="idle runs with the brake or belt taken off beside idle runs with it",
     reference="residual torque of powder, hysteresis and eddy current brakes and of belts: one half to some percent of "

@@ -17,7 +17,6 @@ IDLE_TORQUE = Parameter(
 @effect(
     "oil-heating",
     adds_to="contact_temperature",
-    neutral={"resistance": 0.0},
     aliases=("inlet-shear-heating", "starvation", "shear-thinning"),
     separate_by="torque varied at constant speed and sump temperature, or a thermocouple in the gear",
     reference="steady thermal network of one resistance; DIN 3996 takes the wheel's temperature above the "
@@ -104,7 +103,6 @@ def lag(temperature, elapsed_time, time_constant):
 @effect(
     "shear-thinning",
     scales="kinematic_viscosity",
-    neutral={"exponent": 0.0},
     aliases=("oil-heating", "churning", "starvation", "inlet-shear-heating", "torque-zero-error"),
     separate_by="an oil without polymers of the same viscosity, or a rheometer",
     reference="Carreau 1972, Trans. Soc. Rheol. 16: eta = eta_0 (1 + (lambda x shear rate)^2)^(-m/2) with the "
