@@ -9,10 +9,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.io import wavfile
 
-from specan_cli.fft import command as fft
-from specan_cli.frf import command as frf
-from specan_cli.octave import command as octave
-from specan_cli.single_analyses import rms
+from specan_cli.analyses import fft, frf, octave, rms
 
 pytest.importorskip("bokeh")
 

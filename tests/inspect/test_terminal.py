@@ -146,7 +146,7 @@ def test_a_verb_is_completed_without_loading_any():
     code = (
         "import sys, click; from specan_cli.main import main;"
         "print([i.value for i in main.shell_complete(click.Context(main), 'oct')]);"
-        "print([m for m in sys.modules if m in ('specan_cli.octave', 'numpy', 'pydantic')])"
+        "print([m for m in sys.modules if m in ('specan_cli.analyses', 'numpy', 'pydantic')])"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=60
