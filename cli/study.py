@@ -18,7 +18,7 @@ import click
 
 from specan_cli.main import LazyGroup
 from specan_cli.options import json_option, opt, together
-from specan_cli.output import Delivery, OutputFile, asked, plot_option, say, show_sheets, verb
+from specan_cli.output import asked, say, verb
 
 if TYPE_CHECKING:
     from specan.study.progress import Progress
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 STEPS = {
     "new": ("study_new", "Create a study from a model, a rig file and measurements."),
-    "compare": ("study_compare", "Fit the model and show where it fails."),
-    "diagnose": ("study_diagnose", "Find the missing physical effect."),
-    "propose": ("study_propose", "Search the residuals for a law."),
-    "add": ("study_change:add", "Add an effect and refit."),
-    "drop": ("study_change:drop", "Remove an effect and refit."),
-    "history": ("study:history", "The error of every step, on fitted and on held-out data."),
-    "next": ("study:next_measurement", "Propose the next measurement."),
-    "report": ("study:report", "Write a report: one HTML page with figures."),
+    "compare": ("study_steps:compare", "Fit the model and show where it fails."),
+    "diagnose": ("study_steps:diagnose", "Find the missing physical effect."),
+    "propose": ("study_steps:propose", "Search the residuals for a law."),
+    "add": ("study_steps:add", "Add an effect and refit."),
+    "drop": ("study_steps:drop", "Remove an effect and refit."),
+    "history": ("study_steps:history", "The error of every step, on fitted and on held-out data."),
+    "next": ("study_steps:next_measurement", "Propose the next measurement."),
+    "report": ("study_steps:report", "Write a report: one HTML page with figures."),
 }
 
 
@@ -137,96 +137,3 @@ def told() -> Progress:
             say(f"{now - began:5.0f} s: {text}{left}")
 
     return tell
-
-
-def probability(p: float) -> str:
-    """A probability in words."""
-    return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
-
-
-def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
-    """What to measure next: a table, one column for each reading; sentences where something else is to be done."""
-    from specan.report.study_sheets import readings
-
-    found = [row for row in rows if row["conditions"] and row["predictions"]]
-    tabled = [row for row in found if row.get("observable") == found[0].get("observable")]
-    if tabled:
-        show_sheets([readings(tabled)])
-    elif rows:
-        click.echo("What to measure next")
-    for number, row in enumerate(rows, 1):
-        if row not in tabled or not row["separation_sigma"]:
-            click.echo(f"{number}. {row['text']}")
-
-
-@verb("history")
-@click.argument("directory", type=click.Path(path_type=Path), metavar="DIR")
-@plot_option("the error of each step")
-@opt("--json as_json", bool, "Print the steps as JSON.")
-def history(directory: Path, deliver: Delivery) -> None:
-    """Show every step of DIR with its error on fitted and on held-out data.
-
-    \b
-    specan study history my_study --plot steps.png
-    """
-    from specan.report import study_sheets
-    from specan.study.history import History
-    from specan.study.study_file import read_study_file
-
-    read_study_file(directory)
-    found = History(directory)
-    for line in found.ignored:
-        say(f"Warning: {line}.")
-    steps = found.steps
-
-    def show() -> None:
-        names = steps[-1].of_each("fit") if steps else ()
-        title = f"{directory}: RMS" + (f" of {', '.join(names)}" if names else "")
-        show_sheets([study_sheets.history(steps, title)])
-        if steps:
-            click.echo("\nModel: " + (", ".join(steps[-1].model_effects) or "no effects"))
-
-    deliver.draw(found)
-    deliver.put_out(steps, show)
-
-
-@study_verb("next")
-@plot_option("what each explanation predicts")
-def next_measurement(study: Study, deliver: Delivery) -> None:
-    """Propose the measurements, within the rig's limits, that best distinguish the possible explanations.
-
-    For a room: microphone positions inside it, away from its walls and from the microphones in use.
-
-    \b
-    specan study next my_study
-    """
-    study.require_uncertainty("next")
-    found = study.diagnose(progress=told()).next()
-
-    def show() -> None:
-        if found.rows:
-            show_next(found.rows)
-            return
-        click.echo(f"{found.summary()[:1].upper()}{found.summary()[1:]}.")
-        if study.model.words.what_else:
-            click.echo(study.model.words.what_else.format(study=study.directory))
-
-    deliver.draw_beside(found).put_out(found, show)
-
-
-@study_verb("report")
-@opt("-o --output", OutputFile(".html", ".htm"), "HTML file to write.", required=True)
-def report(study: Study, deliver: Delivery) -> None:
-    """Write a report of DIR on one page: figures, verdict, history, assumptions.
-
-    The page needs no network and no other file.
-
-    \b
-    specan study report my_study -o report.html
-    """
-    from specan.report.study_report import write_study_report
-
-    output = deliver.output
-    assert output is not None  # it is required
-    write_study_report(study, output)
-    deliver.put_out({"report": str(output)}, lambda: None)

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from specan_cli.study import history as study_history
-from specan_cli.study_diagnose import command as study_diagnose
 from specan_cli.study_new import command as study_new
+from specan_cli.study_steps import diagnose as study_diagnose
+from specan_cli.study_steps import history as study_history
 
 pytest.importorskip("bokeh")
 
