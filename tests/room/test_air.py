@@ -1,8 +1,12 @@
 """The air: dispersion belongs to attenuation."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
+from specan.errors import RequestError
 from specan.room.model import air
 
 
@@ -41,3 +45,19 @@ def test_attenuation_is_that_of_the_table_of_iso_9613_2(celsius, humidity, decib
     f = 1000 * 10 ** (0.3 * np.arange(-4, 4))
     neper = air.air_attenuation.function(f, celsius + 273.15, 101325.0, humidity)
     np.testing.assert_allclose(neper * 20 / np.log(10) * 1000, decibel_per_km, rtol=0.005, atol=0.051)
+
+
+def test_the_room_model_loads_one_module_of_acoustics():
+    code = (
+        "import sys; from specan.models.catalogue import example_model; from specan.room.model import air; "
+        "example_model('room'); air.air_attenuation.function(1000.0, 293.15, 101325.0, 0.5); "
+        "print([m for m in ('acoustics', 'pandas', 'matplotlib') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_missing_library_is_named(monkeypatch):
+    monkeypatch.setattr(air, "find_spec", lambda name: None)
+    with pytest.raises(RequestError, match="pip install acoustics"):
+        air.iso_9613_1.__wrapped__()

@@ -1,14 +1,56 @@
-"""The air: speed of sound, density, attenuation."""
+"""The air: speed of sound, density, attenuation.
+
+ISO 9613-1 comes from the library `acoustics`: one module of it, without the rest of that library. ``import acoustics``
+runs all of its modules. That costs a second, loads pandas and matplotlib, and fails under scipy from 1.17 on, where a
+function is gone that only its directivities use. The module with the standard's formulas needs numpy only, and is
+loaded by itself.
+"""
 
 from __future__ import annotations
 
+from functools import cache
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
 import numpy as np
 
+from specan.errors import RequestError
 from specan.models.quantity import quantity
+
+_MODULE = Path("standards") / "iso_9613_1_1993.py"
 
 ZERO_CELSIUS = 273.15  # K
 GAS_CONSTANT_AIR = 287.05  # J/(kg K), dry air
-ATMOSPHERE, WARM, TRIPLE_POINT = 101.325, 293.15, 273.16  # kPa, K, K: what ISO 9613-1 refers to
+
+
+@cache
+def iso_9613_1() -> ModuleType:
+    """The module ``acoustics.standards.iso_9613_1_1993``, loaded from its file.
+
+    Raises
+    ------
+    RequestError
+        The library is not installed, or is a version without that file.
+
+    Examples
+    --------
+    >>> round(float(iso_9613_1().soundspeed(293.15)), 1)
+    343.2
+    """
+    package = find_spec("acoustics")  # looks for it and does not run it
+    places = [] if package is None else list(package.submodule_search_locations or [])
+    path = next((Path(p) / _MODULE for p in places if (Path(p) / _MODULE).is_file()), None)
+    spec = None if path is None else spec_from_file_location("specan_iso_9613_1", path)
+    if spec is None or spec.loader is None:
+        raise RequestError(
+            "the library 'acoustics' with ISO 9613-1 is missing",
+            expected="acoustics 0.2.6",
+            remedy="pip install acoustics==0.2.6",
+        )
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @quantity(unit="K")
@@ -20,7 +62,7 @@ def air_temperature(nominal_air_temperature, temperature_difference):
 @quantity(unit="m/s", reference="ISO 9613-1:1993, eq. A.5: c = 343.2 sqrt(T / 293.15)")
 def sound_speed(air_temperature):
     """Speed of sound below all relaxation."""
-    return 343.2 * np.sqrt(air_temperature / WARM)
+    return 343.2 * np.sqrt(air_temperature / 293.15)
 
 
 @quantity(unit="kg/m^3")
@@ -29,23 +71,25 @@ def density(air_temperature, air_pressure):
     return air_pressure / (GAS_CONSTANT_AIR * air_temperature)
 
 
-# Relaxation of oxygen and nitrogen: factor (s/m) and temperature (K) of ISO 9613-1:1993, eq. 5.
-RELAXATIONS = ((0.01275, 2239.1), (0.1068, 3352.0))
-
-
 @quantity(unit="1/m", reference="ISO 9613-1:1993, eq. 5")
 def air_attenuation(frequency, air_temperature, air_pressure, relative_humidity):
     """Attenuation of the sound pressure in air, Np/m."""
-    warm = air_temperature / WARM
-    relaxing = sum(
-        factor * np.exp(-kelvin / air_temperature) * (hertz + frequency**2 / hertz) ** -1.0
-        for (factor, kelvin), hertz in zip(
-            RELAXATIONS, _hertz(air_temperature, air_pressure, relative_humidity)
-        )
+    iso = iso_9613_1()
+    oxygen, nitrogen = _relaxation_hz(air_temperature, air_pressure, relative_humidity)
+    decibel = iso.attenuation_coefficient(
+        air_pressure / 1000,  # that library counts in kPa
+        air_temperature,
+        iso.REFERENCE_PRESSURE,
+        iso.REFERENCE_TEMPERATURE,
+        nitrogen,
+        oxygen,
+        frequency,
     )
-    classical = 1.84e-11 * (ATMOSPHERE / (air_pressure / 1000)) * warm**0.5
-    decibel = 8.686 * frequency**2 * (classical + warm**-2.5 * relaxing)
-    return decibel * (np.log(10) / 20)
+    return np.asarray(decibel) * (np.log(10) / 20)
+
+
+# Relaxation terms of ISO 9613-1:1993, eq. 5: factor (s/m) and temperature (K) of oxygen and nitrogen.
+_RELAXATIONS = ((0.01275, 2239.1), (0.1068, 3352.0))
 
 
 @quantity(unit="1", reference="Morfey and Howell, J. Acoust. Soc. Am. 68 (1980) 1525")
@@ -57,19 +101,20 @@ def air_dispersion(frequency, sound_speed, air_temperature, air_pressure, relati
     factor of the process times the speed of sound: 6e-5 for nitrogen at 20 degC.
     """
     total = np.zeros(len(frequency))
-    hertz = _hertz(air_temperature, air_pressure, relative_humidity)
-    for (factor, kelvin), relaxation_hz in zip(RELAXATIONS, hertz, strict=True):
-        strength = factor * np.exp(-kelvin / air_temperature) * (air_temperature / WARM) ** -2.5
+    relaxations = _relaxation_hz(air_temperature, air_pressure, relative_humidity)
+    for relaxation_hz, (factor, characteristic) in zip(relaxations, _RELAXATIONS, strict=True):
+        strength = factor * np.exp(-characteristic / air_temperature) * (air_temperature / 293.15) ** -2.5
         x2 = (frequency / relaxation_hz) ** 2
         total += strength * sound_speed / (2 * np.pi) * x2 / (1 + x2)
     return total
 
 
-def _hertz(temperature: float, pressure: float, humidity: float) -> tuple[float, float]:
-    """Relaxation frequencies of oxygen and nitrogen (ISO 9613-1:1993, eqs 3 and 4; water by annex B)."""
-    kilopascal, warm = pressure / 1000, temperature / WARM
-    dense = kilopascal / ATMOSPHERE
-    vapour = ATMOSPHERE * 10 ** (4.6151 - 6.8346 * (TRIPLE_POINT / temperature) ** 1.261)
-    water = 100 * humidity * vapour / kilopascal  # per cent
-    oxygen = dense * (24 + 4.04e4 * water * (0.02 + water) / (0.391 + water))
-    return oxygen, dense * warm**-0.5 * (9 + 280 * water * np.exp(-4.170 * (warm ** (-1 / 3) - 1)))
+def _relaxation_hz(temperature: float, pressure: float, humidity: float) -> tuple[float, float]:
+    """Relaxation frequencies of oxygen and nitrogen (ISO 9613-1:1993, eqs 3 and 4)."""
+    iso = iso_9613_1()
+    kilopascal = pressure / 1000
+    water = iso.molar_concentration_water_vapour(
+        humidity * 100, iso.saturation_pressure(temperature), kilopascal
+    )
+    oxygen = float(iso.relaxation_frequency_oxygen(kilopascal, water))
+    return oxygen, float(iso.relaxation_frequency_nitrogen(kilopascal, temperature, water))
