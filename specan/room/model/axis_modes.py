@@ -38,7 +38,6 @@ class AxisModes:
     a0: Complex
     norm: Complex
     _at: dict[bytes, Complex] = field(default_factory=dict, repr=False, compare=False)
-    _along: dict[tuple[float, bool], Complex] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def q2(self) -> Complex:
@@ -50,14 +49,6 @@ class AxisModes:
         w = mixed(few.matrix[LOOKED_AT], self.w[:, :count])
         value, slope = characteristic(w, a0[LOOKED_AT, None], a1[LOOKED_AT, None])
         return bool(np.max(np.abs(value / slope) / (1 + np.abs(w))) < HELD)
-
-    def along(self, x: float, slope: bool = False) -> Complex:
-        """Eigenfunctions at a position (m), or their derivatives there, 1/m: array (lines, modes)."""
-        if (x, slope) not in self._along:
-            if len(self._along) >= 32:
-                self._along.clear()
-            self._along[x, slope] = waves_or_slopes(self.w, self.a0, x / self.length, self.length, slope)
-        return self._along[x, slope]
 
     def at(self, x: Real) -> Complex:
         """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
@@ -84,11 +75,6 @@ def slopes(w: Complex, a0: Complex, part: Real | float) -> Complex:
     cosine, sine = _cos_sinc(w * np.square(part))
     found: Complex = a0 * cosine - w * part * sine
     return found
-
-
-def waves_or_slopes(w: Complex, a0: Complex, part: float, length: float, slope: bool) -> Complex:
-    """Waves at a part of an axis of some length, or their derivatives by the place, 1/m."""
-    return slopes(w, a0, part) / length if slope else waves(w, a0, part)
 
 
 # A fit changes one wall or one edge at a time; the other axes stay. Zeros are always looked for from the same start:

@@ -14,15 +14,16 @@ function of the box there and D those of the plane with itself, all modes along 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Complex, Real
-from specan.room.model.axis_modes import characteristic, norms, waves, waves_or_slopes
-from specan.room.model.port import Port
+from specan.room.model.axis_modes import characteristic, norms, waves
+from specan.room.model.port import Port, point
+from specan.room.model.shapes import Shapes
 
 AXES = "xyz"
 LEANS = tuple(f"{a}{end} along {b}" for a in AXES for end in "01" for b in AXES if b != a)
@@ -95,16 +96,13 @@ class LeaningWall:
     def _at(self, port: Port) -> Complex:
         """Parts of Green's function between a port and the wall's waves, array (lines, across, along)."""
         if port not in self._parts:
-            found = self._driven
-            for i, length in enumerate(self.lengths):
-                part, (wall, other), sign = port.position[i] / length, self._walls[i], 1
-                if i == self.normal and not self.far:  # the function that obeys the opposite wall
-                    part, wall, sign = 1 - part, other, -1
-                found = found * waves_or_slopes(self._squares[i], wall, part, sign * length, port.slope == i)
-            if port.radius > 0:
-                squares = [w / length**2 for w, length in zip(self._squares, self.lengths, strict=True)]
-                found = found * port.mean(squares)
-            self._parts[port] = found
+            lengths, place = list(self.lengths), np.array(port.position)
+            a0 = [walls[0] for walls in self._walls]
+            if not self.far:  # along the normal the function that obeys the opposite wall
+                place[self.normal] -= lengths[self.normal]
+                lengths[self.normal], a0[self.normal] = -lengths[self.normal], self._walls[self.normal][1]
+            moved = replace(port, position=point(place))
+            self._parts[port] = self._driven * Shapes(lengths, self._squares, a0).at(moved)
         return self._parts[port]
 
     @cached_property

@@ -13,89 +13,22 @@ is summed at every line.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Complex, Flags, Real
-from specan.room.model.axis_modes import AxisModes, norms, waves, waves_or_slopes
+from specan.room.model.axis_modes import AxisModes
 from specan.room.model.frequency_interpolation import LOOKED_AT, FrequencyInterpolation, mixed
 from specan.room.model.port import Port
+from specan.room.model.shapes import Shapes
 
 MOST_STEPS = 12  # of Newton's iteration: quadratic, so a mode that takes more has no pole near the band
 SETTLED = 1e-12  # half-widths of the band
 SMOOTH = 1e-11  # what a polynomial through the few lines may lack of a pole that stays in the smooth part
 EVERY = 4  # of the lines that are looked at
 EXACT = 1e-9  # part of a mode's largest value to which its smooth rest must follow from the few lines
-
-
-@dataclass(frozen=True, eq=False)
-class Shapes:
-    """Some modes of a box: at one frequency each, or all at some lines.
-
-    Attributes
-    ----------
-    lengths : tuple of float
-        Edges, m.
-    w, a0 : three arrays
-        Squared dimensionless wave numbers and first walls along the edges; see `AxisModes`.
-    """
-
-    lengths: tuple[float, ...]
-    w: tuple[Complex, ...]
-    a0: tuple[Complex, ...]
-    _at: dict[tuple[Port, ...], Complex] = field(default_factory=dict, repr=False)
-    _ports: dict[Port, Complex] = field(default_factory=dict, repr=False)
-
-    @classmethod
-    def of(cls, axes: Sequence[AxisModes], orders: NDArray[np.intp]) -> Shapes:
-        """Modes of the given orders (3, modes), at the lines of the axes."""
-        w = tuple(axis.w[:, n] for axis, n in zip(axes, orders, strict=True))
-        a0 = tuple(np.broadcast_to(axis.a0, w[0].shape) for axis in axes)
-        return cls(tuple(axis.length for axis in axes), w, a0)
-
-    @property
-    def norm(self) -> Complex:
-        """Integral of the squared shapes over the box, m^3."""
-        x, y, z = (length * norms(w, a0) for length, w, a0 in zip(self.lengths, self.w, self.a0, strict=True))
-        return np.asarray(x * y * z)
-
-    def at(self, port: Port) -> Complex:
-        """Shapes at a port, averaged over it, or their derivative there."""
-        if port not in self._ports:
-            self._ports[port] = self._at_one(port)
-        return self._ports[port]
-
-    def _at_one(self, port: Port) -> Complex:
-        found = np.ones_like(self.w[0])
-        for i, length in enumerate(self.lengths):
-            part = port.position[i] / length
-            found *= waves_or_slopes(self.w[i], self.a0[i], part, length, port.slope == i)
-        if port.radius == 0:
-            return found
-        return found * port.mean([w / length**2 for w, length in zip(self.w, self.lengths, strict=True)])
-
-    def at_all(self, ports: Sequence[Port]) -> Complex:
-        """The same for several ports, the last axis."""
-        key = tuple(ports)
-        if key not in self._at:
-            if len(self._at) >= 4:
-                self._at.clear()
-            self._at[key] = self._at_each(ports)
-        return self._at[key]
-
-    def _at_each(self, ports: Sequence[Port]) -> Complex:
-        places = np.array([port.position for port in ports])
-        x, y, z = (
-            waves(w[..., None], a0[..., None], places[:, i] / length)
-            for i, (length, w, a0) in enumerate(zip(self.lengths, self.w, self.a0, strict=True))
-        )
-        found = x * y * z
-        for k, port in enumerate(ports):
-            if port.radius > 0 or port.slope is not None:
-                found[..., k] = self.at(port)
-        return np.asarray(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,9 +112,9 @@ def resonances(
     kept, left = smooth & found, ~smooth
     values, _ = chebyshev(pole[kept], len(few.chosen))
     weights = values @ few.series  # from the few lines to the poles
-    w = (np.einsum("nk,kn->n", weights, axis.w[:, n]) for axis, n in zip(axes, orders[:, kept], strict=True))
-    a0 = (weights @ np.broadcast_to(axis.a0[:, 0], len(few.chosen)) for axis in axes)
-    poles = Shapes(tuple(axis.length for axis in axes), tuple(w), tuple(a0))
+    w = [np.einsum("nk,kn->n", weights, axis.w[:, n]) for axis, n in zip(axes, orders[:, kept], strict=True)]
+    a0 = [weights @ np.broadcast_to(axis.a0[:, 0], len(few.chosen)) for axis in axes]
+    poles = Shapes([axis.length for axis in axes], w, a0)
     others = Shapes.of(axes, orders[:, left])
     return Resonances(
         few,
