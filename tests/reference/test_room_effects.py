@@ -120,6 +120,6 @@ def test_a_helmholtz_resonator_resonates_where_kinsler_says(model):
     # air before a baffled patch of radius a, 8 rho / (3 pi^2 a), is in the field already and is taken off.
     omega, before = 2 * np.pi * f, 8 * DENSITY / (3 * np.pi**2 * load.port.radius)
     reactance = omega * (DENSITY * length / area - before) - DENSITY * SOUND_SPEED**2 / (omega * volume)
-    flow = np.ravel(load.admittance)
+    flow = np.ravel(load.strength)
     found = (1 / flow).imag
     np.testing.assert_allclose(found[[0, 2]], reactance[[0, 2]], rtol=0.02)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -36,28 +36,24 @@ class WallPlace:
 
 
 @dataclass(frozen=True)
-class Source:
-    """A second place where sound enters: volume velocity per velocity of the piston, m^2."""
+class Acting:
+    """What acts at a place: a further source, or a load that takes volume velocity, ``q = -Y p``.
+
+    Its strength is the volume velocity per velocity of the piston (m^2) of a source, the admittance Y (m^3/(s Pa)) of a
+    load.
+    """
 
     port: Port | WallPlace
     strength: Complex
 
 
-@dataclass(frozen=True)
-class LocalLoad:
-    """What takes volume velocity at a place: ``q = -admittance * p`` (m^3/(s Pa))."""
-
-    port: Port | WallPlace
-    admittance: Complex
-
-
-def opening(place: WallPlace, area: float, impedance: Complex, mass_factor: Complex, end: float) -> LocalLoad:
+def opening(place: WallPlace, area: float, impedance: Complex, mass_factor: Complex, end: float) -> Acting:
     """An opening whose `impedance` (Pa s/m) counts the air on the room's side already.
 
     The coupling of a patch with itself holds the mass of that air once more, ``end / (pi a)`` for a patch in a baffle,
     with an `end` correction of 8 / (3 pi) radii where it moves as one; it is taken off. `mass_factor` is ``j w rho``.
     """
-    return LocalLoad(place, area / (impedance - area * mass_factor * end / (np.pi * place.radius)))
+    return Acting(place, area / (impedance - area * mass_factor * end / (np.pi * place.radius)))
 
 
 @quantity(unit="1", axes=("wall",))
@@ -146,14 +142,13 @@ def field(
     first, *others = loudspeaker_velocity
     given = [(ports[0], areas[0] * (piston_velocity_profile * first))]
     given += [(port, area * moving) for port, area, moving in zip(ports[1:], areas[1:], others, strict=True)]
-    given += [(port, item.strength * first) for port, item in _placed(sources, room_modes)]
+    given += [(port, strength * first) for port, strength in _placed(sources, room_modes)]
     loads = [
         (port, -area * face_admittance[wall] / (density * sound_speed))
         for port, area, (wall, _, _) in zip(ports, areas, pistons, strict=True)
     ]
-    loads += [(port, item.admittance) for port, item in _placed(local_loads, room_modes)]
     factor = 1j * omega * density
-    loads = [(port, admittance) for port, admittance in loads if np.any(admittance)]
+    loads = [one for one in (*loads, *_placed(local_loads, room_modes)) if np.any(one[1])]
     room_modes.prepare([port for port, _ in (*given, *loads)])
     receivers = [*(port for port, _ in loads), *microphones]
     couplings = {
@@ -171,17 +166,15 @@ def _points(positions: bytes, axis: int) -> tuple[Port, ...]:
     return tuple(Port(point(p), axis) for p in np.frombuffer(positions).reshape(-1, 3))
 
 
-def _placed(collection: Any, modes: BoxField | MeshField) -> list[tuple[Port, Any]]:
-    """Ports of what joined a collection; an effect at one wall comes as ``(wall, thing)``."""
-    found = []
+def _placed(collection: Any, modes: BoxField | MeshField) -> Iterator[tuple[Port, Complex]]:
+    """Ports and strengths of what joined a collection; an effect at one wall comes as ``(wall, thing)``."""
     for item in collection:
         wall, thing = item if isinstance(item, tuple) and isinstance(item[0], str) else ("", item)
         for one in thing if isinstance(thing, tuple) else (thing,):
-            port = one.port
-            if isinstance(port, WallPlace):
-                port = modes.place(wall, port.across, port.along, port.radius)
-            found.append((port, one))
-    return found
+            place = one.port
+            if isinstance(place, WallPlace):
+                place = modes.place(wall, place.across, place.along, place.radius)
+            yield place, one.strength
 
 
 def _load_strengths(

@@ -12,25 +12,10 @@ from specan.arrays import Complex, Flags, Real
 from specan.errors import RequestError
 from specan.models.kept import kept
 from specan.models.quantity import quantity
-from specan.room.model.mesh_file import RoomMesh
 from specan.room.model.mesh_modes import MeshModes, reduce
 from specan.room.model.port import Port, beyond, point
 
 REACH = 1.5  # of the band: lines above it fold into a recording's, and are had with less care
-
-
-@dataclass(frozen=True, eq=False)
-class MeshRoom:
-    """A mesh with elements of some degree, solved when it is first asked for."""
-
-    mesh: RoomMesh
-    degree: int
-    k_max: float
-
-    @property
-    def modes(self) -> MeshModes:
-        """The reduced room."""
-        return reduce(self.mesh, self.degree, self.k_max)
 
 
 @quantity(unit="1", opaque=True)
@@ -47,14 +32,15 @@ def room_modes(
 ):
     """The room's modes, and the couplings that were asked of them."""
     k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + air_dispersion))
-    if k.max() > REACH * room_mesh.k_max:
+    _, _, k_max = room_mesh
+    if k.max() > REACH * k_max:
         raise RequestError(
             f"a line at {np.max(frequency):.1f} Hz lies above what the mesh was solved for",
-            expected=f"at most {REACH * room_mesh.k_max / k.max() * np.max(frequency):.1f} Hz",
+            expected=f"at most {REACH * k_max / k.max() * np.max(frequency):.1f} Hz",
             remedy="raise [band] f_max_hz in the rig file",
         )
     stretch = np.asarray(room_dimensions) / drawn_dimensions
-    return MeshField(room_mesh.modes, (k - 1j * air_attenuation) ** 2, 1j * k * face_admittance, stretch)
+    return MeshField(reduce(*room_mesh), (k - 1j * air_attenuation) ** 2, 1j * k * face_admittance, stretch)
 
 
 @dataclass(eq=False)

@@ -13,7 +13,7 @@ from specan.errors import RequestError, nearest
 from specan.models.quantity import Quantity, constant
 from specan.room.model.field import COLD
 from specan.room.model.mesh_elements import Simplices
-from specan.room.model.mesh_field import MeshRoom, room_modes
+from specan.room.model.mesh_field import room_modes
 from specan.room.model.mesh_file import RoomMesh, read_room_mesh, triangle_areas
 from specan.room.model.mesh_modes import MARGIN, expected_modes
 from specan.room.model.rig import Piston, Rig, microphone_outside
@@ -67,7 +67,13 @@ def mesh_shape(rig: Rig) -> RoomShape:
             constant("room_origin", mesh.origin, "m", "Lowest corner of the box around the room."),
             constant("room_dimensions", mesh.edges, "m", "Edges of the box around the room.", ("dimension",)),
             constant("drawn_dimensions", mesh.edges, "m", "The same as drawn."),
-            constant("room_mesh", MeshRoom(mesh, degree, k_max), "1", "The room as meshed.", opaque=True),
+            constant(
+                "room_mesh",
+                (mesh, degree, k_max),
+                "1",
+                "Mesh, degree and band: see `reduce`.",
+                opaque=True,
+            ),
             room_modes,
         ),
         notes=(

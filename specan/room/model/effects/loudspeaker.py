@@ -4,7 +4,7 @@ import numpy as np
 
 from specan.models import Parameter, effect
 from specan.room.model.effects.openings_and_objects import ACROSS, ALONG
-from specan.room.model.field import Source, WallPlace
+from specan.room.model.field import Acting, WallPlace
 
 
 @effect(
@@ -62,7 +62,7 @@ def flanking_source(
 ):
     """The cabinet, a port or the rear of the cone radiates too: an additional source at its own position."""
     strength = ratio * np.pi * piston_radius**2 * np.exp(-2j * np.pi * frequency * delay)
-    return Source(WallPlace(across, along, 0.02), strength)
+    return Acting(WallPlace(across, along, 0.02), strength)
 
 
 @effect(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from specan.models import Parameter, effect
-from specan.room.model.field import LocalLoad, WallPlace, opening
+from specan.room.model.field import Acting, WallPlace, opening
 from specan.room.model.port import Port, point
 
 # Patch over which an opening acts; a leak of 3 cm^2 has 1 cm, one of 50 cm^2 has 4 cm.
@@ -134,6 +134,6 @@ def scatterer(
     monopole = -1j * omega * volume / (density * sound_speed**2)
     dipoles = [-flow * volume / (1j * omega * density) for flow in (flow_x, flow_y, flow_z)]
     return tuple(
-        LocalLoad(Port(place, 0, radius, slope=slope, ball=True, proportions=proportions), load)
+        Acting(Port(place, 0, radius, slope=slope, ball=True, proportions=proportions), load)
         for slope, load in zip((None, 0, 1, 2), (monopole, *dipoles), strict=True)
     )
