@@ -121,138 +121,119 @@ def mesh_contact(phase, frequency, x, v, law, mesh, slopes):
 
 
 @compiled
-def rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, load, state, change, forces, slopes):
-    """Derivative of the state, the forces, and the derivatives of the contacts (sun meshes, then ring meshes)."""
-    rb_s, rb_p, rb_r = sizes[0], sizes[1], sizes[2]
-    carrier, carrier_rate = state[0], state[n + 1]
-    torque_carrier, torque_sun = 0.0, 0.0
-    mesh = sizes[5] * time
-    for i in range(n):
-        planet, planet_rate = state[1 + i], state[n + 2 + i]
-        # Approach of the flanks along the lines of action, mm: what is beside the steady rotation.
-        x_s = 1e3 * (-(rb_s + rb_p) * carrier + rb_p * planet)
-        v_s = 1e3 * (-(rb_s + rb_p) * carrier_rate + rb_p * planet_rate)
-        x_r = 1e3 * ((rb_p - rb_r) * carrier - rb_p * planet)
-        v_r = 1e3 * ((rb_p - rb_r) * carrier_rate - rb_p * planet_rate)
-        f_s = mesh_contact(mesh + phases[0][i], sizes[5], x_s, v_s, law, sun_mesh, slopes[i])
-        f_r = 0.0
-        if rb_r > 0.0:  # a pair has no ring
-            f_r = mesh_contact(mesh + phases[1][i], sizes[5], x_r, v_r, law, ring_mesh, slopes[n + i])
-        forces[i], forces[n + i] = f_s, f_r
-        torque_carrier += f_s * (rb_s + rb_p) + f_r * (rb_r - rb_p)
-        torque_sun += f_s * rb_s
-        change[1 + i] = planet_rate
-        change[n + 2 + i] = (f_r - f_s) * rb_p / sizes[4]
-    change[0] = carrier_rate
-    change[n + 1] = (torque_carrier - load) / sizes[3]
-    forces[2 * n] = torque_sun
+def rates(time, machine, state, change, forces, slopes):
+    """Derivative of the state; the forces of the meshes and the derivatives of their contacts, see `mesh_contact`."""
+    frequency, law, torque, inertia, body, lever, phases, meshes = machine
+    n = len(inertia)
+    for k in range(n):
+        change[k], change[n + k] = state[n + k], torque[k]
+    for i in range(len(body)):
+        k, a, b = body[i], lever[i][0], lever[i][1]
+        # Approach of the flanks along the line of action, mm: what is beside the steady rotation.
+        x, v = 1e3 * (a * state[0] + b * state[k]), 1e3 * (a * state[n] + b * state[n + k])
+        force = mesh_contact(frequency * time + phases[i], frequency, x, v, law, meshes[i], slopes[i])
+        change[n] -= a * force
+        change[n + k] -= b * force
+        forces[i] = force
+    for k in range(n):
+        change[n + k] /= inertia[k]
 
 
 @compiled
-def time_slope(n, sizes, slopes, slope):
+def time_slope(inertia, body, lever, slopes, slope):
     """Derivative of the rates by time alone."""
-    rb_s, rb_p, rb_r = sizes[0], sizes[1], sizes[2]
+    n = len(inertia)
     for k in range(len(slope)):
         slope[k] = 0.0
-    for i in range(n):
-        f_s, f_r = slopes[i][2], slopes[n + i][2]
-        slope[n + 1] += (f_s * (rb_s + rb_p) + f_r * (rb_r - rb_p)) / sizes[3]
-        slope[n + 2 + i] = (f_r - f_s) * rb_p / sizes[4]
+    for i in range(len(body)):
+        slope[n] -= lever[i][0] * slopes[i][2] / inertia[0]
+        slope[n + body[i]] -= lever[i][1] * slopes[i][2] / inertia[body[i]]
 
 
 @compiled
-def factor(n, sizes, slopes, span, matrix):
-    """Inertia / span + damping + span stiffness, eliminated planet by planet: only the carrier meets them all.
+def factor(inertia, body, lever, slopes, span, matrix):
+    """Inertia / span + damping + span stiffness, eliminated body by body: only the first meets them all.
 
-    Rows of `matrix`: diagonal and coupling to the carrier of each planet; the last diagonal is the carrier's.
+    Rows of `matrix`: diagonal, and coupling to the first body.
     """
-    rb_s, rb_p, rb_r = sizes[0], sizes[1], sizes[2]
-    carrier = sizes[3] / span
-    for i in range(n):
-        sun = 1e3 * (slopes[i][1] + span * slopes[i][0])
-        ring = 1e3 * (slopes[n + i][1] + span * slopes[n + i][0])
-        own = sizes[4] / span + (sun + ring) * rb_p**2
-        coupling = (-sun * (rb_s + rb_p) + ring * (rb_r - rb_p)) * rb_p
-        carrier += sun * (rb_s + rb_p) ** 2 + ring * (rb_r - rb_p) ** 2 - coupling**2 / own
-        matrix[0][i], matrix[1][i] = own, coupling
-    matrix[0][n] = carrier
+    for k in range(len(inertia)):
+        matrix[0][k], matrix[1][k] = inertia[k] / span, 0.0
+    for i in range(len(body)):
+        k, a, b = body[i], lever[i][0], lever[i][1]
+        both = 1e3 * (slopes[i][1] + span * slopes[i][0])
+        matrix[0][0] += both * a * a
+        matrix[0][k] += both * b * b
+        matrix[1][k] += both * a * b
+    for k in range(1, len(inertia)):
+        matrix[0][0] -= matrix[1][k] ** 2 / matrix[0][k]
 
 
 @compiled
-def solve(n, sizes, slopes, span, matrix, right):
+def solve(inertia, body, lever, slopes, span, matrix, right):
     """Solve (1/span - J) u = right in place."""
-    rb_s, rb_p, rb_r = sizes[0], sizes[1], sizes[2]
-    a_s, a_r = -(rb_s + rb_p), rb_p - rb_r
+    n = len(inertia)
+    for k in range(n):
+        right[n + k] *= inertia[k]
     # The angles follow from the rates: u_angle = span (right_angle + u_rate).
-    carrier = sizes[3] * right[n + 1]
-    for i in range(n):
-        sun = 1e3 * span * slopes[i][0] * (a_s * right[0] + rb_p * right[1 + i])
-        ring = 1e3 * span * slopes[n + i][0] * (a_r * right[0] - rb_p * right[1 + i])
-        planet = sizes[4] * right[n + 2 + i] - (sun - ring) * rb_p
-        carrier -= sun * a_s + ring * a_r + planet * matrix[1][i] / matrix[0][i]
-        right[n + 2 + i] = planet
-    carrier /= matrix[0][n]
-    right[n + 1] = carrier
-    right[0] = span * (right[0] + carrier)
-    for i in range(n):
-        planet = (right[n + 2 + i] - matrix[1][i] * carrier) / matrix[0][i]
-        right[n + 2 + i] = planet
-        right[1 + i] = span * (right[1 + i] + planet)
+    for i in range(len(body)):
+        k, a, b = body[i], lever[i][0], lever[i][1]
+        spring = 1e3 * span * slopes[i][0] * (a * right[0] + b * right[k])
+        right[n] -= spring * a
+        right[n + k] -= spring * b
+    for k in range(1, n):
+        right[n] -= right[n + k] * matrix[1][k] / matrix[0][k]
+    right[n] /= matrix[0][0]
+    for k in range(n):
+        if k > 0:
+            right[n + k] = (right[n + k] - matrix[1][k] * right[n]) / matrix[0][k]
+        right[k] = span * (right[k] + right[n + k])
 
 
-def advance(steps, every, dt, start, planets, sizes, law, sun_mesh, ring_mesh, phases, load, state, out):
+def advance(steps, every, dt, start, machine, state, out):
     """Integrate and store every so many steps.
 
-    Unknowns are the small angles of carrier and planets beside the steady rotation, and their rates.
+    Unknowns are the small angles of bodies beside the steady rotation, and their rates. A mesh lies between the first
+    body and one of the others, or the first and the driver.
 
     Parameters
     ----------
     steps, every : int
     dt, start : float
         Step and the time of the first one, s.
-    planets : int
-    sizes : array
-        Base radii of sun, planet, ring (m), inertia of carrier with its planets' masses, of a planet (kg m^2);
-        mesh frequency (Hz).
-    law : array
-        K (N/mm^e), e, C (N s/mm), depth (mm), backlash (mm).
-    sun_mesh, ring_mesh : arrays
-        Base pitch (mm), contact ratio, gap coefficients before and after contact (1/mm).
-    phases : array (2, planets)
-    load : float
-        Torque on the carrier, N m.
+    machine : tuple
+        Mesh frequency (Hz); contact law: K (N/mm^e), e, C (N s/mm), depth (mm), backlash (mm); torques on the bodies
+        (N m) and their inertias (kg m^2); and of each mesh the number of its other body (the first itself: none), the
+        approach by a turn of the first and of the other (m), its phase, and base pitch (mm), contact ratio, gap
+        coefficients before and after contact (1/mm).
     state : array
-        Carrier angle, planet angles, their rates; changed in place.
-    out : array (stored, 2 planets + 2)
-        Forces of sun meshes, of ring meshes, carrier angle, torque of the sun.
+        Angles of the bodies, their rates; changed in place.
+    out : array (stored, meshes + 1)
+        Forces of the meshes, and the first angle.
     """
-    n, size = planets, len(state)
-    moving = _numbers(state)
-    given = (sizes, law, sun_mesh, ring_mesh, phases)
-    contacts = (2 * n, SLOPES)
-    work = (size, size, size, (len(_M), size), 2 * n + 1, 2 * n + 1, contacts, contacts, (2, n + 1))
-    zeros = (_numbers(np.zeros(shape)) for shape in work)
-    _advance(steps, every, dt, start, n, *map(_numbers, given), load, moving, out, *zeros)
+    frequency, law, torque, inertia, body, *given = machine
+    numbers = body if HAS_NUMBA else body.tolist()
+    own = (frequency, *map(_numbers, (law, torque, inertia)), numbers, *map(_numbers, given))
+    n, m, moving = len(inertia), len(body), _numbers(state)
+    sizes = (2 * n, 2 * n, 2 * n, (len(_M), 2 * n), m, m, (m, SLOPES), (m, SLOPES), (2, n))
+    _advance(steps, every, dt, start, own, moving, out, tuple(_numbers(np.zeros(size)) for size in sizes))
     state[:] = moving
 
 
 @compiled
-def _advance(
-    steps, every, dt, start, n, sizes, law, sun_mesh, ring_mesh, phases, load, state, out,
-    change, slope, trial, u, forces, unused, slopes, other, matrix,
-):  # fmt: skip
-    size, stages, span = len(state), len(_M), dt * _GAMMA
-    row = 0
+def _advance(steps, every, dt, start, machine, state, out, work):
+    change, slope, trial, u, forces, unused, slopes, other, matrix = work
+    _, _, _, inertia, body, lever, _, _ = machine
+    size, stages, span, row = len(state), len(_M), dt * _GAMMA, 0
     for step in range(steps):
         time = start + step * dt
-        rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, load, state, change, forces, slopes)
+        rates(time, machine, state, change, forces, slopes)
         if step % every == 0:
-            for j in range(2 * n):
+            for j in range(len(forces)):
                 out[row][j] = forces[j]
-            out[row][2 * n], out[row][2 * n + 1] = state[0], forces[2 * n]
+            out[row][len(forces)] = state[0]
             row += 1
-        time_slope(n, sizes, slopes, slope)
-        factor(n, sizes, slopes, span, matrix)
+        time_slope(inertia, body, lever, slopes, slope)
+        factor(inertia, body, lever, slopes, span, matrix)
         for i in range(stages):
             if i > 0:
                 for j in range(size):
@@ -260,16 +241,13 @@ def _advance(
                     for k in range(i):
                         value += _A[i][k] * u[k][j]
                     trial[j] = value
-                rates(
-                    time + _ALPHA_I[i] * dt, n, sizes, law, sun_mesh, ring_mesh, phases, load,
-                    trial, change, unused, other,
-                )  # fmt: skip
+                rates(time + _ALPHA_I[i] * dt, machine, trial, change, unused, other)
             for j in range(size):
                 value = change[j] + dt * _GAMMA_I[i] * slope[j]
                 for k in range(i):
                     value += _C[i][k] / dt * u[k][j]
                 u[i][j] = value
-            solve(n, sizes, slopes, span, matrix, u[i])
+            solve(inertia, body, lever, slopes, span, matrix, u[i])
         for j in range(size):
             value = state[j]
             for i in range(stages):

@@ -61,23 +61,23 @@ class Motion:
 
 @dataclass(frozen=True)
 class _System:
-    """One machine as the integrator takes it: `contact_steps.advance` gets `machine` from its number of planets on.
+    """One machine as the integrator takes it, see `contact_steps.advance`; the carrier (driven gear) is the first body.
 
-    The driver turns at `driver_speed`, its torque is `lever` times that of the sun's base circle.
+    The driver turns at `driver_speed`; its torque is its `radius` times the forces of the first `driven` meshes.
     """
 
-    machine: Any
+    machine: tuple[Any, ...]
     carrier_speed: float
     driver_speed: float
-    lever: float
+    radius: float
+    driven: int
     step: float
     state: Real
 
     def advance(self, rows: int, every: int, dt: float, start: float) -> Real:
-        """Forces of sun and ring meshes, angle of the carrier and torque, every so many steps; goes on from there."""
-        out = np.zeros((rows, 2 * self.machine[0] + 2))
-        own = (*self.machine, self.state, out)
-        contact_steps.advance(rows * every, every, dt, start, *own)
+        """Forces of the meshes and angle of the carrier, every so many steps; goes on from there."""
+        out = np.zeros((rows, len(self.machine[4]) + 1))
+        contact_steps.advance(rows * every, every, dt, start, self.machine, self.state, out)
         return out
 
 
@@ -105,7 +105,7 @@ def simulate(rig: Rig, duration_s: float, *, sampling_rate: float = _STORED_RATE
     dt = 1.0 / (fine * every)
     settle, count = math.ceil(SETTLE_S * sampling_rate), round(duration_s * sampling_rate)
     taps = _low_pass()
-    held = np.empty((0, 2 * system.machine[0] + 2))
+    held = np.empty((0, len(system.machine[4]) + 1))
     stored: list[Real] = []
     rows, done, guard = 0, 0, (taps.size - 1) // (2 * OVERSAMPLED) + 1
     while rows < settle + count + guard:
@@ -121,16 +121,16 @@ def simulate(rig: Rig, duration_s: float, *, sampling_rate: float = _STORED_RATE
         rows += windows.shape[0]
         held = held[windows.shape[0] * OVERSAMPLED :]
     kept = np.concatenate(stored)[settle : settle + count].T.copy()
-    n, time = system.machine[0], np.arange(count) / sampling_rate
+    driven, ring, time = kept[: system.driven], kept[system.driven : -1], np.arange(count) / sampling_rate
     # The first filtered row stands half a filter after the start.
     whole = time + (settle + (taps.size - 1) / 2 / OVERSAMPLED) / sampling_rate
     return Motion(
         time=time,
-        sun_force=kept[:n],
-        ring_force=kept[n : 2 * n] if rig.gear is not None else np.empty((0, count)),
-        carrier_angle=system.carrier_speed * whole + kept[2 * n],
+        sun_force=driven,
+        ring_force=ring,
+        carrier_angle=system.carrier_speed * whole + kept[-1],
         sun_angle=system.driver_speed * whole,
-        torque_in=kept[2 * n + 1] * system.lever,
+        torque_in=driven.sum(axis=0) * system.radius,
         step_s=dt,
         rig=rig,
     )
@@ -157,47 +157,44 @@ def force_normal_angle(rig: Rig, motion: Motion) -> tuple[Real, Real]:
 
 
 def _system(rig: Rig) -> _System:
-    contact = rig.contact
     if rig.gear is not None:
-        return _set(rig, rig.gear, contact)
+        return _set(rig, rig.gear)
     assert rig.pair is not None
-    pair, mesh = rig.pair, pair_mesh(rig.pair)
-    cos = math.cos(math.radians(pair.pressure_angle_deg))
-    module = 1e-3 * pair.module_mm
+    pair, contact = rig.pair, rig.contact
+    cos, module = math.cos(math.radians(pair.pressure_angle_deg)), 1e-3 * pair.module_mm
     rb1, rb2 = module * pair.z_driver * cos / 2, module * pair.z_driven * cos / 2
     inertia = disc(pair.z_driven * module, 1e-3 * pair.face_width_mm)[1]
-    ratio = pair.z_driver / pair.z_driven
+    ratio, speed = pair.z_driver / pair.z_driven, 2 * np.pi * pair.driver_speed_hz
     load = pair.driver_torque_Nm / ratio
-    # A pair is a set whose "carrier" is the driven gear: x = -rb2 angle, and no planet that turns.
-    sizes = np.array([rb2, 0.0, 0.0, inertia, 1.0, pair.z_driver * pair.driver_speed_hz])
     depth = _depth(load / rb2, contact)
-    none, phases = np.array([1.0, 1.0, 0.0, 0.0]), np.array([[0.0], [0.5]])
-    speed = 2 * np.pi * pair.driver_speed_hz
-    # Power goes in at the driver: torque there is force times rb1, that of the "sun" force times rb2.
-    return _System(
-        (1, sizes, _law(contact, pair.backlash_mm), _numbers(mesh), none, phases, load), speed * ratio, speed,
-        rb1 / rb2, _step(contact, depth, inertia / rb2**2), np.array([-1e-3 * depth / rb2, 0.0, 0.0, 0.0]),
+    machine = (
+        pair.z_driver * pair.driver_speed_hz, _law(contact, pair.backlash_mm), np.array([-load]),
+        np.array([inertia]), np.array([0]), np.array([[-rb2, 0.0]]), np.zeros(1), np.array([_numbers(pair_mesh(pair))]),
     )  # fmt: skip
+    step, state = _step(contact, depth, inertia / rb2**2), np.array([-1e-3 * depth / rb2, 0.0])
+    return _System(machine, speed * ratio, speed, rb1, 1, step, state)
 
 
-def _set(rig: Rig, gear: Gear, contact: Contact) -> _System:
-    sun, ring = set_meshes(gear)
+def _set(rig: Rig, gear: Gear) -> _System:
+    (sun, ring), n, contact = set_meshes(gear), gear.planets, rig.contact
     rb_s, rb_p, rb_r = gear.base_radii_m
-    carrier, inertia = inertias(gear, rig.rotors)
+    carrier, planet = inertias(gear, rig.rotors)
     speed = 2 * np.pi * rig.operation.sun_speed_hz
     relative = speed * gear.z_ring / (gear.z_sun + gear.z_ring)  # of the sun against the carrier
-    sizes = np.array([rb_s, rb_p, rb_r, carrier, inertia, relative * gear.z_sun / (2 * np.pi)])
-    phases, load = np.stack(mesh_phases(gear)), rig.operation.carrier_torque_Nm
-    depth = 1e-3 * _depth(load / (gear.planets * (rb_s + rb_r)), contact)
-    # Both meshes of a planet are pressed as deep: x_s = x_r = depth.
+    load = rig.operation.carrier_torque_Nm
+    depth = 1e-3 * _depth(load / (n * (rb_s + rb_r)), contact)
+    # Both meshes of a planet are pressed as deep.
     angle = -2 * depth / (rb_s + rb_r)
     turn = (depth + (rb_s + rb_p) * angle) / rb_p
-    law = _law(contact, gear.backlash_mm)
-    return _System(
-        (gear.planets, sizes, law, _numbers(sun), _numbers(ring), phases, load), speed - relative, speed, 1.0,
-        _step(contact, 1e3 * depth, inertia / rb_p**2 / 2),
-        np.array([angle, *([turn] * gear.planets), *([0.0] * (gear.planets + 1))]),
+    levers, meshes = [[-(rb_s + rb_p), rb_p], [rb_p - rb_r, -rb_p]], [_numbers(sun), _numbers(ring)]
+    machine = (
+        relative * gear.z_sun / (2 * np.pi), _law(contact, gear.backlash_mm), np.array([-load, *[0.0] * n]),
+        np.array([carrier, *[planet] * n]), np.tile(np.arange(1, n + 1), 2), np.repeat(levers, n, axis=0),
+        np.concatenate(mesh_phases(gear)), np.repeat(meshes, n, axis=0),
     )  # fmt: skip
+    state = np.array([angle, *[turn] * n, *[0.0] * (n + 1)])
+    step = _step(contact, 1e3 * depth, planet / rb_p**2 / 2)
+    return _System(machine, speed - relative, speed, rb_s, n, step, state)
 
 
 def _depth(force: float, contact: Contact) -> float:
@@ -208,10 +205,8 @@ def _law(contact: Contact, backlash: float) -> Real:
     return np.array([contact.K_N_mm_e, contact.exponent, contact.C_Ns_mm, contact.depth_mm, backlash])
 
 
-def _numbers(mesh: Mesh) -> Real:
-    return np.array(
-        [1e3 * mesh.base_pitch, mesh.contact_ratio, 1e-3 * mesh.gap_before, 1e-3 * mesh.gap_after]
-    )
+def _numbers(mesh: Mesh) -> list[float]:
+    return [1e3 * mesh.base_pitch, mesh.contact_ratio, 1e-3 * mesh.gap_before, 1e-3 * mesh.gap_after]
 
 
 def _step(contact: Contact, depth: float, mass: float) -> float:
