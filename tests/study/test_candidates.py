@@ -12,15 +12,15 @@ from specan.study.estimation.linear import Projection
 from specan.study.selection.candidates import base_problem, candidates, grid
 from specan.study.selection.refits import Refit, Refits, start_from
 from specan.study.selection.score_test import best_of_each, score
-from specan.study.selection.signatures import shape_grid, signatures
+from specan.study.selection.signatures import Signatures
 
 
 def scored(problem):
     start = Refit(frozenset(), problem, fit(problem))
     found, not_testable = candidates(problem)
-    known = {}
-    points = shape_grid(problem, start.fit, found, known)
-    seen = signatures(problem, start.fit, found, points, known)
+    at = Signatures(problem, start.fit)
+    points = at.grid(found)
+    seen = [s for c in found if c.use in points for s in at.at(c, points[c.use])]
     return start, score(start.linear, seen), not_testable
 
 
@@ -87,9 +87,10 @@ def test_an_amplitude_of_one_sign_gains_nothing_from_the_other(toy):
 
 
 def test_a_shape_is_tried_where_its_signature_turns(toy):
-    _, found, _ = scored(toy.problem(nothing, ["wave"]))
+    start, found, _ = scored(toy.problem(nothing, ["wave"]))
     ordered = sorted(found, key=lambda s: s.signature.shapes["wave.rate"])
-    units = [s.projected[:, 0] / np.linalg.norm(s.projected[:, 0]) for s in ordered]
+    left = [start.linear.project_out(s.signature.columns[:, 0]) for s in ordered]
+    units = [column / np.linalg.norm(column) for column in left]
     steps = [abs(a @ b) for a, b in pairwise(units)]
     assert min(steps) > 0.6
     assert len(found) > 3

@@ -17,7 +17,7 @@ from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem, candidates, confounded_with
 from specan.study.selection.refits import Refit
 from specan.study.selection.score_test import score
-from specan.study.selection.signatures import signatures
+from specan.study.selection.signatures import Signatures
 from specan.study.selection.single_instruments import displaced
 from specan.study.selection.starting_values import (
     kept_values,
@@ -219,7 +219,7 @@ def test_a_small_resonator_is_found_behind_what_does_something_everywhere(model)
     base = Refit(frozenset(), problem, fit(problem))
     best = scan_shapes(base, [Use.parse(use)])[Use.parse(use)][0]
     there = [c for c in candidates(problem)[0] if str(c.use) == use]
-    known = score(base.linear, signatures(problem, base.fit, there, {there[0].use: [named]}, {}))[0]
+    known = score(base.linear, Signatures(problem, base.fit).at(there[0], [named]))[0]
     assert best.chi2_reduction > 0.9 * known.chi2_reduction
     assert best.signature.shapes[f"{use}.resonance"] == pytest.approx(215.0, rel=0.02)
     for name in ("across", "along"):

@@ -15,15 +15,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.evidence.marginal import Marginal
 from specan.study.observation import Array
 from specan.study.selection.candidates import Candidate, candidates
-from specan.study.selection.signatures import (
-    Known,
-    Signature,
-    changes,
-    default_value,
-    shape_grid,
-    signatures,
-    with_rows_of,
-)
+from specan.study.selection.signatures import Signature, Signatures, default_value
 
 ONE_SIDED_80 = 0.84  # standard deviations below which four of five values of a normal law lie
 
@@ -107,31 +99,26 @@ class Catalogue:
         found = self.candidates
         if before is not None:
             found = [c for c in found if anew or c.effect.instrument]
-            for use in {c.use for c in self.candidates} - {c.use for c in found}:
-                self.signatures[use] = [
-                    replace(one, columns=with_rows_of(one.columns, before.problem, problem))
-                    for one in before.signatures.get(use, [])
+            kept = {c.use for c in self.candidates} - {c.use for c in found}
+            self.signatures = {use: before.signatures.get(use, []) for use in kept}
+        at = Signatures(problem, base)
+        points = at.grid(found)
+        for c in found:
+            if c.use in points:
+                self.signatures[c.use] = [
+                    replace(one, columns=np.sqrt(worth) * one.columns[: problem.n_data])
+                    for one in at.at(c, points[c.use])
                 ]
-        changed: Known = {}
-        points = shape_grid(problem, base, found, changed)
-        for c in [one for one in found if one.use not in points]:
-            if changes(problem, base, c, [{n: default_value(c, n) for n in c.own}], {})[0] is None:
+            elif at.changes(c, [{n: default_value(c, n) for n in c.own}])[0] is None:
                 self.not_testable[c.use.name] = "gives values that are not finite at these conditions"
-        for one in signatures(problem, base, found, points, changed):
-            one = replace(one, columns=np.sqrt(worth) * one.columns)
-            self.signatures.setdefault(one.use, []).append(one)
 
     def whitened_by(self, problem: Problem) -> Catalogue:
         """The same effects on the same rows, of independent noise here, under the noise of another problem."""
-        found, n = copy(self), problem.n_data
+        found = copy(self)
         found.problem, found.candidates = problem, candidates(problem)[0]
         sigma = np.concatenate([o.sigma for o in self.problem.observations])[:, None]
-
-        def under(columns: Array) -> Array:
-            return np.concatenate([problem.whiten(columns[:n] * sigma), columns[n:]])
-
         found.signatures = {
-            use: [replace(one, columns=under(one.columns)) for one in own]
+            use: [replace(one, columns=problem.whiten(one.columns * sigma)) for one in own]
             for use, own in self.signatures.items()
         }
         return found
@@ -142,8 +129,7 @@ class Catalogue:
         for candidate in self.candidates:
             if candidate.use in have:
                 continue
-            of_kind = self._certificate if candidate.without_prior else self._best
-            if (found := of_kind(beside, candidate)) is not None:
+            if (found := self._best(beside, candidate)) is not None:
                 led = [self.led[found.use]] if found.use in self.led else []
                 yield replace(found, starts=(*led, *found.starts))
 
@@ -167,7 +153,7 @@ class Catalogue:
         units: dict[str, str] = {}
         for candidate in self.candidates:
             where = base if candidate.use in have else beside
-            name = candidate.amplitudes[0]
+            name = (candidate.without_prior or candidate.amplitudes)[0]
             units[candidate.use.name] = candidate.parameter(name).unit
             size = self._visible(where, candidate, needed)
             value = None if size is None else float(candidate.parameter(name).from_si(size))
@@ -176,20 +162,13 @@ class Catalogue:
 
     def _visible(self, where: Marginal, candidate: Candidate, needed: float) -> float | None:
         """Size of the first amplitude that gains `needed` in four cases of five, its shapes at their defaults."""
-        tangent, n, own = where.tangent, self.problem.n_data, self.signatures.get(candidate.use, [])
-        if candidate.without_prior:
-            name = candidate.without_prior[0]
-            if name not in tangent.problem.names:
-                return None
-            column, one_step = tangent.jacobian[:, tangent.problem.names.index(name)], 1.0
-            low, high = candidate.extended.domain(name.whole)
-            most = max(high, -low)
-        elif own:
-            column, one_step = own[0].columns[:n, 0], float(abs(own[0].size[0]))
-            most = max(abs(end) for end in own[0].multiplier_bounds) * one_step
-        else:
+        own, tangent = self.signatures.get(candidate.use), where.tangent
+        if not own:
             return None
-        width = float(np.ptp(candidate.plausible(candidate.amplitudes[0]))) / np.sqrt(12) / one_step
+        name, column, one_step = own[0].names[0], own[0].columns[:, 0], float(abs(own[0].size[0]))
+        low, high = candidate.extended.domain(name.whole)
+        most = max(high - candidate.neutral(name), candidate.neutral(name) - low)
+        width = float(np.ptp(candidate.plausible(name))) / np.sqrt(12) / one_step
         curvature = where.curvature(column)
         if not curvature > 0:
             return None
@@ -208,55 +187,24 @@ class Catalogue:
         if abs(np.log(abs(multiple))) < 0.01:  # the same size
             return 1.0
         place = {**one.shapes, one.names[0]: one.neutral[0] + multiple * one.size[0]}
-        (column,) = changes(self.problem, self.base, candidate, [place], {})
+        (column,) = Signatures(self.problem, self.base).changes(candidate, [place])
         if column is None:
             return 1.0
-        n = self.problem.n_data
-        grown = self.worth * where.curvature(column[:n]) / where.curvature(one.columns[:n, 0])
+        own_rows = column[: self.problem.n_data]
+        grown = self.worth * where.curvature(own_rows) / where.curvature(one.columns[:, 0])
         # 0.5: nothing grows less than with the root of a size, but by rounding and where motions are chaotic
         return max(float(np.log(max(grown, 1e-300)) / np.log(multiple**2)), 0.5)
-
-    def _certificate(self, beside: Marginal, candidate: Candidate) -> Promise | None:
-        """An instrument error whose prior is removed: its columns are those of the fit, beside its other amplitudes."""
-        tangent, n = beside.tangent, self.problem.n_data
-        where = [
-            tangent.problem.names.index(n) for n in candidate.without_prior if n in tangent.problem.names
-        ]
-        if not where:
-            return None
-        freed = np.array([np.ptp(candidate.plausible(n)) / np.sqrt(12) for n in candidate.without_prior])
-        best: Promise | None = None
-        for one in self.signatures.get(candidate.use, []):
-            own = np.flatnonzero(one.size)
-            names = [one.names[k] for k in own]
-            width = np.array([np.ptp(candidate.plausible(name)) for name in names]) / np.sqrt(12)
-            more = one.columns[:n, own] * (width / np.abs(one.size[own]))
-            columns = np.hstack([tangent.jacobian[:, where] * freed, more])
-            (gain,), (found,) = beside.beside(columns, np.ones(1))
-            if best is not None and gain <= best.ln_gain:
-                continue
-            start = tangent.problem.values_at(beside.shifted(columns, found))
-            moves = found * np.concatenate([freed, width])
-            for name, change in zip(candidate.without_prior, moves, strict=False):
-                if name == name.whole:
-                    start[name] = start[name] + change
-            sizes = moves[len(where) :] * np.sign(one.size[own])
-            start |= {
-                str(name): one.neutral[k] + size for name, k, size in zip(names, own, sizes, strict=True)
-            }
-            best = Promise(candidate.use, gain, (start,))
-        return best
 
     def _best(self, beside: Marginal, candidate: Candidate) -> Promise | None:
         own = self.signatures.get(candidate.use, [])
         if not own:
             return None
-        n, tried = self.problem.n_data, []
+        tried = []
         for one in own:
             width = np.array([np.ptp(candidate.plausible(name)) for name in one.names]) / np.sqrt(12)
             # An amplitude that the signature leaves at nothing has no column of its own.
             width = np.divide(width, np.abs(one.size), out=np.zeros(width.size), where=one.size != 0)
-            (gain,), (found,) = beside.beside(one.columns[:n] * width, np.ones(1))
+            (gain,), (found,) = beside.beside(one.columns * width, np.ones(1))
             found = found * width
             inside = np.clip(found, *one.multiplier_bounds)
             # The other sign is not allowed: as good as nothing.
@@ -264,7 +212,7 @@ class Catalogue:
         tried.sort(key=lambda item: -item[0])
         starts = [self._start(beside, candidate, *tried[0][1:])]
         for _, one, found in tried[1:]:
-            if one.shapes != tried[0][1].shapes or np.any(one.size != tried[0][1].size):
+            if one.place != tried[0][1].place:
                 starts.append(self._start(beside, candidate, one, found))
                 break
         origin = beside.tangent.problem.values_at(beside.tangent.theta)
@@ -272,13 +220,9 @@ class Catalogue:
 
     def _start(self, beside: Marginal, candidate: Candidate, one: Signature, found: Array) -> dict[str, Any]:
         """Values after a linear step of everything along a signature."""
-        moved = beside.shifted(one.columns[: self.problem.n_data], found)
-        start: dict[str, Any] = dict(beside.tangent.problem.values_at(moved))
-        values = dict(one.shapes) | {
-            str(name): neutral + m * size
-            for name, neutral, m, size in zip(one.names, one.neutral, found, one.size, strict=True)
-        }
-        return start | candidate.extended.of_elements(values)
+        problem, moved = beside.tangent.problem, beside.shifted(one.columns, found)
+        values = one.moved(problem, moved, found)
+        return dict(problem.values_at(moved)) | candidate.extended.of_elements(values)
 
 
 def together(places: dict[str, float | None], unit: str) -> dict[str, Any] | None:

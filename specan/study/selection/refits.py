@@ -312,14 +312,9 @@ def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dic
     low, high = start.problem.bounds()
     theta = np.clip(fitted.theta + step[: size.size] * size, low, high)
     values: dict[str, float | Real] = dict(start.problem.values_at(theta))
-    position = size.size
     moved: dict[str, float] = {}
-    for member in members:
-        signature = member.signature
-        for k, name in enumerate(signature.names):
-            if signature.size[k]:
-                multiple = float(np.clip(step[position + k], *signature.multiplier_bounds))
-                moved[name] = float(signature.neutral[k] + multiple * signature.size[k])
-        position += len(signature.names)
-        moved |= signature.shapes
+    _, *parts = np.split(step, np.cumsum([size.size, *(s.amplitudes for s in members)]))
+    for member, multiples in zip(members, parts, strict=False):
+        inside = np.clip(multiples, *member.signature.multiplier_bounds)
+        moved |= member.signature.moved(start.problem, theta, inside)
     return values | problem.of_elements(moved)

@@ -8,7 +8,7 @@ multiple is held to what the domain allows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,12 +22,10 @@ from specan.study.selection.signatures import Signature
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """A signature with what the parameters of the base cannot produce of it.
+    """A signature with what it promises.
 
     Attributes
     ----------
-    projected : array, (n_rows, q)
-        Columns orthogonal to the base's Jacobian.
     chi2_reduction : float
         Fall in chi-square that the linearised refit promises.
     expected_change : array, (q,)
@@ -35,7 +33,6 @@ class Scored:
     """
 
     signature: Signature
-    projected: Real
     chi2_reduction: float
     expected_change: Real
 
@@ -47,7 +44,7 @@ class Scored:
     @property
     def amplitudes(self) -> int:
         """Number of columns."""
-        return self.projected.shape[1]
+        return len(self.signature.names)
 
     @property
     def count(self) -> int:
@@ -55,14 +52,14 @@ class Scored:
         return self.amplitudes + len(self.signature.shapes)
 
 
-def score(fit: Projection, found: Sequence[Signature]) -> list[Scored]:
+def score(fit: Projection, found: Iterable[Signature]) -> list[Scored]:
     """Score every signature, those first that promise most; those collinear with its Jacobian are left out.
 
     Parameters
     ----------
     fit : Projection
         The base.
-    found : sequence of Signature
+    found : iterable of Signature
     """
     scored = []
     for signature in found:
@@ -79,11 +76,11 @@ def score(fit: Projection, found: Sequence[Signature]) -> list[Scored]:
                 continue
             multiple = min(max(-along / size, low), high)
             gain = -2 * multiple * along - multiple**2 * size
-            scored.append(Scored(signature, projected, gain, np.array([multiple])))
+            scored.append(Scored(signature, gain, np.array([multiple])))
         else:
             multiple_q, *_ = np.linalg.lstsq(projected, -fit.residual, rcond=1e-9)
             gain = float(fit.residual @ fit.residual - np.sum((fit.residual + projected @ multiple_q) ** 2))
-            scored.append(Scored(signature, projected, gain, np.asarray(multiple_q, dtype=float)))
+            scored.append(Scored(signature, gain, np.asarray(multiple_q, dtype=float)))
     return sorted(scored, key=lambda s: -s.chi2_reduction)
 
 
@@ -98,8 +95,7 @@ def different(items: Sequence[Scored], count: int) -> list[Scored]:
     for item in items[1:]:
         if len(taken) == count:
             break
-        shapes, size = item.signature.shapes, item.signature.size
-        same = any(t.signature.shapes == shapes and np.all(t.signature.size == size) for t in taken)
+        same = item.signature.place in [t.signature.place for t in taken]
         # 0.95: of the gain of another start: too near to it to lead elsewhere
         if item.chi2_reduction < 0.95 * taken[-1].chi2_reduction and not same:
             taken.append(item)

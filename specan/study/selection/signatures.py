@@ -31,11 +31,11 @@ class Signature:
     ----------
     columns : array, (n_rows, q)
         Change when each amplitude goes from its neutral value by its `size`; rows as in the residual
-        of the problem without the candidate. A removed prior is a unit step of its prior's row.
+        of the problem without the candidate. Of one whose prior is removed, a unit step of it without that prior.
     names : tuple of str
         Amplitudes, one a column.
     neutral, size : array, (q,)
-        Values that the columns stand for; size 0 where a prior is removed.
+        Values that the columns stand for.
     shapes : mapping
         SI values of the shape parameters.
     multiplier_bounds : tuple of float
@@ -48,74 +48,137 @@ class Signature:
     neutral: Real
     size: Real
     shapes: Mapping[str, float]
-    multiplier_bounds: tuple[float, float]
+    multiplier_bounds: tuple[float, float] = (-np.inf, np.inf)
+
+    @property
+    def place(self) -> tuple[Any, ...]:
+        """Amplitudes with their sizes, and shapes: those of two that point elsewhere differ."""
+        return self.names, tuple(self.size), tuple(self.shapes.items())
+
+    def moved(self, problem: Problem, theta: Real, multiples: Real) -> dict[str, float]:
+        """Values of its elements at some multiples, beside others at theta of a problem."""
+        there = dict(zip(problem.names, theta.tolist(), strict=True))
+        own = zip(self.names, self.neutral, self.size, multiples, strict=True)
+        return {str(n): float(there.get(n, neutral) + m * size) for n, neutral, size, m in own} | dict(
+            self.shapes
+        )
 
 
 Point = Mapping[str, float]
-Known = dict[tuple[Use, tuple[tuple[str, float], ...]], "Real | None"]
 
 
-def signatures(
-    problem: Problem,
-    fit: Fit,
-    found: Sequence[Candidate],
-    points: Mapping[Use, Sequence[Point]],
-    known: Known,
-) -> list[Signature]:
-    """Signatures of candidates at a fit of the problem that lacks them, at planned points.
+class Signatures:
+    """Signatures of candidates at a fit of the problem that lacks them; each change is worked out once.
 
-    `known` holds changes that were worked out at the same fit already.
+    Parameters
+    ----------
+    problem : Problem
+    fit : Fit
+    known : mapping, optional
+        Changes that were worked out at the same fit already.
     """
-    made: list[Signature] = []
-    for candidate in found:
-        if candidate.use not in points:
-            continue
+
+    def __init__(self, problem: Problem, fit: Fit, known: Mapping[Any, Real | None] | None = None) -> None:
+        self.problem, self.fit = problem, fit
+        self.known: dict[Any, Real | None] = dict(known or {})
+
+    @cached_property
+    def base(self) -> Projection:
+        """The fit, linearised."""
+        return Projection.of(self.fit.residual, self.fit.jacobian)
+
+    def at(self, candidate: Candidate, points: Sequence[Point]) -> Iterator[Signature]:
+        """Signatures of a candidate at planned points."""
         if candidate.without_prior:
-            made += _without_prior(problem, fit, candidate, known)
-        elif len(candidate.amplitudes) > 1:
-            made += _several_amplitudes(problem, fit, candidate, points[candidate.use], known)
-        else:
-            made += _one_amplitude(problem, fit, candidate, points[candidate.use], known)
-    return made
+            return self._without_prior(candidate)
+        if len(candidate.amplitudes) > 1:
+            return self._several_amplitudes(candidate, points)
+        return self._one_amplitude(candidate, points)
 
+    def _one_amplitude(self, candidate: Candidate, points: Sequence[Point]) -> Iterator[Signature]:
+        name, neutral = candidate.amplitudes[0], candidate.neutral(candidate.amplitudes[0])
+        for point, column in zip(points, self.changes(candidate, points)):
+            if column is not None:
+                size = point[name] - neutral
+                low, high = sorted((end - neutral) / size for end in candidate.extended.domain(name.whole))
+                shapes = {n: value for n, value in point.items() if n != name}
+                yield Signature(
+                    candidate.use, column[:, None], (name,), np.array([neutral]), np.array([size]), shapes, (low, high)
+                )  # fmt: skip
 
-def _one_amplitude(
-    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known
-) -> Iterator[Signature]:
-    name, neutral = candidate.amplitudes[0], candidate.neutral(candidate.amplitudes[0])
-    for point, column in zip(points, changes(problem, fit, candidate, points, known)):
-        if column is not None:
-            size = point[name] - neutral
-            low, high = sorted((end - neutral) / size for end in candidate.extended.domain(name.whole))
-            shapes = {n: value for n, value in point.items() if n != name}
-            yield Signature(
-                candidate.use, column[:, None], (name,), np.array([neutral]), np.array([size]), shapes, (low, high)
-            )  # fmt: skip
+    def _without_prior(self, candidate: Candidate) -> Iterator[Signature]:
+        """What the fit does under the prior, without it; then the same with each other amplitude, to either side."""
+        freed = candidate.without_prior
+        place = [self.fit.names.index(n) for n in freed]
+        columns, ones, fitted = self.fit.jacobian[:, place].copy(), np.ones(len(freed)), self.fit.theta[place]
+        columns[self.problem.n_data :] = 0.0
+        shapes = {str(n): default_value(candidate, n) for n in candidate.shapes}
+        yield Signature(candidate.use, columns, freed, fitted, ones, shapes)
+        held = {str(n): candidate.neutral(n) for n in candidate.amplitudes} | shapes
+        held |= dict(zip(freed, fitted.tolist()))
+        for name in [n for n in candidate.amplitudes if n not in freed]:
+            neutral, value = candidate.neutral(name), default_value(candidate, name)
+            low, high = candidate.extended.domain(name.whole)
+            mirrored = min(max(2 * neutral - value, low), high)
+            there, back = self.changes(candidate, [{**held, name: value}, {**held, name: mirrored}])
+            for column, end in _sides(there, back, value, mirrored):
+                yield Signature(
+                    candidate.use, np.column_stack([columns, column]), (*freed, name),
+                    np.append(fitted, neutral), np.append(ones, end - neutral), shapes,
+                )  # fmt: skip
 
+    def _several_amplitudes(self, candidate: Candidate, places: Sequence[Point]) -> Iterator[Signature]:
+        names = candidate.amplitudes
+        neutral = np.array([candidate.neutral(n) for n in names])
+        value = np.array([default_value(candidate, n) for n in names])
+        rest = dict(zip(names, neutral))
+        low, high = np.array([candidate.extended.domain(n.whole) for n in names]).T
+        mirrored = np.clip(2 * neutral - value, low, high)
+        both = [(n, v) for n, *ends in zip(names, value, mirrored) for v in ends]
+        columns = self.changes(candidate, [{**s, **rest, n: v} for s in places for n, v in both])
+        for k, shapes in enumerate(places):
+            part = columns[2 * k * len(names) : 2 * (k + 1) * len(names)]
+            sides = [_sides(part[2 * i], part[2 * i + 1], value[i], mirrored[i]) for i in range(len(names))]
+            for chosen in product(*sides):
+                yield Signature(
+                    candidate.use, np.column_stack([c for c, _ in chosen]), names, neutral,
+                    np.array([v for _, v in chosen]) - neutral, shapes,
+                )  # fmt: skip
 
-def _without_prior(problem: Problem, fit: Fit, candidate: Candidate, known: Known) -> Iterator[Signature]:
-    """Without its prior a nuisance is free: the same as a free step of the prior's pseudo-datum.
+    def changes(self, candidate: Candidate, points: Sequence[Point]) -> list[Real | None]:
+        """Whitened change of all rows at each point; None where the model has no finite value there."""
+        keys = [(candidate.use, tuple(sorted(point.items()))) for point in points]
+        new = {key: point for key, point in zip(keys, points) if key not in self.known}
+        values = _values_at(candidate, self.fit, list(new.values()))
+        # 4_000_000: predicted values held at a time
+        chunk = max(1, 4_000_000 // self.problem.n_data)
+        found: list[Real | None] = []
+        for first in range(0, len(values), chunk):
+            part = values[first : first + chunk]
+            try:
+                columns = list(residuals(candidate.extended, part).T)
+            except ComputationError:  # a loop that runs away at one point must not take the others with it
+                columns = [_residual_or_nan(candidate.extended, one) for one in part]
+            for column in columns:
+                change = np.zeros(self.fit.residual.size)  # priors included
+                change[: column.size] = column - self.fit.residual[: column.size]
+                found.append(change if np.all(np.isfinite(change)) else None)
+        self.known.update(zip(new, found))
+        return [self.known[key] for key in keys]
 
-    Then the same together with each amplitude that has no prior, to either side.
-    """
-    freed = candidate.without_prior
-    columns, none = np.zeros((fit.residual.size, len(freed))), np.zeros(len(freed))
-    columns[[problem.pseudo_rows[name] for name in freed], range(len(freed))] = 1.0
-    shapes = {str(n): default_value(candidate, n) for n in candidate.shapes}
-    yield Signature(candidate.use, columns, freed, none, none, shapes, (-np.inf, np.inf))
-    fitted = {str(n): float(fit.theta[fit.names.index(n)]) for n in freed}
-    held = {**{str(n): candidate.neutral(n) for n in candidate.amplitudes}, **shapes, **fitted}
-    for name in [n for n in candidate.amplitudes if n not in freed]:
-        neutral, value = candidate.neutral(name), default_value(candidate, name)
-        low, high = candidate.extended.domain(name.whole)
-        mirrored = min(max(2 * neutral - value, low), high)
-        both = [{**held, name: value}, {**held, name: mirrored}]
-        there, back = changes(problem, fit, candidate, both, known)
-        for column, end in _sides(there, back, value, mirrored):
-            yield Signature(
-                candidate.use, np.column_stack([columns, column]), (*freed, name),
-                np.append(none, neutral), np.append(none, end - neutral), shapes, (-np.inf, np.inf),
-            )  # fmt: skip
+    def grid(self, found: Sequence[Candidate]) -> dict[Use, list[Point]]:
+        """Points at which each candidate is to be tried, from how its signature turns at the fit.
+
+        Amplitudes are moved by sizes from the plausible range, not by infinitesimal steps, so that an effect that
+        saturates, or has a kink at zero, is seen as it is. Directions are compared after the parameters of the base
+        have taken out what they can.
+        """
+        # 4000, 400: evaluations for all candidates together, of a small table (175 rows) and of very many rows
+        allowed = max(400, min(4000, 4000 * 175 // self.problem.n_data))
+        # 60: places of its shapes that one candidate is tried at
+        most = max(1, min(60, allowed // max(len(found), 1)))
+        grids = {candidate.use: _ShapeGrid(self, candidate, most).points() for candidate in found}
+        return {use: points for use, points in grids.items() if points}
 
 
 def with_rows_of(columns: Real, old: Problem, new: Problem) -> Real:
@@ -126,28 +189,6 @@ def with_rows_of(columns: Real, old: Problem, new: Problem) -> Real:
         if name in old.pseudo_rows:
             out[row] = columns[old.pseudo_rows[name]]
     return out
-
-
-def _several_amplitudes(
-    problem: Problem, fit: Fit, candidate: Candidate, places: Sequence[Point], known: Known
-) -> Iterator[Signature]:
-    names = candidate.amplitudes
-    neutral = np.array([candidate.neutral(n) for n in names])
-    value = np.array([default_value(candidate, n) for n in names])
-    rest = dict(zip(names, neutral))
-    low, high = np.array([candidate.extended.domain(n.whole) for n in names]).T
-    mirrored = np.clip(2 * neutral - value, low, high)
-    both = [(n, v) for n, *ends in zip(names, value, mirrored) for v in ends]
-    points = [{**s, **rest, n: v} for s in places for n, v in both]
-    columns = changes(problem, fit, candidate, points, known)
-    for k, shapes in enumerate(places):
-        part = columns[2 * k * len(names) : 2 * (k + 1) * len(names)]
-        sides = [_sides(part[2 * i], part[2 * i + 1], value[i], mirrored[i]) for i in range(len(names))]
-        for chosen in product(*sides):
-            yield Signature(
-                candidate.use, np.column_stack([c for c, _ in chosen]), names, neutral,
-                np.array([v for _, v in chosen]) - neutral, shapes, (-np.inf, np.inf),
-            )  # fmt: skip
 
 
 def _sides(there: Real | None, back: Real | None, value: float, mirrored: float) -> list[tuple[Real, float]]:
@@ -174,30 +215,6 @@ def default_value(candidate: Candidate, name: str) -> float:
         neutral = candidate.neutral(name)
         return high if high - neutral >= neutral - low else low
     return value
-
-
-def changes(
-    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known
-) -> list[Real | None]:
-    """Whitened change of all rows at each point; None where the model has no finite value there."""
-    keys = [(candidate.use, tuple(sorted(point.items()))) for point in points]
-    new = {key: point for key, point in zip(keys, points) if key not in known}
-    values = _values_at(candidate, fit, list(new.values()))
-    # 4_000_000: predicted values held at a time
-    chunk = max(1, 4_000_000 // problem.n_data)
-    found: list[Real | None] = []
-    for first in range(0, len(values), chunk):
-        part = values[first : first + chunk]
-        try:
-            columns = list(residuals(candidate.extended, part).T)
-        except ComputationError:  # a loop that runs away at one point must not take the others with it
-            columns = [_residual_or_nan(candidate.extended, one) for one in part]
-        for column in columns:
-            change = np.zeros(fit.residual.size)  # priors included
-            change[: column.size] = column - fit.residual[: column.size]
-            found.append(change if np.all(np.isfinite(change)) else None)
-    known.update(zip(new, found))
-    return [known[key] for key in keys]
 
 
 def _values_at(candidate: Candidate, fit: Fit, points: Sequence[Point]) -> list[dict[str, Any]]:
@@ -231,56 +248,33 @@ def residuals(problem: Problem, many: Sequence[Mapping[str, Any]]) -> Real:
     return np.concatenate(parts)
 
 
-def shape_grid(
-    problem: Problem, fit: Fit, found: Sequence[Candidate], known: Known
-) -> dict[Use, list[Point]]:
-    """Points at which each candidate is to be tried, from how its signature turns at a fit of the problem.
-
-    Amplitudes are moved by sizes from the plausible range, not by infinitesimal steps, so that an
-    effect that saturates, or has a kink at zero, is seen as it is. Directions are compared after the
-    parameters of the base have taken out what they can. What is worked out for it is kept in `known`.
-    """
-    base = Projection.of(fit.residual, fit.jacobian)
-    # 4000, 400: evaluations for all candidates together, of a small table (175 rows) and of very many rows
-    allowed = max(400, min(4000, 4000 * 175 // problem.n_data))
-    # 60: places of its shapes that one candidate is tried at
-    most = max(1, min(60, allowed // max(len(found), 1)))
-    grids: dict[Use, list[Point]] = {}
-    for candidate in found:
-        own = _ShapeGrid(problem, fit, base, candidate, most, known)
-        if candidate.without_prior:
-            points = [own.defaults]
-        elif len(candidate.amplitudes) > 1:
-            points = own.places(default_value(candidate, candidate.amplitudes[0]))
-        else:
-            sizes, name = own.sizes(), candidate.amplitudes[0]
-            places = own.places(sizes[0]) if sizes else []
-            points = [{**place, name: size} for place in places for size in sizes]
-        if points:
-            grids[candidate.use] = points
-    return grids
-
-
 @dataclass(frozen=True, eq=False)
 class _ShapeGrid:
     """Own elements of one candidate and their values, one mapping a point."""
 
-    problem: Problem
-    fit: Fit
-    base: Projection
+    of: Signatures
     candidate: Candidate
     most: int
-    known: Known
 
     @cached_property
     def defaults(self) -> Point:
         return {n: default_value(self.candidate, n) for n in self.candidate.shapes}
 
+    def points(self) -> list[Point]:
+        candidate = self.candidate
+        if candidate.without_prior:
+            return [self.defaults]
+        if len(candidate.amplitudes) > 1:
+            return self.places(default_value(candidate, candidate.amplitudes[0]))
+        sizes, name = self.sizes(), candidate.amplitudes[0]
+        places = self.places(sizes[0]) if sizes else []
+        return [{**place, name: size} for place in places for size in sizes]
+
     def _left(self, column: Real | None) -> Real | None:
         """The unit vector that is left of a signature; None where nothing is, or no finite value."""
         if column is None:
             return None
-        left = self.base.project_out(column)
+        left = self.of.base.project_out(column)
         size = float(np.linalg.norm(left))
         # 1e-3: share of a signature that is no more than rounding
         # 1e-9: standard deviations of the noise, below which a signature is nothing
@@ -312,10 +306,7 @@ class _ShapeGrid:
     def _units(self, name: str, values: Sequence[float], held: Point) -> list[Real | None]:
         """What is left of the signatures at values of one element."""
         points = [{**held, name: v} for v in values]
-        return [
-            self._left(column)
-            for column in changes(self.problem, self.fit, self.candidate, points, self.known)
-        ]
+        return [self._left(column) for column in self.of.changes(self.candidate, points)]
 
     def _refined(self, name: str, values: list[float], held: Point, most: int) -> list[float]:
         """Values of one element, closer where its signature turns quickly, or begins."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -27,7 +28,7 @@ from specan.study.observation import brought
 from specan.study.selection.candidates import Candidate, candidates, grid, without
 from specan.study.selection.refits import Refit, start_from
 from specan.study.selection.score_test import Scored, best_of_each, different, score
-from specan.study.selection.signatures import Known, Point, default_value, shape_grid, signatures
+from specan.study.selection.signatures import Point, Signatures, default_value
 
 STARTS = 3  # signatures of a candidate that lie apart
 # effects that are looked for at every place; places of an element; places from which a search goes on
@@ -90,137 +91,146 @@ def scan_promising(refit: Refit) -> dict[Use, list[Scored]]:
 
     Few shapes may be what holds an effect back; and a low mode is much the same at the opposite end.
     """
-    candidate, _ = candidates(refit.problem)
-    known: Known = {}
-    scored = best_of_each(_scored(refit, candidate, planned_points(refit, candidate, known), known))
+    found, _ = candidates(refit.problem)
+    at, likely = Signatures(refit.problem, refit.fit), _likely_places(refit, found)
+    points = at.grid(found)
+    for candidate in found:
+        if candidate.use in likely:
+            one = _Search(refit, candidate, at)
+            more = one.at_place(likely[candidate.use][0], one.sizes[:1])
+            points[candidate.use] = [*points.get(candidate.use, []), *more]
+    scored = _best_of_each(refit, at, found, points)
     order = sorted(scored, key=lambda use: refit.promised(scored[use][0]))
     names: dict[str, Use] = {}
     for use in order:
         names.setdefault(use.name, use)
     # 6: candidates that are looked at over all of their shapes, beside the best place of every effect
-    found = scan_shapes(refit, [*order[:6], *names.values()])
-    if not found:
-        return found
-    best = dict.fromkeys(use.name for use in sorted(found, key=lambda use: refit.promised(found[use][0])))
-    return found | scan_shapes(
-        refit, [use for use in order if use.name in [*best][:BEST] and use not in found]
-    )
+    seen = scan_shapes(refit, [*order[:6], *names.values()])
+    best = dict.fromkeys(use.name for use in sorted(seen, key=lambda use: refit.promised(seen[use][0])))
+    return seen | scan_shapes(refit, [u for u in order if u.name in [*best][:BEST] and u not in seen])
 
 
 def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     """Signatures of few candidates over all of their shapes: the best of each, and others that lie apart."""
-    shared: Known = {}
-    found = {c.use: c for c in candidates(refit.problem)[0] if c.use in uses}
-    points = shape_grid(refit.problem, refit.fit, list(found.values()), shared)
-    scored = best_of_each(_scored(refit, list(found.values()), points, shared))
-    places = _likely_places(refit, list(found.values()))
+    found = [c for c in candidates(refit.problem)[0] if c.use in uses]
+    shared, places = Signatures(refit.problem, refit.fit), _likely_places(refit, found)
+    scored = _best_of_each(refit, shared, found, shared.grid(found))
+    by_use = {c.use: c for c in found}
 
     def peaks(use: Use) -> list[Scored]:
-        known = dict(shared)  # changes at all that is tried of every effect take much memory
-        optima = _coordinate_optima(refit, found[use], scored[use][0], known)
+        # changes at all that is tried of every effect take much memory
+        one = _Search(refit, by_use[use], Signatures(refit.problem, refit.fit, shared.known))
+        optima = one.optima(scored[use][0])
         for place in places.get(use, ()):
-            optima += _led(refit, found[use], _at_place(found[use], place, _sizes(found[use])), known)
-        optima += _all_over(refit, found[use], known)
+            optima += one.led(one.at_place(place, one.sizes))
+        optima += one.all_over()
         optima.sort(key=lambda s: -s.chi2_reduction)
         starts = [*optima[:STARTS], *different(scored[use], STARTS)[1:]]
-        return list({(*s.signature.shapes.values(), *s.signature.size): s for s in starts}.values())
+        return list({s.signature.place: s for s in starts}.values())
 
     return dict(zip(scored, each_anew(peaks, list(scored)), strict=True))
 
 
-def planned_points(refit: Refit, found: Sequence[Candidate], known: Known) -> dict[Use, list[Point]]:
-    """Points at which candidates are to be tried, for those that act at one place the likeliest of each element too."""
-    places = _likely_places(refit, found)
-    points = shape_grid(refit.problem, refit.fit, found, known)
-    for candidate in found:
-        if candidate.use in places:
-            more = _at_place(candidate, places[candidate.use][0], _sizes(candidate)[:1])
-            points[candidate.use] = [*points.get(candidate.use, []), *more]
-    return points
+def _best_of_each(
+    refit: Refit, at: Signatures, found: Sequence[Candidate], points: Mapping[Use, Sequence[Point]]
+) -> dict[Use, list[Scored]]:
+    seen = (s for c in found if c.use in points for s in at.at(c, points[c.use]))
+    return best_of_each(score(refit.linear, seen))
 
 
-def _led(refit: Refit, candidate: Candidate, points: Sequence[Point], known: Known) -> list[Scored]:
-    """Where the search from the best of some points leads; empty where none is worth a test."""
-    scored = _scored(refit, [candidate], {candidate.use: points}, known)
-    return [_coordinate_search(refit, candidate, scored[0], known)] if scored else []
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """A search for the shapes of one candidate."""
 
+    refit: Refit
+    candidate: Candidate
+    at: Signatures
 
-def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
-    """Where the search leads from the best of all places and some sizes, for what may be anywhere within three edges.
+    def scored(self, points: Sequence[Point]) -> list[Scored]:
+        return score(self.refit.linear, self.at.at(self.candidate, points))
 
-    What moves every resonance by more than its width leads nowhere from a place that is wrong along two edges.
-    """
-    places = [name for name in candidate.shapes if ParameterName(name).own in PLACES]
-    if len(places) < 3 or candidate.without_prior:
-        return []
-    usual: Point = {name: default_value(candidate, name) for name in candidate.shapes}
-    # 5: places along an edge that are tried with sizes: two a wavelength where it holds 1.5
-    along = [float(part) for part in np.linspace(0.08, 0.92, 5)]  # parts of an edge
-    points: list[Point] = [
-        {**usual, **dict(zip(places, place, strict=True)), candidate.amplitudes[0]: size}
-        for size in _sizes(candidate)
-        for place in product(along, repeat=len(places))
-    ]
-    scored = _scored(refit, [candidate], {candidate.use: points}, known)
-    led = [_coordinate_search(refit, candidate, best, known) for best in different(scored, BEST)]
-    return list({tuple(best.signature.shapes.values()): best for best in led}.values())
+    @cached_property
+    def usual(self) -> dict[str, float]:
+        """Shapes at their defaults."""
+        return {str(name): default_value(self.candidate, name) for name in self.candidate.shapes}
 
+    @cached_property
+    def sizes(self) -> list[float]:
+        """The usual size of the amplitude and a large one: where it acts strongly a mode splits otherwise."""
+        amplitude = self.candidate.amplitudes[0]
+        usual, (_, high) = default_value(self.candidate, amplitude), self.candidate.plausible(amplitude)
+        return list(dict.fromkeys([usual, float(np.sqrt(abs(usual * high)))]))
 
-def _at_place(candidate: Candidate, place: Found, sizes: Sequence[float]) -> list[Point]:
-    """The other shapes over the range of a resonance, with some sizes, at one place."""
-    usual = {n: default_value(candidate, n) for n in candidate.shapes} | place.shapes
-    narrow = [n for n in candidate.shapes if candidate.parameter(n).unit == "Hz"]
-    shaped = [{**usual, narrow[0]: v} for v in _range_of(candidate, narrow[0])] if narrow else [usual]
-    amplitude = candidate.amplitudes[0]
-    return [{**shape, amplitude: size} for size in sizes for shape in shaped]
+    @cached_property
+    def resonance(self) -> list[Point]:
+        """Values over the range of a resonance; empty where there is none."""
+        narrow = [n for n in self.usual if self.candidate.parameter(n).unit == "Hz"]
+        return [{narrow[0]: value} for value in self.range_of(narrow[0])] if narrow else []
 
+    def range_of(self, name: str) -> list[float]:
+        """Values over a shape's plausible range; a resonance is narrow and must not fall between two."""
+        # 45: 5 % apart over a decade
+        count = 45 if self.candidate.parameter(name).unit == "Hz" else 16
+        return [float(value) for value in grid(*self.candidate.plausible(name), count)]
 
-def _sizes(candidate: Candidate) -> list[float]:
-    """The usual size of a candidate's amplitude and a large one: where it acts strongly a mode splits otherwise."""
-    amplitude = candidate.amplitudes[0]
-    usual, (_, high) = default_value(candidate, amplitude), candidate.plausible(amplitude)
-    return list(dict.fromkeys([usual, float(np.sqrt(abs(usual * high)))]))
+    def at_place(self, place: Found, sizes: Sequence[float]) -> list[Point]:
+        """The other shapes over the range of a resonance, with some sizes, at one place."""
+        amplitude = self.candidate.amplitudes[0]
+        usual = self.usual | place.shapes
+        return [{**usual, **one, amplitude: size} for size in sizes for one in self.resonance or [{}]]
 
+    def led(self, points: Sequence[Point]) -> list[Scored]:
+        """Where the search from the best of some points leads; empty where none is worth a test."""
+        return [self.along_shapes(best) for best in self.scored(points)[:1]]
 
-def _coordinate_optima(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> list[Scored]:
-    """Results of coordinate searches from the best signature, and from the best resonance at usual or symmetric places.
+    def all_over(self) -> list[Scored]:
+        """Where it leads from the best of all places and some sizes, for what may be anywhere within three edges.
 
-    What has little damping at a low frequency does something everywhere, and hides a resonance that is elsewhere.
-    """
-    peaks = [_coordinate_search(refit, candidate, best, known)]
-    narrow = [n for n in best.signature.shapes if candidate.parameter(n).unit == "Hz"]
-    if narrow and best.amplitudes == 1:
-        usual = {n: default_value(candidate, n) for n in best.signature.shapes} | _promised_size(best)
-        places = [usual, *_symmetric_places(usual)]
+        What moves every resonance by more than its width leads nowhere from a place that is wrong along two edges.
+        """
+        places = [name for name in self.usual if ParameterName(name).own in PLACES]
+        if len(places) < 3 or self.candidate.without_prior:
+            return []
+        # 5: places along an edge that are tried with sizes: two a wavelength where it holds 1.5
+        along = [float(part) for part in np.linspace(0.08, 0.92, 5)]  # parts of an edge
         points = [
-            {**place, narrow[0]: value} for place in places for value in _range_of(candidate, narrow[0])
+            {**self.usual, **dict(zip(places, place, strict=True)), self.candidate.amplitudes[0]: size}
+            for size in self.sizes
+            for place in product(along, repeat=len(places))
         ]
-        peaks += _led(refit, candidate, points, known)
-    return peaks
+        led = [self.along_shapes(best) for best in different(self.scored(points), BEST)]
+        return list({tuple(best.signature.shapes.values()): best for best in led}.values())
 
+    def optima(self, best: Scored) -> list[Scored]:
+        """Where it leads from the best signature, and from the best resonance at usual or symmetric places.
 
-def _coordinate_search(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> Scored:
-    """The best signature that is reached by moving one shape at a time: over its range, then about the best.
+        What has little damping at a low frequency does something everywhere, and hides a resonance that is elsewhere.
+        """
+        found = [self.along_shapes(best)]
+        usual = self.usual | _promised_size(best)
+        places = [usual, *_symmetric_places(usual)] if best.amplitudes == 1 else []
+        points = [{**place, **one} for place in places for one in self.resonance]
+        return found + (self.led(points) if points else [])
 
-    A resonator's place shows near its resonance only, and the resonance where the place is not a node. Each round is
-    at the size that the one before promises: a large resonator changes a mode otherwise than a small one.
-    """
-    if candidate.without_prior or not best.signature.shapes:
+    def along_shapes(self, best: Scored) -> Scored:
+        """The best signature that is reached by moving one shape at a time: over its range, then about the best.
+
+        A resonator's place shows near its resonance only, and the resonance where the place is not a node. Each round
+        is at the size that the one before promises: a large resonator changes a mode otherwise than a small one.
+        """
+        if self.candidate.without_prior or not best.signature.shapes:
+            return best
+        tried = {name: self.range_of(name) for name in best.signature.shapes}
+        # 3: rounds, each closer about the best
+        for _ in range(3):
+            size = _promised_size(best)
+            for name, values in tried.items():
+                points = [{**size, **best.signature.shapes, name: float(v)} for v in values]
+                best = max([best, *self.scored(points)], key=lambda s: s.chi2_reduction)
+                tried[name] = _between(values, best.signature.shapes[name])
+            symmetric = [{**size, **image} for image in _symmetric_places(best.signature.shapes)]
+            best = max([best, *self.scored(symmetric)], key=lambda s: s.chi2_reduction)
         return best
-    tried = {name: _range_of(candidate, name) for name in best.signature.shapes}
-    # 3: rounds, each closer about the best
-    for _ in range(3):
-        size = _promised_size(best)
-        for name, values in tried.items():
-            here = best.signature.shapes
-            points = [{**size, **here, name: float(v)} for v in values]
-            found = _scored(refit, [candidate], {candidate.use: points}, known)
-            best = max([best, *found], key=lambda s: s.chi2_reduction)
-            tried[name] = _between(values, best.signature.shapes[name])
-        symmetric = [{**size, **image} for image in _symmetric_places(best.signature.shapes)]
-        found = _scored(refit, [candidate], {candidate.use: symmetric}, known)
-        best = max([best, *found], key=lambda s: s.chi2_reduction)
-    return best
 
 
 def _symmetric_places(shapes: Mapping[str, float]) -> list[dict[str, float]]:
@@ -231,13 +241,6 @@ def _symmetric_places(shapes: Mapping[str, float]) -> list[dict[str, float]]:
         {**shapes, **{name: 1 - shapes[name] for name, side in zip(places, sides) if side}}
         for sides in turned
     ]
-
-
-def _range_of(candidate: Candidate, name: str) -> list[float]:
-    """Values over a shape's plausible range; a resonance is narrow and must not fall between two."""
-    # 45: 5 % apart over a decade
-    count = 45 if candidate.parameter(name).unit == "Hz" else 16
-    return [float(value) for value in grid(*candidate.plausible(name), count)]
 
 
 def _promised_size(best: Scored) -> dict[str, float]:
@@ -255,12 +258,6 @@ def _between(values: Sequence[float], best: float) -> list[float]:
     above = min((v for v in values if v > best), default=best)
     # three on either side
     return [*np.linspace(below, best, 4)[1:], *np.linspace(best, above, 4)[1:-1]]
-
-
-def _scored(
-    refit: Refit, found: Sequence[Candidate], points: Mapping[Use, Sequence[Point]], known: Known
-) -> list[Scored]:
-    return score(refit.linear, signatures(refit.problem, refit.fit, found, points, known))
 
 
 def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

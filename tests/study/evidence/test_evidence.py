@@ -448,6 +448,6 @@ def test_the_size_at_which_an_effect_does_nothing_is_none_to_start_from():
         amplitudes=("size",), shapes=(), plausible=lambda name: (-1.0, 1.0), neutral=lambda name: 0.0,
         parameter=lambda name: SimpleNamespace(si=SimpleNamespace(default=0.5)),
     )  # fmt: skip
-    sizes = Turning(None, None, None, bend, 60, {}).sizes()
+    sizes = Turning(None, bend, 60).sizes()
     assert len(sizes) > 3
     assert all(abs(size) > 1e-3 for size in sizes)
