@@ -40,7 +40,7 @@ def assemble(model: Model, content: StudyFile, observations: Sequence[Observatio
         require_known(name, known, f"study.toml names the parameter {name!r}")
     nuisances = {entry.use: entry for entry in content.effect if entry.role == "nuisance"}
     priors = _priors(model, nuisances)
-    values, domains, links = _said(said, known)
+    values, domains = _said(said, known)
     for use in nuisances:
         for name, value in model.effects[use.name].neutral_si.items():
             values.setdefault(ParameterName.of(use, name), value)
@@ -48,8 +48,6 @@ def assemble(model: Model, content: StudyFile, observations: Sequence[Observatio
     instruments = {str(use) for use in nuisances}
     free = []
     for name in known:
-        if name in links:
-            continue
         if ParameterName(name).owner in instruments:
             chosen = name in priors
         elif name in said and said[name].fixed is not None:
@@ -58,9 +56,7 @@ def assemble(model: Model, content: StudyFile, observations: Sequence[Observatio
             chosen = name in determined
         if chosen:
             free.append(name)
-    return Problem(
-        assembly, tuple(observations), tuple(free), values, priors, domains, links, frozenset(nuisances)
-    )
+    return Problem(assembly, tuple(observations), tuple(free), values, priors, domains)
 
 
 def _with_axes(model: Model, content: StudyFile) -> Model:
@@ -109,10 +105,9 @@ def _priors(model: Model, nuisances: Mapping[Use, EffectEntry]) -> dict[str, tup
 
 def _said(
     said: Mapping[str, ParameterEntry], known: Mapping[str, Parameter]
-) -> tuple[dict[str, Any], dict[str, tuple[float, float]], dict[str, str]]:
+) -> tuple[dict[str, Any], dict[str, tuple[float, float]]]:
     values: dict[str, Any] = {}
     domains: dict[str, tuple[float, float]] = {}
-    links: dict[str, str] = {}
     for name, entry in said.items():
         parameter = known[name]
 
@@ -130,14 +125,7 @@ def _said(
                     f"study.toml: {name} goes from {entry.low} to {entry.high}", expected="low < high"
                 )
             domains[name] = (low, high)
-        if entry.link is not None:
-            others = [other for other in known if other != name]
-            require_known(entry.link, others, f"study.toml: {name} is linked to {entry.link!r}")
-            links[name] = entry.link
-    for name in links:
-        if links[name] in links:
-            raise RequestError(f"study.toml: {name} is linked to {links[name]}, which is linked itself")
-    return values, domains, links
+    return values, domains
 
 
 def held_for_want_of_variation(problem: Problem) -> dict[str, tuple[str, ...]]:

@@ -31,7 +31,6 @@ class ParameterEntry(Settings):
     high: float | None = None
     per: str | None = None
     fixed: bool | None = None
-    link: str | None = None
     prior_sd: float | None = Field(default=None, gt=0)
 
 

@@ -266,19 +266,6 @@ def TableObservationOf(part, name):
     return replace(part, recordings=(name,), recording=None, series=None, position=None)
 
 
-def test_linked_parameters_move_together():
-    from dataclasses import replace
-
-    problem = base_problem(MODEL, [table(noisy(SPEED**2 + SPEED))])
-    linked = replace(
-        problem,
-        free=tuple(n for n in problem.free if n != "seal.torque"),
-        links={"seal.torque": "loss.drag"},
-    )
-    found = fit(linked)
-    assert found.values["seal.torque"] == found.values["loss.drag"] == pytest.approx(1.0, abs=0.05)
-
-
 def test_a_profile_interval_of_a_linear_problem_is_the_symmetric_one():
     problem = base_problem(MODEL, [table(noisy(3 * SPEED**2 + SPEED))])
     found = fit(problem)

@@ -89,7 +89,7 @@ class OrderLinesObservation(KeptLines):
     kind: ClassVar[str] = "orders"
     level_of: ClassVar[str] = "levels of lines"
     cells: ClassVar[tuple[str, ...]] = ("orders", "harmonic", "channel")
-    strategy: ClassVar[Strategy] = Strategy(frugal=True, exact_minimum=False)
+    strategy: ClassVar[Strategy] = Strategy(frugal=True)
 
     @property
     def recordings(self) -> tuple[str, ...]:

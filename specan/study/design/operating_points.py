@@ -347,22 +347,14 @@ def planned_readings(problem: Problem, grid: Mapping[str, Real]) -> TableObserva
         for name, values in observation.conditions.items()
     }
     sigma = [observation.sigma[_nearest(observation, kind, conditions, grid)] for kind in kinds]
-    return replace(
-        observation,
+    return TableObservation(
         name="planned",
         observable=np.repeat(kinds, size),
         measured=np.zeros(size * len(kinds)),
         conditions={name: np.tile(values, len(kinds)) for name, values in conditions.items()},
         covariance=np.concatenate(sigma) ** 2,
-        labels={},
         recordings=problem.recordings,  # each its own elements of a parameter; the readings count to the first
-        recording=np.zeros(size * len(kinds), dtype=np.intp),
-        parts={},
-        series=None,
-        position=None,
-        lines=None,
-        replicate_group=None,
-        pure_error_dof=0.0,
+        groups=observation.groups,
     )
 
 

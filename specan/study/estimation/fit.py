@@ -118,7 +118,7 @@ def fit(problem: Problem, start: Array | Mapping[str, Any] | None = None, starts
     for other in found[1:]:
         if other.chi2 < best.chi2 - 1e-9 * abs(best.chi2):
             best = other
-    if problem.strategy.exact_minimum:
+    if not problem.strategy.frugal:
         try:
             best = _exact(problem, best.theta)
         except NotSettledError as fault:
@@ -132,7 +132,7 @@ def _minima(problem: Problem, places: Sequence[Array], near: bool) -> tuple[list
     unsettled: list[Minimum] = []
     reason = "no start gave finite values"
     frugal = _from_nearer if problem.strategy.continuation else descend
-    for method in (frugal, _exact) if problem.strategy.exact_minimum else (frugal,):
+    for method in (frugal,) if problem.strategy.frugal else (frugal, _exact):
         for theta0 in places:
             try:
                 found.append(method(problem, theta0))

@@ -128,7 +128,8 @@ def led(problem: Problem, starts: Sequence[Array], jacobians: int) -> tuple[list
 
 def unit(problem: Problem, chi2: float) -> float:
     """Chi-square per degree of freedom, at least one; the unit of the convergence tolerances."""
-    return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * problem.strategy.tolerance
+    # 20: 0.02 of chi-square, which no verdict shows
+    return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * (20.0 if problem.strategy.frugal else 1.0)
 
 
 class _Place:
@@ -166,7 +167,7 @@ class _Descent(_Place):
     def damping(self) -> float:
         # Of the first step, in units of the diagonal of J'J. In a valley of nearly collinear parameters 1e-4 shortens
         # every step; where an evaluation is expensive a step that fails costs more than that.
-        return 1e-8 if self.problem.strategy.exact_minimum else 1e-4
+        return 1e-4 if self.problem.strategy.frugal else 1e-8
 
     @property
     def little(self) -> float:

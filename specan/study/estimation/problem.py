@@ -109,10 +109,6 @@ class Problem:
         ``{name: (mean, standard deviation)}`` in SI: priors of instrument errors, from their calibration.
     domains : mapping
         ``{name: (low, high)}`` in SI where a study narrows or widens the parameter's own domain.
-    links : mapping
-        ``{name: other}``: the parameter always has the other's value.
-    nuisances : frozenset of Use
-        Uses that stand for instrument errors held by a prior.
     unheld : frozenset of str
         Parameters that are not held by their known ranges, to see what the data alone would take.
     one_sided : bool
@@ -125,15 +121,12 @@ class Problem:
     values: Mapping[str, Any] = field(default_factory=dict)
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     domains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    links: Mapping[str, str] = field(default_factory=dict)
-    nuisances: frozenset[Use] = frozenset()
     unheld: frozenset[str] = frozenset()
     one_sided: bool = False
 
     def __post_init__(self) -> None:
-        known, links = self.assembly.parameters, self.links
-        for name in (*self.free, *self.values, *self.priors, *self.domains, *links, *links.values()):
-            require_known(name, known, f"the model has no parameter {name!r}")
+        for name in (*self.free, *self.values, *self.priors, *self.domains):
+            require_known(name, self.assembly.parameters, f"the model has no parameter {name!r}")
 
     # --- names and sizes ----------------------------------------------------------------------
 
@@ -147,6 +140,11 @@ class Problem:
             elif parameter.per and parameter.per not in self.assembly.model.groups:
                 found[name] = tuple(self.assembly.model.axes[parameter.per])
         return found
+
+    @cached_property
+    def nuisances(self) -> frozenset[Use]:
+        """Uses that stand for instrument errors held by a prior."""
+        return frozenset(Use.parse(ParameterName(name).owner) for name in self.priors)
 
     @cached_property
     def recordings(self) -> tuple[str, ...]:
@@ -219,8 +217,6 @@ class Problem:
             own = np.asarray(theta[position : position + size], dtype=float)
             values[name] = own if name in self.elements else float(own[0])
             position += size
-        for name, other in self.links.items():
-            values[name] = values[other]
         return values
 
     def of_elements(self, values: Mapping[str, float]) -> dict[str, Any]:
@@ -319,7 +315,7 @@ class Problem:
         low, high = self.bounds()
         if steps is None:
             steps = STEP * np.maximum(self.scale, np.abs(theta))
-            order = 2 if self.strategy.exact_minimum and not self.one_sided else 1
+            order = 1 if self.strategy.frugal or self.one_sided else 2
         points, weights = stencil(theta, steps, low, high, order)
         many = [self.values_at(p) for p in points]
         return [
@@ -409,9 +405,8 @@ class Problem:
         return replace(
             self,
             assembly=assembly,
-            free=tuple(dict.fromkeys([*self.free, *(n for n in own if n not in self.links)])),
+            free=tuple(dict.fromkeys([*self.free, *own])),
             priors={n: p for n, p in self.priors.items() if not ParameterName(n).owned_by(new)},
-            nuisances=self.nuisances - set(new),
         )
 
     def holding(self, values: Mapping[str, float]) -> Problem:

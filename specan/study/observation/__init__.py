@@ -33,9 +33,8 @@ class Strategy:
     frugal : bool
         One start; no refits beside the search (profile intervals, errors on left-out conditions, fits by the data
         alone); what a linear prediction rules out is not refitted; signatures of candidates are worked out at the base
-        only. Else few rows, quickly predicted, as those of a table.
-    exact_minimum : bool
-        Central differences, and a refinement to the minimum itself; else few Jacobians and secants.
+        only; few Jacobians, one-sided, and secants. Else few rows, quickly predicted, as those of a table: central
+        differences, and steps to the minimum itself.
     continuation : bool
         The data are narrow peaks, which a fit from a poor start misses: fits begin with a down-weighted problem
         (`specan.study.estimation.continuation`), and several starts are screened.
@@ -45,18 +44,8 @@ class Strategy:
     """
 
     frugal: bool = False
-    exact_minimum: bool = True
     continuation: bool = False
     linearised_covariance: bool = False
-
-    @property
-    def tolerance(self) -> float:
-        """Times the convergence tolerances of `specan.study.estimation.levenberg_marquardt`."""
-        # 0.02 of chi-square: no verdict shows it
-        return 20.0 if self.frugal else 1.0
-
-
-TABLE = Strategy()
 
 
 def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
@@ -71,16 +60,14 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
 
     Examples
     --------
-    >>> joined([TABLE, Strategy(continuation=True)], 100).continuation
+    >>> joined([Strategy(), Strategy(continuation=True)], 100).continuation
     True
-    >>> joined([TABLE], 48_000).exact_minimum
-    False
+    >>> joined([Strategy()], 48_000).frugal
+    True
     """
-    # an evaluation of the model is worth saving then
-    parts, many = list(parts), n_data > 2000
+    parts = list(parts)
     return Strategy(
-        frugal=many or any(p.frugal for p in parts),
-        exact_minimum=not many and all(p.exact_minimum for p in parts),
+        frugal=n_data > 2000 or any(p.frugal for p in parts),
         continuation=any(p.continuation for p in parts),
         linearised_covariance=any(p.linearised_covariance for p in parts),
     )

@@ -300,7 +300,7 @@ class FrfObservation(KeptLines):
     @property
     def strategy(self) -> Strategy:
         """Narrow peaks."""
-        return Strategy(self.rough, not self.rough, True)
+        return Strategy(self.rough, continuation=True)
 
     def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Self:
         """About `rows` of the rows, predicted without windows; the residual at `values` stays what it is.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Assembly
-from specan.study.observation import TABLE, Array, Observation, Strategy, Variable
+from specan.study.observation import Array, Observation, Strategy, Variable
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class TableObservation(Observation):
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     replicate_group: NDArray[np.intp] | None = None
     kind: ClassVar[str] = "table"
-    strategy: ClassVar[Strategy] = TABLE
+    strategy: ClassVar[Strategy] = Strategy()
 
     def __post_init__(self) -> None:
         if not np.all(np.isfinite(self.measured)):

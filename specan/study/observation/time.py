@@ -61,7 +61,7 @@ class TimeObservation(TableObservation):
     noise: Mapping[str, Noise] = field(default_factory=dict)
     stated: tuple[str, ...] = ()
     kind: ClassVar[str] = "time"
-    strategy: ClassVar[Strategy] = Strategy(frugal=True, exact_minimum=False)
+    strategy: ClassVar[Strategy] = Strategy(frugal=True)
 
     @cached_property
     def chains(self) -> dict[str, list[NDArray[np.intp]]]:

@@ -61,8 +61,6 @@ def without(problem: Problem, use: Use | str) -> Problem:
         values={n: v for n, v in problem.values.items() if n not in own},
         priors={n: p for n, p in problem.priors.items() if n not in own},
         domains={n: d for n, d in problem.domains.items() if n not in own},
-        links={n: o for n, o in problem.links.items() if n not in own and o not in own},
-        nuisances=problem.nuisances - {use},
     )
     has_prior = use not in problem.nuisances and any(str(use) == n.effect for n in model.nuisances)
     return _with_nuisances(out, only=use) if has_prior else out
@@ -96,7 +94,6 @@ def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
         free=tuple(free),
         values=values,
         priors=priors,
-        nuisances=problem.nuisances | new,
     )
 
 

@@ -275,8 +275,7 @@ def _minimum(problem: Problem, theta: Real) -> Minimum:
 
 def _slopes(fewer: Refit | None, problem: Problem, theta: Real) -> Real | None:
     """First Jacobian where an exact one is expensive: of a fit with fewer effects, and slopes of new parameters."""
-    strategy = problem.strategy
-    if fewer is None or strategy.exact_minimum or fewer.poor_fit:
+    if fewer is None or not problem.strategy.frugal or fewer.poor_fit:
         return None
     known = {name: fewer.fit.jacobian[:, k] for k, name in enumerate(fewer.fit.names)}
     here = problem.residual(theta)

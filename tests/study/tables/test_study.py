@@ -199,7 +199,6 @@ def test_what_the_file_says_of_parameters_is_done(study):
         "parameters.exponent = {value = 1.4, low = 1.0, high = 1.6}\n"
         'parameters.power = {value = 0.09, unit = "kW"}\n'
         "parameters.constant = {fixed = true, value = 2.0}\n"
-        'parameters.viscosity_exponent = {link = "bearing-friction.scale"}\n'
     )
     changed = edit(study, 'name = "churning"\n', said)
     problem = changed.problem
@@ -207,8 +206,6 @@ def test_what_the_file_says_of_parameters_is_done(study):
     assert problem.start()[problem.names.index("churning.power")] == pytest.approx(90.0)
     values = problem.values_at(problem.start())
     assert values["churning.constant"] == 2.0
-    assert values["churning.viscosity_exponent"] == values["bearing-friction.scale"]
-    assert "churning.viscosity_exponent" not in problem.names
 
 
 @pytest.mark.long
@@ -238,7 +235,6 @@ def test_a_parameter_may_have_one_value_for_each_file(tables, tmp_path, files):
         ('name = "churning"', 'name = "churning"\nparameters.exponnt = {fixed = true}', "churning.exponent"),
         ('name = "churning"', 'name = "churning"\nparameters.power = {unit = "m", value = 1}', "unit"),
         ('name = "churning"', 'name = "churning"\nparameters.power = {low = 2, high = 1}', "low < high"),
-        ('name = "churning"', 'name = "churning"\nparameters.power = {link = "x.y"}', "linked to 'x.y'"),
         ('where = "torque=50"', 'where = "torque=51,130"', "no row has"),
         ("[[effect]]", "[[effect]", "not valid TOML"),
     ],
