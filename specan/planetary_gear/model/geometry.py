@@ -33,60 +33,40 @@ class Mesh:
     gap_after: float
 
 
-def working_pressure_angle(teeth: int, module: float, pressure_angle: float, centre_distance: float) -> float:
-    """cos a_w = m z cos a / (2 centre distance), z the sum (external) or difference (internal) of teeth.
+def gear_mesh(
+    driver: int, driven: int, module: float, pressure_angle: float, centre_distance: float | None = None
+) -> Mesh:
+    """Two gears without profile shift, by their teeth; those of a ring, which is driven, count negative.
+
+    The working pressure angle is ``cos a_w = m z cos a / (2 centre distance)``, z the sum of the teeth; the contact
+    ratio the length of the path of contact over the base pitch (ISO 21771:2007, clause 5). Contact begins at the driven
+    gear's tip and ends at the driver's.
 
     Examples
     --------
-    >>> round(math.degrees(working_pressure_angle(45, 2e-3, math.radians(20.0), 45e-3)), 9)
-    20.0
+    >>> [round(gear_mesh(*teeth, 2e-3, math.radians(20)).contact_ratio, 3) for teeth in ((24, 21), (21, -66))]
+    [1.586, 1.932]
     """
-    cosine = module * teeth * math.cos(pressure_angle) / (2 * centre_distance)
+    teeth, external = abs(driver + driven), driven > 0
+    a = centre_distance or module * teeth / 2
+    cosine = module * teeth * math.cos(pressure_angle) / (2 * a)
     if not 0 < cosine < 1:
         raise RequestError(
-            f"a centre distance of {1e3 * centre_distance:g} mm is shorter than the base circles allow",
+            f"a centre distance of {1e3 * a:g} mm is shorter than the base circles allow",
             expected=f"about {500 * module * teeth:g} mm",
         )
-    return math.acos(cosine)
-
-
-def external_mesh(
-    z1: int, z2: int, module: float, pressure_angle: float, centre_distance: float | None = None
-) -> Mesh:
-    """Two external gears without profile shift; gear 1 drives.
-
-    Contact ratio: length of the path of contact over the base pitch (ISO 21771:2007, clause 5).
-
-    Examples
-    --------
-    >>> round(external_mesh(24, 21, 2e-3, math.radians(20)).contact_ratio, 3)
-    1.586
-    """
-    a = centre_distance or module * (z1 + z2) / 2
-    angle = working_pressure_angle(z1 + z2, module, pressure_angle, a)
-    one, two = (_Wheel(0.0, z1, 1, module, pressure_angle), _Wheel(a, z2, 1, module, pressure_angle))
-    return _mesh(one, two, angle, one.reach + two.reach - a * math.sin(angle), external=True)
-
-
-def internal_mesh(
-    z_ring: int, z_planet: int, module: float, pressure_angle: float, centre_distance: float | None = None
-) -> Mesh:
-    """A planet in a ring, without profile shift; the planet drives.
-
-    Examples
-    --------
-    >>> round(internal_mesh(66, 21, 2e-3, math.radians(20)).contact_ratio, 3)
-    1.932
-    """
-    a = centre_distance or module * (z_ring - z_planet) / 2
-    angle = working_pressure_angle(z_ring - z_planet, module, pressure_angle, a)
-    ring = _Wheel(0.0, z_ring, -1, module, pressure_angle)
-    planet = _Wheel(a, z_planet, 1, module, pressure_angle)
-    if ring.tip <= ring.base:
+    angle, side = math.acos(cosine), 1 if external else -1
+    one = _Wheel(0.0 if external else a, driver, 1, module, pressure_angle)
+    two = _Wheel(a if external else 0.0, abs(driven), side, module, pressure_angle)
+    if two.tip <= two.base:
         raise RequestError(
-            f"a ring of {z_ring} teeth has tips inside its base circle", remedy="take more teeth"
+            f"a ring of {-driven} teeth has tips inside its base circle", remedy="take more teeth"
         )
-    return _mesh(planet, ring, angle, planet.reach - ring.reach + a * math.sin(angle), external=False)
+    path = one.reach + side * (two.reach - a * math.sin(angle))
+    before, after = (
+        _tip_gap(*pair, angle, 0.05 * one.pitch, external=external) for pair in ((two, one), (one, two))
+    )
+    return Mesh(one.pitch, path / one.pitch, angle, before, after)
 
 
 class _Wheel:
@@ -98,14 +78,6 @@ class _Wheel:
         self.tip = module * (teeth + 2 * side) / 2
         self.reach = math.sqrt(max(self.tip**2 - self.base**2, 0.0))
         self.pitch = math.pi * module * math.cos(pressure_angle)
-
-
-def _mesh(driver: _Wheel, driven: _Wheel, angle: float, length: float, *, external: bool) -> Mesh:
-    """Contact begins at the driven gear's tip and ends at the driver's, after a path of that length."""
-    pitch = driver.pitch
-    before = _tip_gap(driven, driver, angle, 0.05 * pitch, external=external)
-    after = _tip_gap(driver, driven, angle, 0.05 * pitch, external=external)
-    return Mesh(pitch, length / pitch, angle, before, after)
 
 
 def _tip_gap(tip: _Wheel, other: _Wheel, angle: float, step: float, *, external: bool) -> float:
@@ -220,9 +192,8 @@ def _check_places(gear: Gear) -> None:
 
 def pair_mesh(pair: Pair) -> Mesh:
     """The mesh of a gear pair."""
-    mesh = external_mesh(
-        pair.z_driver, pair.z_driven, 1e-3 * pair.module_mm, math.radians(pair.pressure_angle_deg)
-    )
+    angle = math.radians(pair.pressure_angle_deg)
+    mesh = gear_mesh(pair.z_driver, pair.z_driven, 1e-3 * pair.module_mm, angle)
     return replace(mesh, contact_ratio=pair.contact_ratio or mesh.contact_ratio)
 
 
@@ -230,8 +201,8 @@ def set_meshes(gear: Gear) -> tuple[Mesh, Mesh]:
     """Sun-planet and ring-planet mesh of a set."""
     module, angle = 1e-3 * gear.module_mm, math.radians(gear.pressure_angle_deg)
     a = None if gear.centre_distance_mm is None else 1e-3 * gear.centre_distance_mm
-    sun = external_mesh(gear.z_sun, gear.z_planet, module, angle, a)
-    ring = internal_mesh(gear.z_ring, gear.z_planet, module, angle, a)
+    sun = gear_mesh(gear.z_sun, gear.z_planet, module, angle, a)
+    ring = gear_mesh(gear.z_planet, -gear.z_ring, module, angle, a)
     return (
         replace(sun, contact_ratio=gear.contact_ratio_sun_planet or sun.contact_ratio),
         replace(ring, contact_ratio=gear.contact_ratio_ring_planet or ring.contact_ratio),
