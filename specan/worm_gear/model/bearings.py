@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from specan.models.quantity import Quantity, constant, quantity
-from specan.worm_gear.model.rig import K_Z, Bearing, Gear
+from specan.worm_gear.model.rig import K_Z, SERIES, SIZES, BearingEntry, Gear
 
 WORM, WHEEL = slice(0, 2), slice(2, 4)
 AXES = ("bearing",)
@@ -26,29 +26,31 @@ MU_BOUNDARY = 0.12  # sliding friction of the bare contact in motion
 MU_FULL_FILM = 0.04  # full film, synthetic oils; 0.05 for mineral ones
 
 
-def bearing_quantities(bearings: Sequence[Bearing], gear: Gear) -> list[Quantity]:
+def bearing_quantities(bearings: Sequence[BearingEntry], gear: Gear) -> list[Quantity]:
     """Forces between the flanks; loads, speeds and moments of the bearings. Factors make N*m of N and mm."""
 
-    def each(name: str) -> np.ndarray:
-        return np.array([float(getattr(b, name)) for b in bearings])
-
-    locating, d, turn = each("locating"), each("mean_diameter"), gear.z_worm / gear.z_wheel
-    bath = [_in_the_bath(b) for b in bearings]
+    bore, outside, rating = np.array([SIZES[b.size] for b in bearings]).T
+    r1, r2, s1, s2 = np.array([SERIES[b.size[:2]] for b in bearings]).T
+    locating, seal = (
+        np.array([getattr(b, n) for b in bearings], float) for n in ("locating", "seal_torque_Nm")
+    )
+    d, turn = 0.5 * (bore + outside), gear.z_worm / gear.z_wheel
+    bath = [_in_the_bath(*one) for one in zip(bearings, bore, outside, strict=True)]
     listed = [
-        ("bearing_bore", 1e-3 * each("bore"), "m", "Bore."),
-        ("bearing_outside", 1e-3 * each("outside"), "m", "Outside diameter."),
+        ("bearing_bore", 1e-3 * bore, "m", "Bore."),
+        ("bearing_outside", 1e-3 * outside, "m", "Outside diameter."),
         ("bearing_diameter", d, "mm", "Mean of bore and outside diameter."),
-        ("bearing_rating", each("static_rating"), "N", "Static load rating C0."),
+        ("bearing_rating", 1e3 * rating, "N", "Static load rating C0."),
         ("bearing_locating", locating, "1", "1 where a bearing takes the axial force of its shaft."),
         ("bearing_turn", np.array([1.0, 1.0, turn, turn]), "1", "Speed over that of the worm."),
         ("bearing_levers", _levers(gear), "1", "Shares of a force in the mesh plane, and of an axial force's couple."),
-        ("bearing_rolling", 1e-3 * each("r1") * d**1.96, "1", "Factor of the rolling moment."),
-        ("bearing_rolling_axial", each("r2") * locating, "1", "Weight of the axial load in rolling."),
-        ("bearing_sliding", 1e-3 * each("s1") * d ** np.where(locating, -0.145, -0.26), "1",
+        ("bearing_rolling", 1e-3 * r1 * d**1.96, "1", "Factor of the rolling moment."),
+        ("bearing_rolling_axial", r2 * locating, "1", "Weight of the axial load in rolling."),
+        ("bearing_sliding", 1e-3 * s1 * d ** np.where(locating, -0.145, -0.26), "1",
          "Factor of the sliding moment."),
-        ("bearing_sliding_axial", each("s2") * d**1.5 * locating, "1", "Weight of the axial load in sliding."),
+        ("bearing_sliding_axial", s2 * d**1.5 * locating, "1", "Weight of the axial load in sliding."),
         ("bearing_bath", np.array(bath), "1", "Factors of the drag of balls, and of the layer of oil."),
-        ("bearing_seal", each("seal_torque"), "N*m", "Torque of rubbing seals; open and shielded ones have none."),
+        ("bearing_seal", seal, "N*m", "Torque of rubbing seals; open and shielded ones have none."),
     ]  # fmt: skip
     return [
         *(constant(*one, AXES) for one in listed),
@@ -69,16 +71,15 @@ def _levers(gear: Gear) -> np.ndarray:
     return np.array(found)
 
 
-def _in_the_bath(bearing: Bearing) -> tuple[float, float]:
+def _in_the_bath(bearing: BearingEntry, bore: float, outside: float) -> tuple[float, float]:
     """Factors of the drag of balls and of the layer; nothing where neither oil height nor drag loss factor is given."""
-    mean = bearing.mean_diameter
-    shape = K_Z * (bearing.bore + bearing.outside) / (bearing.outside - bearing.bore)
+    mean, height = 0.5 * (bore + outside), bearing.oil_height_mm
+    shape = K_Z * (bore + outside) / (outside - bore)
     balls = 1e-3 * 0.4 * bearing.drag_loss_factor * shape * 1e-12 * mean**5
-    angle = 2 * np.arccos(np.clip(1 - bearing.oil_height / (0.6 * mean), -1, 1))
+    angle = 2 * np.arccos(np.clip(1 - height / (0.6 * mean), -1, 1))
     reach = np.sin(angle / 2) if angle <= np.pi else 1.0
     surface = 0.36 * mean**2 * (angle - np.sin(angle)) * 0.05 * shape
-    layer = 1e-3 * 1.093e-7 * mean**3 * surface * (mean**2 * reach) ** -1.379 if bearing.oil_height else 0.0
-    return balls, layer
+    return balls, 1e-3 * 1.093e-7 * mean**3 * surface * (mean**2 * reach) ** -1.379 if height else 0.0
 
 
 def without_load(factor: np.ndarray, share: Any) -> np.ndarray:

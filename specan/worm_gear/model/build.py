@@ -78,7 +78,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         base_effects=BASE_EFFECTS,
         other_forms=OTHER_FORMS,
         nuisances=_nuisances(settings),
-        axes={"bearing": tuple(f"{b.shaft} {i % 2 + 1}: {b.designation}" for i, b in enumerate(bearings))},
+        axes={"bearing": tuple(f"{b.shaft} {i % 2 + 1}: {b.size}" for i, b in enumerate(bearings))},
         rig=_rig_statement(settings, conditions),
         words=WORDS,
         table_rules=TableRules(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
@@ -47,50 +47,6 @@ K_Z = 3.1  # geometry constant of single row deep groove ball bearings (same sou
 
 # Suffixes of rubbing seals; a shield (Z, 2Z) does not rub.
 _CONTACT_SEAL = re.compile(r"RS|RSH|RSL|LLU|DDU", re.IGNORECASE)
-
-
-@dataclass(frozen=True)
-class Bearing:
-    """A deep groove ball bearing at its place; lengths in mm and the rating in N, as the SKF formulas want them."""
-
-    designation: str
-    bore: float
-    outside: float
-    static_rating: float
-    r1: float
-    r2: float
-    s1: float
-    s2: float
-    shaft: str
-    locating: bool
-    seal_torque: float
-    oil_height: float
-    drag_loss_factor: float
-
-    @property
-    def mean_diameter(self) -> float:
-        """Mean of bore and outside diameter, mm."""
-        return 0.5 * (self.bore + self.outside)
-
-
-def size_of(designation: str) -> str:
-    """Which size of the table a designation means; what follows it (2Z, C3) does not change its constants.
-
-    Raises
-    ------
-    RequestError
-        The size is not in the table.
-
-    Examples
-    --------
-    >>> size_of("6009 2Z C3")
-    '6009'
-    """
-    size = re.split(r"[\s\-/]", designation.strip(), maxsplit=1)[0]
-    require_known(
-        size, SIZES, f"the bearing {designation!r} is not in the table of deep groove ball bearings"
-    )
-    return size
 
 
 Positive = Annotated[float, Field(gt=0)]
@@ -146,6 +102,11 @@ class BearingEntry(Settings):
     seal_torque_Nm: NotNegative | None = None
     oil_height_mm: NotNegative = 0.0
     drag_loss_factor: NotNegative = 0.0
+
+    @property
+    def size(self) -> str:
+        """Size of the table that the designation means; what follows it (2Z, C3) does not change its constants."""
+        return re.split(r"[\s\-/]", self.designation.strip(), maxsplit=1)[0]
 
 
 class Oil(Settings):
@@ -244,12 +205,19 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
     return rig
 
 
-def placed_bearings(rig: Rig) -> tuple[Bearing, ...]:
-    """The four bearings: two of the worm's shaft, two of the wheel's, in the order of their positions."""
-    return (*_shaft(rig, "worm"), *_shaft(rig, "wheel"))
+def placed_bearings(rig: Rig) -> list[BearingEntry]:
+    """The four bearings, two of the worm's shaft, two of the wheel's, in the order of their positions; all is said.
+
+    Examples
+    --------
+    >>> rig = parse(Rig, EXAMPLE_RIG, "the rig file")
+    >>> [(bearing.size, bearing.locating) for bearing in placed_bearings(rig)]
+    [('6009', True), ('6202', False), ('6211', True), ('6211', False)]
+    """
+    return [*_shaft(rig, "worm"), *_shaft(rig, "wheel")]
 
 
-def _shaft(rig: Rig, shaft: str) -> list[Bearing]:
+def _shaft(rig: Rig, shaft: str) -> list[BearingEntry]:
     entries = [entry for entry in rig.bearing for _ in range(entry.count) if entry.shaft == shaft]
     if len(entries) != 2:
         raise RequestError(
@@ -257,33 +225,27 @@ def _shaft(rig: Rig, shaft: str) -> list[Bearing]:
             expected="two",
             remedy=f'give [[bearing]] entries with shaft = "{shaft}" whose counts add up to 2',
         )
-    sizes = [size_of(entry.designation) for entry in entries]
+    for entry in entries:
+        unknown = f"the bearing {entry.designation!r} is not in the table of deep groove ball bearings"
+        require_known(entry.size, SIZES, unknown)
+        if entry.seal_torque_Nm is None and _CONTACT_SEAL.search(entry.designation.strip()[4:]):
+            raise RequestError(
+                f"the rig file: the bearing {entry.designation!r} has rubbing seals",
+                remedy="give their torque as seal_torque_Nm (SKF: K_S1 d_s^beta + K_S2), or 0 to neglect it",
+            )
+    # Two equal entries share the settings; the first of them locates the shaft.
     chosen = [i for i, entry in enumerate(entries) if entry.locating]
     free = [i for i, entry in enumerate(entries) if entry.locating is None]
-    if not chosen:
-        if not free:
-            raise RequestError(
-                f"the rig file: no bearing of the {shaft} shaft takes the axial load",
-                remedy="give one of them locating = true",
-            )
-        chosen = [max(free, key=lambda i: SIZES[sizes[i]][2])]
-    found = []
-    for i, (entry, size) in enumerate(zip(entries, sizes, strict=True)):
-        bore, outside, rating = SIZES[size]
-        catalogue = (size, bore, outside, 1e3 * rating, *SERIES[size[:2]])
-        first = i == chosen[0]  # two equal entries share the settings; the first of them locates the shaft
-        torque = _seal_torque(entry)
-        found.append(Bearing(*catalogue, shaft, first, torque, entry.oil_height_mm, entry.drag_loss_factor))
-    return found
-
-
-def _seal_torque(entry: BearingEntry) -> float:
-    if entry.seal_torque_Nm is None and _CONTACT_SEAL.search(entry.designation.strip()[4:]):
+    if not chosen and not free:
         raise RequestError(
-            f"the rig file: the bearing {entry.designation!r} has rubbing seals",
-            remedy="give their torque as seal_torque_Nm (SKF: K_S1 d_s^beta + K_S2), or 0 to neglect it",
+            f"the rig file: no bearing of the {shaft} shaft takes the axial load",
+            remedy="give one of them locating = true",
         )
-    return entry.seal_torque_Nm or 0.0
+    locating = chosen[0] if chosen else max(free, key=lambda i: SIZES[entries[i].size][2])
+    return [
+        entry.model_copy(update={"locating": i == locating, "seal_torque_Nm": entry.seal_torque_Nm or 0.0})
+        for i, entry in enumerate(entries)
+    ]
 
 
 def defaults_used(settings: BaseModel, prefix: str = "") -> dict[str, Any]:
