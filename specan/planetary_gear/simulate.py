@@ -98,7 +98,7 @@ def _say_resonances(model: Model) -> None:
     import numpy as np
 
     from specan.planetary_gear.model.kinematics import carrier_speed_ratio
-    from specan.planetary_gear.model.modes import torsional_frequencies
+    from specan.planetary_gear.model.response import torsional_frequencies
 
     rig = model.settings["parsed_rig"]
     mesh = rig.operation.sun_speed_hz * carrier_speed_ratio(rig.gear) * rig.gear.z_ring

@@ -20,7 +20,7 @@ from specan.report.panels import draw_panels
 from specan.report.residual_map import axis_text
 from specan.report.study_words import state_of
 from specan.room.model.field_map import FieldMap
-from specan.room.model.receivers import receivers_of
+from specan.room.model.places import receivers_of
 from specan.room.wall_impedance.surface_impedance import ALL, Impedance
 from specan.study.localisation.frf_errors import FrfErrors
 

@@ -13,7 +13,7 @@ import specan
 from specan.errors import RequestError
 from specan.models import Condition, Model, Observable
 from specan.models.quantity import constant
-from specan.planetary_gear.model.lines import OrderLines
+from specan.planetary_gear.model.kinematics import OrderLines
 from specan.planetary_gear.study import figures as figures_study_orders
 from specan.planetary_gear.study.open_orders import _marks, _uneven, like
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined

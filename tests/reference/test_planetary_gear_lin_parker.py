@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from specan.models.catalogue import example_model
-from specan.planetary_gear.model.modes import torsional_frequencies
+from specan.planetary_gear.model.response import torsional_frequencies
 
 Real = NDArray[np.float64]
 _SMALL = 1e-6  # relative motion below which a part stands still in a mode

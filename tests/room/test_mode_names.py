@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.room.model.rigid_modes import mode_names
+from specan.room.model.mode_shifts import mode_names
 
 
 def test_a_mode_is_named_by_family_order_and_direction():

@@ -7,7 +7,7 @@ from specan.errors import RequestError
 from specan.models.catalogue import load_model
 from specan.room.model import EXAMPLE_RIG
 from specan.room.model.mode_shifts import COLUMNS_READ, columns
-from specan.room.model.receivers import receivers_of
+from specan.room.model.places import receivers_of
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},

@@ -8,7 +8,7 @@ import pytest
 from specan.errors import RequestError
 from specan.models.catalogue import load_model
 from specan.room.model import EXAMPLE_RIG
-from specan.room.model.receivers import receivers_of
+from specan.room.model.places import receivers_of
 from truth.room.box import Disc
 from truth.room.field import Room, march, pressure_per_velocity
 from truth.room.layout import at_temperature, draw_layout, rig_file

@@ -7,7 +7,7 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.room.model.receivers import ReceiverErrors, receivers_of
+from specan.room.model.places import ReceiverErrors, receivers_of
 from specan.room.study.field_observation import FieldObservation
 from specan.study.diagnose import diagnose
 from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised

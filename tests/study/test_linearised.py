@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from specan.models.catalogue import load_model
-from specan.room.model.receivers import ReceiverErrors, receivers_of
+from specan.room.model.places import ReceiverErrors, receivers_of
 from specan.room.study.field_observation import FieldObservation
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from specan.models.catalogue import load_model
-from specan.room.model.receivers import receivers_of
+from specan.room.model.places import receivers_of
 from specan.room.study.mistaken_set_up import _rings_elsewhere, undeclared_shifts
 from specan.study.create import begin
 from specan.study.estimation.fit import describe

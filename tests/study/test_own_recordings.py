@@ -13,7 +13,7 @@ from specan.models.catalogue import load_model
 from specan.room.model import EXAMPLE_RIG
 from specan.room.model.places import in_recording
 from specan.room.model.rig import read_rig
-from specan.room.model.temperature_log import TemperatureLog
+from specan.room.model.rig_tables import TemperatureLog
 from specan.room.study.open_recordings import open_data
 from specan.room.study.receiver_places import _views
 from specan.study.create import begin

@@ -12,9 +12,8 @@ from scipy.integrate import quad
 import specan
 import specan.room
 from specan.errors import RequestError
-from specan.room.model.absorption import diffuse_absorption, normal_absorption
-from specan.room.model.places import free_places, wall_areas, with_microphones
-from specan.room.model.receivers import receivers_of
+from specan.room.model.known_walls import diffuse_absorption, normal_absorption
+from specan.room.model.places import free_places, receivers_of, wall_areas, with_microphones
 from specan.room.study_impedance import _print
 from specan.room.wall_impedance.surface_impedance import impedance
 from specan.room.wall_impedance.wall_admittance import WallFit, spline_basis, third_octaves

@@ -8,9 +8,8 @@ import pytest
 from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.room.model import EXAMPLE_RIG
-from specan.room.model.places import free_places, near_walls
-from specan.room.model.receivers import ReceiverErrors, receivers_of
-from specan.room.model.rigid_modes import mode_names
+from specan.room.model.mode_shifts import mode_names
+from specan.room.model.places import ReceiverErrors, free_places, near_walls, receivers_of
 from specan.room.study.field_observation import FieldObservation
 from specan.room.study.receiver_places import _separations, _views, propose_places
 from specan.study.design.operating_points import explore, propose

@@ -98,7 +98,7 @@ class Rotors(Settings):
 
 
 class Uncertainty(Settings):
-    """Standard uncertainties of what a model predicts of lines, relative; see `specan.planetary_gear.model.lines`.
+    """Standard uncertainties of what a model predicts of lines, relative; see `specan.planetary_gear.model.kinematics`.
 
     The response holds what is known of stiffness, inertia and damping: ISO 6336-1:2019, clause 9, gives 14 to
     20 N/(mm um) for the stiffness of a mesh; at low load and with bodies it is half of that. Damping ratios of meshes

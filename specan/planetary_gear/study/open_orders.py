@@ -20,7 +20,7 @@ from specan.dsp.tacho import Pulses, pulse_times, repair
 from specan.errors import InputError, RequestError
 from specan.io.open import open_recording
 from specan.models import Model
-from specan.planetary_gear.model.lines import OrderLines
+from specan.planetary_gear.model.kinematics import OrderLines
 from specan.planetary_gear.study.by_order_family import localise  # noqa: F401  where a model of lines fails
 from specan.planetary_gear.study.explanations import OfOrderLines as explanations  # noqa: F401
 from specan.planetary_gear.study.explanations import near_the_data  # noqa: F401  sizes that lines tell

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from specan.arrays import Complex
 from specan.models import Assembly
-from specan.planetary_gear.model.lines import OrderLines
+from specan.planetary_gear.model.kinematics import OrderLines
 from specan.study.observation import Array, Strategy, Variable
 from specan.study.observation.frf import KeptLines
 

@@ -14,13 +14,12 @@ from specan.models.catalogue import effects_in
 from specan.models.effect import Use
 from specan.models.model import Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, Quantity, constant, quantities_in
-from specan.room.model import air, field, instruments, known_walls, mode_shifts
+from specan.room.model import air, field, known_walls, mode_shifts
 from specan.room.model.leaning_walls import LEANS
-from specan.room.model.places import errors_of, in_recording, places_of, wall_areas
-from specan.room.model.receivers import FieldReceivers
+from specan.room.model.places import FieldReceivers, errors_of, in_recording, places_of, wall_areas
 from specan.room.model.rig import WALLS, Rig, read_rig
+from specan.room.model.rig_tables import TemperatureLog, read_temperature_log
 from specan.room.model.shape import RoomShape, mesh_shape
-from specan.room.model.temperature_log import TemperatureLog, read_temperature_log
 
 WORDS = Words(
     ideal="the ideal room",
@@ -63,7 +62,7 @@ def build(rig: Mapping[str, Any]) -> Model:
     tables = known_walls.known_tables(settings.walls, walls, (settings.band.f_min_hz, settings.band.f_max_hz))
     modes = mode_shifts.modes_of(settings)
     quantities = [
-        *quantities_in(air, known_walls, field, instruments),
+        *quantities_in(air, known_walls, field),
         *shape.quantities,  # a mesh has modes of its own
         *_constants(settings, cards, shape.walls, walls, tables),
         *mode_shifts.quantities(settings, modes),

@@ -1,4 +1,4 @@
-"""Sound pressure at the microphones per velocity of the piston."""
+"""Sound pressure at the microphones per velocity of the piston, and what the instruments make of it."""
 
 from __future__ import annotations
 
@@ -230,3 +230,20 @@ def loudspeaker_velocity(loudspeaker_ratio, driven, driven_sets):
     for number in others:
         moving[number] = all_driven[number] / all_driven[seen]
     return moving
+
+
+@quantity(unit="s", axes=("microphone",))
+def receiver_delay(card_delay, card_of_microphone):
+    """Delay of each microphone channel: that of its card."""
+    return card_delay[card_of_microphone]
+
+
+@quantity(unit="Pa*s/m", axes=("place",))
+def indicated_frf(
+    frequency, field, receiver_gain, receiver_delay, vibrometer_delay, vibrometer_gain, microphone_at_place
+):
+    """Transfer function as the instruments indicate it, array (places of microphones, lines)."""
+    # the microphones of a card are late together
+    delay, own = np.unique(receiver_delay[microphone_at_place] - vibrometer_delay, return_inverse=True)
+    turned = np.exp(-2j * np.pi * np.outer(delay, frequency)) / vibrometer_gain
+    return field * (receiver_gain[microphone_at_place, None] * turned[own])

@@ -14,7 +14,7 @@ from specan.data.recording import Recording
 from specan.dsp.welch import power_density
 from specan.errors import InputError, RequestError
 from specan.models import Model
-from specan.room.model.receivers import FieldReceivers, InRecording, receivers_of
+from specan.room.model.places import FieldReceivers, InRecording, receivers_of
 from specan.room.model.rig import left_out
 from specan.room.study.background_noise import background_noise
 from specan.room.study.block_length import block_length

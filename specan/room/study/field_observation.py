@@ -10,7 +10,7 @@ import numpy as np
 
 from specan.models import Assembly
 from specan.room.model.mode_shifts import COLUMNS_READ, columns
-from specan.room.model.receivers import FieldReceivers
+from specan.room.model.places import FieldReceivers
 from specan.study.observation import Array, Strategy
 from specan.study.observation.frf import Complex, FrfObservation, piecewise_linear_basis
 

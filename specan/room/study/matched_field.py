@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Use
-from specan.room.model.places import PATTERNS_READ, PLACED, patterns
-from specan.room.model.receivers import receivers_of
+from specan.room.model.places import PATTERNS_READ, PLACED, patterns, receivers_of
 from specan.room.study.field_observation import FieldObservation, field_observations
 from specan.study.observation import Array
 from specan.study.selection.candidates import Candidate

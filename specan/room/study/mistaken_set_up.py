@@ -17,11 +17,9 @@ from numpy.typing import NDArray
 from specan.arrays import Flags, Real
 from specan.errors import ComputationError
 from specan.models.model import Model
-from specan.room.model.mode_shifts import SOUND_SPEED, USUAL_PERCENT, with_usual_shifts
-from specan.room.model.places import PATTERNS_READ, on_wall, source_words
-from specan.room.model.receivers import FieldReceivers, receivers_of
+from specan.room.model.mode_shifts import SOUND_SPEED, USUAL_PERCENT, mode_names, with_usual_shifts
+from specan.room.model.places import PATTERNS_READ, FieldReceivers, on_wall, receivers_of, source_words
 from specan.room.model.rig import WALLS, Rig
-from specan.room.model.rigid_modes import mode_names
 from specan.room.study.field_observation import field_observations
 from specan.room.study.matched_field import explained
 from specan.study.estimation.continuation import STAGES, continuation_fit, down_weighted, linearised

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from specan.models import Assembly
-from specan.room.model.receivers import receivers_of
+from specan.room.model.places import receivers_of
 from specan.room.study.field_observation import FieldObservation, field_observations
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation

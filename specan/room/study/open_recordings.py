@@ -14,9 +14,8 @@ from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.models import Model
 from specan.result import gathered
-from specan.room.model.places import near_walls
-from specan.room.model.receivers import FieldReceivers, ReceiverErrors, receivers_of
-from specan.room.model.rigid_modes import mode_names
+from specan.room.model.mode_shifts import mode_names
+from specan.room.model.places import FieldReceivers, ReceiverErrors, near_walls, receivers_of
 from specan.room.study.estimate_frf import observe_recording, settling_s
 from specan.room.study.field_observation import FieldObservation
 from specan.room.study.matched_field import likely_places  # noqa: F401

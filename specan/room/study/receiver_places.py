@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from specan.room.model.places import depth, free_places, with_microphones
-from specan.room.model.receivers import receivers_of
+from specan.room.model.places import depth, free_places, receivers_of, with_microphones
 from specan.room.study.field_observation import FieldObservation, field_observations
 from specan.study.design.operating_points import EXPLORED, SEPARATES, Proposal, name_of
 from specan.study.estimation.linear import chi2_beside, covariance_root

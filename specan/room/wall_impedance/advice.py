@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from specan.result import gathered
-from specan.room.model.places import free_places, with_microphones
-from specan.room.model.receivers import receivers_of
+from specan.room.model.places import free_places, receivers_of, with_microphones
 from specan.room.study.field_observation import field_observations
 from specan.room.study.receiver_places import (
     by_receiver,

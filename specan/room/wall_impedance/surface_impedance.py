@@ -25,7 +25,7 @@ from specan.dsp.bands import band_at, nominal_frequency
 from specan.errors import RequestError, require_known
 from specan.models.effect import ParameterName
 from specan.result import Result, Sheet, counted, gathered, records
-from specan.room.model.absorption import diffuse_absorption, normal_absorption
+from specan.room.model.known_walls import diffuse_absorption, normal_absorption
 from specan.room.wall_impedance.wall_admittance import WallFit, wall_fit
 from specan.study.build_problem import assemble
 from specan.study.observation import Array
