@@ -25,11 +25,8 @@ from specan.inspect.look import GROWS, PANEL, notice
 from specan.inspect.opened import Opened
 from specan.inspect.page import Page
 from specan.inspect.plots import plain
-from specan.inspect.tabs.info import InfoTab
-from specan.inspect.tabs.levels import LevelsTab, OctaveTab
-from specan.inspect.tabs.orders import OrdersTab
-from specan.inspect.tabs.spectra import FftTab, FrfTab, SpectrogramTab
-from specan.inspect.tabs.tab import Found, Tab, text_of
+from specan.inspect.tab import Found, Tab, text_of
+from specan.inspect.tabs import TABS
 from specan.inspect.view import View
 from specan.inspect.waveform_view import WaveformView
 from specan.inspect.work import Tell
@@ -40,7 +37,6 @@ from specan.report.panels import Panel
 from specan.report.waveform import read_overviews
 from specan.result import RecordingResult
 
-TABS = (OctaveTab, FftTab, FrfTab, LevelsTab, SpectrogramTab, OrdersTab, InfoTab)
 FIRST_CHANNELS = 4  # on screen when nothing else is said
 _LEFT, _RIGHT = 214, 270  # px
 _FILTER = """const text = cb_obj.value_input.toLowerCase();

@@ -51,7 +51,7 @@ def test_the_fuzz_sees_an_error_of_a_page(fill, monkeypatch):
     def fails(*_):
         raise KeyError("x")
 
-    monkeypatch.setattr("specan.inspect.tabs.tab.Tab.compute", fails)
+    monkeypatch.setattr("specan.inspect.tab.Tab.compute", fails)
     (text,) = fuzz_pages.of_page(fill, {}, {})
     assert "internal error on the page: KeyError('x')" in text
 

@@ -16,10 +16,8 @@ import specan
 from specan.data.calibration import stated
 from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import Plots
-from specan.inspect.recording_page import TABS
-from specan.inspect.tabs.levels import OctaveTab
-from specan.inspect.tabs.spectra import FftTab, FrfTab
-from specan.inspect.tabs.tab import text_of
+from specan.inspect.tab import text_of
+from specan.inspect.tabs import TABS, FftTab, FrfTab, OctaveTab
 from specan.inspect.view import View
 from specan.io.open import open_recording
 from specan.report.panels import Curve, Drawing, Panel

@@ -15,8 +15,8 @@ from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
 from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import even
-from specan.inspect.tabs.orders import OrdersTab
-from specan.inspect.tabs.tab import text_of
+from specan.inspect.tab import text_of
+from specan.inspect.tabs import OrdersTab
 from specan.inspect.view import View
 from specan.report.figures_spectra import figure_order_map
 from specan_cli.main import main

@@ -22,7 +22,7 @@ from specan.inspect.look import notice
 from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import plain
 from specan.inspect.server import start_server
-from specan.inspect.tabs.levels import OctaveTab
+from specan.inspect.tabs import OctaveTab
 from specan.inspect.view import View
 from specan.inspect.work import Superseded
 from specan.report.html_page import table
@@ -170,7 +170,7 @@ def test_zeros_and_a_tenth_of_a_second():
 
 
 def test_the_level_against_time_is_that_of_the_verb():
-    from specan.inspect.tabs.levels import LevelsTab
+    from specan.inspect.tabs import LevelsTab
 
     opened = Opened((recording(2.0, 2),))
     view = View().but(tab="levels", channel=("G/Mic 0", "G/Mic 1"), weighting="C", averaging="slow")

@@ -111,7 +111,7 @@ class Tab:
         --------
         >>> from specan.inspect.opened import Opened
         >>> from specan.io.open import open_recording
-        >>> from specan.inspect.tabs.levels import OctaveTab
+        >>> from specan.inspect.tabs import OctaveTab
         >>> opened = Opened((open_recording("sample_data/recordings/knock.tdms"),))
         >>> view = View(channel=("Measurement/Mic 1",)).but(fraction=12)
         >>> OctaveTab(opened, view, print).commands(view)
@@ -221,7 +221,7 @@ class Tab:
         Examples
         --------
         >>> from specan.inspect.opened import Opened
-        >>> from specan.inspect.tabs.orders import OrdersTab
+        >>> from specan.inspect.tabs import OrdersTab
         >>> OrdersTab(Opened(()), View(), print).worded("state the speed of the shaft with --speed HZ")
         "state the speed of the shaft with 'Speed / Hz'"
         """
