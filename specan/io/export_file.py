@@ -224,84 +224,71 @@ def _write_58(path: Path, sets: Iterable[Mapping[str, Any]]) -> None:
 
 def _transfer_functions(found: FrequencyResponse) -> Iterator[Mapping[str, Any]]:
     below = found.reference_unit
+    common = {
+        "id3": f"{found.estimator}, {found.n_blocks} blocks",
+        "ref_ent_name": found.reference,
+        "ref_node": len(found.channels) + 1,
+    }
     for row, unit in enumerate(found.units):
-        common = {
-            **_over_frequency(found, row),
-            "id3": f"{found.estimator}, {found.n_blocks} blocks",
-            "ref_ent_name": found.reference,
-            "ref_node": len(found.channels) + 1,
-        }
-        yield {
-            **common,
-            **_unit("ordinate", _above(unit, below)),
-            **_unit("orddenom", below),
-            "func_type": 4,
-            "ord_data_type": 6,  # complex, double precision
-            "data": found.response[row],
-        }
+        units = _unit("ordinate", _above(unit, below)) | _unit("orddenom", below)
+        yield _over_frequency(found, row, found.response[row], 4, **common, **units)
         if np.all(np.isfinite(found.coherence[row])):
-            yield {**common, "func_type": 6, "ord_data_type": 4, "data": found.coherence[row]}
+            yield _over_frequency(found, row, found.coherence[row], 6, **common)
 
 
-def _spectra(found: Spectrum) -> Iterator[Mapping[str, Any]]:
-    """Power spectral densities (9) are real; spectra (12) are complex where there is a phase."""
-    density = found.scale.scaling == "psd"
+def _densities(found: Spectrum) -> Iterator[Mapping[str, Any]]:
+    scale = found.scale
+    if scale.scaling != "psd":
+        raise RequestError(
+            f"a universal file holds no spectrum of {scale.scaling}",
+            expected="a power spectral density",
+            remedy="add --scaling psd, or write .csv",
+        )
+    about = f"psd, window {scale.window}, {scale.enbw_hz:.6g} Hz wide"
     for row, unit in enumerate(found.value_units):
-        values = found.values[row]
-        if not density and found.phase_deg is not None:
-            values = values * np.exp(1j * np.radians(found.phase_deg[row]))
-        yield {
-            **_over_frequency(found, row),
-            **_unit("ordinate", unit, general=density),
-            "id3": f"{found.scale.scaling}, window {found.scale.window}, {found.scale.enbw_hz:.6g} Hz wide",
-            "func_type": 9 if density else 12,
-            "ord_data_type": 6 if np.iscomplexobj(values) else 4,  # double precision
-            "data": values,
-        }
+        yield _over_frequency(found, row, found.values[row], 9, id3=about, **_unit("ordinate", unit))
+
+
+def _over_frequency(
+    found: FrequencyResponse | Spectrum, row: int, data: Any, kind: int, **more: Any
+) -> dict[str, Any]:
+    f = found.frequency_hz
+    step = float(f[1] - f[0]) if f.size > 1 else 0.0
+    names = {"id1": found.channels[row][:80], "rsp_ent_name": found.channels[row], "rsp_node": row + 1}
+    return _data_set(data, f, step, (kind, 18, "Hz"), id2=found.label[-80:], **names, **more)
 
 
 def _responses(excerpt: Excerpt) -> Iterator[Mapping[str, Any]]:
     x = (excerpt.start + np.arange(excerpt.n)) / excerpt.rate
     for row, channel in enumerate(excerpt.channels):
-        yield {
-            **_described(channel.label, row, excerpt.recording.label, x, 1.0 / excerpt.rate, (17, "s")),
-            **_unit("ordinate", channel.unit),
-            "id3": f"role {channel.role}",
-            "func_type": 1,
-            "ord_data_type": 4,  # real, double precision
-            "data": excerpt.recording.read([channel], excerpt.start, excerpt.stop)[0],
-        }
+        samples = excerpt.recording.read([channel], excerpt.start, excerpt.stop)[0]
+        names = {"id1": channel.label[:80], "rsp_ent_name": channel.label, "rsp_node": row + 1}
+        more = names | _unit("ordinate", channel.unit) | {"id3": f"role {channel.role}"}
+        yield _data_set(
+            samples, x, 1.0 / excerpt.rate, (1, 17, "s"), id2=excerpt.recording.label[-80:], **more
+        )
 
 
-def _over_frequency(found: FrequencyResponse | Spectrum, row: int) -> dict[str, Any]:
-    f = found.frequency_hz
-    spacing = float(f[1] - f[0]) if f.size > 1 else 0.0
-    return _described(found.channels[row], row, found.label, f, spacing, (18, "Hz"))
-
-
-def _described(
-    name: str, row: int, label: str, x: Real, step: float, axis: tuple[int, str]
-) -> dict[str, Any]:
-    """Names and abscissa of a data set; the type and unit of the axis."""
+def _data_set(data: Any, x: Real, step: float, kinds: tuple[int, int, str], **more: Any) -> dict[str, Any]:
+    """Numbers in double precision over an axis; the types of the function and of the axis, and its unit."""
     return {
-        "id1": name[:80],
-        "id2": label[-80:],
-        "rsp_ent_name": name,
-        "rsp_node": row + 1,
+        "func_type": kinds[0],
         "ref_ent_name": "NONE",
         "ref_node": 0,
         "abscissa_min": float(x[0]),
         "abscissa_inc": step,
         "num_pts": x.size,
-        "abscissa_spec_data_type": axis[0],
-        "abscissa_axis_units_lab": axis[1],
+        "abscissa_spec_data_type": kinds[1],
+        "abscissa_axis_units_lab": kinds[2],
         "x": x,
+        "ord_data_type": 6 if np.iscomplexobj(data) else 4,
+        "data": data,
+        **more,
     }
 
 
-def _unit(axis: str, unit: str, *, general: bool = False) -> dict[str, Any]:
-    kind = _GENERAL if general else _QUANTITIES.get(unit, _GENERAL)
-    return {f"{axis}_spec_data_type": kind, f"{axis}_axis_units_lab": unit}
+def _unit(axis: str, unit: str) -> dict[str, Any]:
+    return {f"{axis}_spec_data_type": _QUANTITIES.get(unit, _GENERAL), f"{axis}_axis_units_lab": unit}
 
 
 def _above(unit: str, below: str) -> str:
@@ -358,7 +345,7 @@ def write_result(
         _write_json(found.to_dict(), path)
         return
     if ending in (".uff", ".unv") and isinstance(found, (FrequencyResponse, Spectrum)):
-        _write_58(path, _spectra(found) if isinstance(found, Spectrum) else _transfer_functions(found))
+        _write_58(path, _densities(found) if isinstance(found, Spectrum) else _transfer_functions(found))
         return
     settings = dict(found.settings)
     said = settings.pop("calibration", None)
