@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import datetime
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +23,14 @@ from specan.data.band_levels import BandLevels
 from specan.data.calibration import stated
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
-from specan.divisions import division_name
 from specan.errors import SpecanError, reason_of
-from specan.report.figure_style import micro
 from specan.report.figures import figure_of
-from specan.report.html_page import page, picture, table
-from specan.result import cell, counted, gathered
+from specan.report.html_page import page, picture, shown, table
+from specan.result import counted, gathered
 
 MOST_PAGES = 100  # of recordings; the others are in the list only
-FEW = 6  # channels whose bands have a column each
+FEW = 6  # channels whose bands are in a table
+_SHEETS = 2  # of levels; percentiles are in the tables
 # a row of the list of recordings, and what is below it on a page of its own
 Page = tuple[list[Any], list[str]]
 
@@ -173,14 +171,13 @@ class _Measured:
         ]
         parts = [f'<h2 class="sheet">{number}  {escape(self.entry.label)}</h2>']
         parts += [f"<p>{escape(fact)}</p>" for fact in facts]
-        if self.levels is not None:
-            parts += ["<h3>Levels / dB</h3>", table(*_level_table(self.levels))]
+        for one in [] if self.levels is None else self.levels.sheets()[:_SHEETS]:
+            parts += [f"<h3>{escape(one.title)}</h3>", shown(one)]
         if self.bands is not None:
-            unit = {f"dB re {micro(reference.text)}" for reference in self.bands.references}
-            bands = division_name(self.bands.fraction).capitalize()
-            parts += [f"<h3>{bands} bands{', ' + unit.pop() if len(unit) == 1 else ' / dB'}</h3>"]
+            bands = self.bands.sheets()[0]
+            parts += [f"<h3>{escape(bands.title)}</h3>"]
             parts += [picture(figure_of(self.bands), f"band levels of {self.entry.label}")]
-            parts += [table(*_band_table(self.bands))]
+            parts += [shown(bands)] if len(self.bands.channels) <= FEW else []
         if self.excitation.startswith(("noise", "sweep")):
             parts += self._transfer()
         return parts
@@ -192,43 +189,6 @@ class _Measured:
             return []  # no reference: skipped.txt says it
         figure = figure_of(stated(found, self.recording))
         return ["<h3>Transfer functions</h3>", picture(figure, f"transfer functions of {self.entry.label}")]
-
-
-def _level_table(found: SignalLevels) -> tuple[list[str], list[list[str]]]:
-    """Equivalent and largest levels, of sound with A weighting."""
-    names, unknown = found.channels, np.full(len(found.channels), np.nan)
-    if np.isfinite(equivalent := found.equivalent_dB.get("A", unknown)).any():
-        header, first, levels = ["LAeq", "LAFmax"], [cell(v, ".1f") for v in equivalent], found.max_dB
-    else:
-        header, levels = ["RMS", "level"], found.level_dB
-        first = [f"{value:.4g} {unit}" for value, unit in zip(found.rms, found.units)]
-    rows = [[*row, cell(level, ".1f")] for *row, level in zip(names, first, levels)]
-    return _side_by_side(["channel", *header], rows, max(8, -(-len(rows) // 3)))
-
-
-def _side_by_side(header: list[str], rows: list[list[str]], height: int) -> tuple[list[str], list[list[str]]]:
-    """A long table in blocks of some rows beside each other."""
-    blocks = [rows[first : first + height] for first in range(0, len(rows), height)]
-    lines = zip_longest(*blocks, fillvalue=[""] * len(header))
-    return header * len(blocks), [list(chain(*line)) for line in lines]
-
-
-def _band_table(found: BandLevels) -> tuple[list[str], list[list[str]]]:
-    """A row for each band; a column for each of a few channels, of many for their mean, lowest and highest."""
-    few = len(found.channels) <= FEW
-    alike = len({reference.text for reference in found.references}) == 1
-    rows: Mapping[str, Any] = dict(zip(found.channels, found.level_dB))
-    if not few and alike:
-        power = 10 ** (found.level_dB / 10)
-        rows = {
-            "mean": 10 * np.log10(power.mean(axis=0)),
-            "lowest": found.level_dB.min(axis=0),
-            "highest": found.level_dB.max(axis=0),
-        }
-    header = ["Hz", *rows]
-    lines = zip(found.nominal_hz, *rows.values(), strict=True)
-    shown = [[f"{hertz:g}", *(f"{level:.1f}" for level in levels)] for hertz, *levels in lines]
-    return _side_by_side(header, shown, -(-len(shown) // 2))
 
 
 def _skipped(report: BatchReport) -> list[str]:

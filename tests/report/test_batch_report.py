@@ -63,7 +63,7 @@ def test_a_recording_has_its_level_its_bands_and_its_calibration(tmp_path):
     text = re.sub(r"\|+", "|", text)
     level = 20 * np.log10(0.2 / np.sqrt(2) / 20e-6)
     assert f"|{level:.1f}|{level:.1f} (Mic 1)|{level:.1f} (Mic 1)|" in text
-    assert f"|1000|{level:.1f}|" in text
+    assert f"|1000|{level:.2f}|" in text
     assert "1 microphone, 8000 Hz" in text
     assert f"|Report of|{datetime.date.today():%Y-%m-%d}|" in text
 
@@ -75,7 +75,7 @@ def test_the_rms_of_an_acceleration_has_its_unit(tmp_path):
     (tmp_path / "shaker.csv").write_text(f"time [s],Acc 1 [m/s^2]\n{lines}\n", encoding="utf-8")
     CliRunner().invoke(command, [str(tmp_path), "-o", str(tmp_path / "out"), "--jobs", "1", "--report"])
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert f"{8 / np.sqrt(2):.4g} m/s^2" in text
+    assert f'<td>m/s^2</td><td class="n">{8 / np.sqrt(2):.5g}</td>' in text
 
 
 def test_the_calibration_of_the_batch_is_that_of_the_report(tmp_path):
@@ -90,5 +90,5 @@ def test_the_calibration_of_the_batch_is_that_of_the_report(tmp_path):
         calibration=tmp_path / "out" / "calibration.toml",
     )
     level = specan.rms(recording, channels="Mic 1").equivalent_dB["A"][0]
-    assert f'<td>Mic 1</td><td class="n">{level:.1f}</td>' in text
+    assert f'<td class="n">{level:.2f}</td>' in text
     assert "calibration.toml (Mic 1" in text
