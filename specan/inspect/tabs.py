@@ -24,12 +24,12 @@ from specan.inspect.tab import Found, Tab
 from specan.inspect.view import View, written
 from specan.inspect.work import Tell
 from specan.report.contents import sheets
-from specan.report.figure_style import micro
 from specan.report.figures_bands import band_panels, history_panels
 from specan.report.figures_spectra import figure_frequency_response, figure_order_map, figure_orders
 from specan.report.html_page import table
 from specan.report.panels import Drawing
 from specan.result import cell
+from specan.units import printed_unit
 
 _READINGS = 2000  # readings of a history
 
@@ -129,7 +129,7 @@ class OctaveTab(Tab):
         super().draw(found, view)
         self.overall.text = "<b>Overall levels / dB</b>" + "".join(
             table(
-                [f"re {micro(text)}", *r.overall_dB, ""],
+                [printed_unit(f"re {text}"), *r.overall_dB, ""],
                 [
                     [
                         self.opened.text(number, name),

@@ -18,6 +18,7 @@ from matplotlib.ticker import NullLocator
 
 from specan.arrays import Real
 from specan.errors import RequestError
+from specan.units import printed_unit
 
 # Okabe and Ito, Color Universal Design (2008): distinguished by every kind of colour vision. Their yellow is left out:
 # it is too light for a line on white.
@@ -115,20 +116,7 @@ def level_label(reference: str) -> str:
     >>> level_label("20 uPa")
     'Level / dB re 20 µPa'
     """
-    return f"Level / dB re {micro(reference)}"
-
-
-def micro(reference: str) -> str:
-    """A level reference with the Greek letter, as a figure shows it.
-
-    Examples
-    --------
-    >>> micro("dB re (1 um/s^2)^2/Hz"), micro("20 uPa")
-    ('dB re (1 µm/s²)²/Hz', '20 µPa')
-    """
-    for plain in ("uPa", "um", "uN"):
-        reference = reference.replace(f" {plain}", f" µ{plain[1:]}")
-    return reference.replace("^2", "²")
+    return printed_unit(f"Level / dB re {reference}")
 
 
 # Ticks of a logarithmic axis of frequency, in Hz, and what is at them.

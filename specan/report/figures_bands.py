@@ -21,7 +21,6 @@ from specan.report.figure_style import (
     legend_below,
     level_label,
     level_limits,
-    micro,
     name_rows,
     new_figure,
     style_of,
@@ -40,6 +39,7 @@ from specan.report.panels import (
     numbered,
     with_bounds,
 )
+from specan.units import printed_unit
 
 _DYNAMICS_DB = 90.0  # that a figure shows at most
 
@@ -156,7 +156,7 @@ def _loudest(found: BandLevels) -> str:
         if here:
             low, high = min(here), max(here)
             level = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
-            texts.append(f"L{name} {level} dB re {micro(text)}")
+            texts.append(printed_unit(f"L{name} {level} dB re {text}"))
     return "Overall: " + "; ".join(texts) if texts else ""
 
 

@@ -12,10 +12,10 @@ from specan.data.frequency_response import FrequencyResponse
 from specan.data.limits import LimitCurve
 from specan.data.orders import OrderSpectrum
 from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum, SpectrumScale
-from specan.report.figure_style import band_about, level_label, micro, with_gaps
+from specan.report.figure_style import band_about, level_label, with_gaps
 from specan.report.panels import Curve, Drawing, Panel, Picture, grouped, level_panels, with_bounds
 from specan.result import counted
-from specan.units import level_reference
+from specan.units import level_reference, printed_unit
 
 _DYNAMICS_DB = 100.0  # that a figure shows at most
 _PICTURE_DB = 60.0  # that colours show: more would hide what differs by a few
@@ -77,7 +77,7 @@ def _worth(found: FrequencyResponse, relative: Real) -> str:
 def figure_spectrum(found: Spectrum, *, limits: LimitCurve | None = None) -> Drawing:
     """Levels of every channel, one pair of axes a level reference, their limits, and the phase where there is one."""
     level, f, scale = found.level_dB, found.frequency_hz, found.scale
-    labels = [f"Level / {micro(scale.level_text(unit))}" for unit in found.units]
+    labels = [f"Level / {printed_unit(scale.level_text(unit))}" for unit in found.units]
     panels = level_panels(labels, found.channels, f, level, _DYNAMICS_DB)
     if limits is not None:
         panels = with_bounds(panels, limits.label, f, limits.at_lines(f))
@@ -111,7 +111,7 @@ def _strongest(found: Spectrum) -> str:
         row, line = np.unravel_index(int(np.argmax(level[rows])), level[rows].shape)
         if np.isfinite(level[rows][row, line]):
             name, hertz = found.channels[rows[int(row)]], found.frequency_hz[line]
-            texts.append(f"{name} {level[rows][row, line]:.1f} {micro(text)} at {hertz:.5g} Hz")
+            texts.append(f"{name} {level[rows][row, line]:.1f} {printed_unit(text)} at {hertz:.5g} Hz")
     return "Highest line: " + "; ".join(texts) if texts else ""
 
 
@@ -120,7 +120,7 @@ def figure_spectrogram(found: Spectrogram) -> Drawing:
     scale, positive = found.scale, found.frequency_hz > 0
     pictures = [
         Picture(name, found.time_s, found.frequency_hz[positive], level[:, positive].T, "Frequency / Hz",
-                f"Level / {micro(scale.level_text(unit))}", hertz=True)
+                f"Level / {printed_unit(scale.level_text(unit))}", hertz=True)
         for name, unit, level in zip(found.channels, found.units, found.level_dB, strict=True)
     ]  # fmt: skip
     about = f"{_said(scale)}, {counted(found.blocks_per_column, 'block')} per column"
@@ -133,7 +133,7 @@ def figure_shock_response(found: ShockResponse) -> Drawing:
     """Maximax over the natural frequency, both logarithmic, one pair of axes a unit."""
     with np.errstate(divide="ignore"):
         level = 20 * np.log10(found.maximax)
-    labels = [f"Maximax / {micro(unit)}" for unit in found.units]
+    labels = [printed_unit(f"Maximax / {unit}") for unit in found.units]
     panels = level_panels(labels, found.channels, found.frequency_hz, level, _DYNAMICS_DB)
     panels = [replace(panel, amplitude=True) for panel in panels]
     facts = (f"shock response, {found.response}, Q {found.quality:g}",)

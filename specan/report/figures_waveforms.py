@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 from specan.data.channel import Channel
 from specan.data.decay import ImpulseResponses
 from specan.data.recording import Recording
-from specan.report.figure_style import COLOURS, heading, micro, new_figure, remark, styled
+from specan.report.figure_style import COLOURS, heading, new_figure, remark, styled
 from specan.report.panels import Drawing, level_panels
 from specan.report.waveform import COLUMNS, Waveform, common_reach, read_overviews
+from specan.units import printed_unit
 
 MOST_CHANNELS = 32
 _DYNAMICS_DB = 80.0  # that the figure of impulse responses shows at most
@@ -85,7 +86,7 @@ def figure_impulse_responses(found: ImpulseResponses) -> Drawing:
     highest = np.maximum.reduceat(np.abs(found.samples), np.arange(0, found.time_s.size, size), axis=1)
     with np.errstate(divide="ignore"):
         level = 20 * np.log10(highest)
-    labels = [f"Level / dB re 1 {micro(c.unit)}/{found.reference_unit}" for c in found.channels]
+    labels = [printed_unit(f"Level / dB re 1 {c.unit}/{found.reference_unit}") for c in found.channels]
     names = [c.label for c in found.channels]
     panels = level_panels(labels, names, found.time_s[::size], level, _DYNAMICS_DB)
     facts = (f"{found.method} over {found.reference}",)
