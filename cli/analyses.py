@@ -23,16 +23,20 @@ from specan_cli.options import (
     velocity_option,
     weighting_option,
 )
-from specan_cli.output import Delivery, decimal_option, note, plot_option, samples_option, show_sheets, verb
-from specan_cli.recording_verb import (
+from specan_cli.output import note, show_sheets
+from specan_cli.verb import (
     UFF,
-    ResultDelivery,
+    Delivery,
     Source,
+    decimal_option,
     given,
     opened_with,
+    plot_option,
     recording_verb,
+    samples_option,
     say_calibration,
     say_notes,
+    verb,
 )
 
 if TYPE_CHECKING:
@@ -78,7 +82,7 @@ def _found(name: str, recording: Recording, **options: Any) -> Any:
 @opt("--history", bool, "Draw the first channel against time.")
 def octave(
     source: Source,
-    deliver: ResultDelivery,
+    deliver: Delivery,
     background: Path | None,
     limit: Path | None,
     history: bool,
@@ -136,7 +140,7 @@ def octave(
 @plot_option()
 def fft(
     source: Source,
-    deliver: ResultDelivery,
+    deliver: Delivery,
     peaks: int,
     spectrogram: bool,
     columns: int | None,
@@ -167,7 +171,7 @@ def fft(
     return deliver(_found("spectrogram", recording, columns=columns, **options), shown={"peaks": peaks})
 
 
-def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: ResultDelivery) -> int:
+def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: Delivery) -> int:
     """A single block, which may be the whole recording: shown and written channel by channel."""
     from specan.analysis.spectrum import FourierSpectrum, chosen, single_blocks
     from specan.data.calibration import stated
@@ -233,9 +237,7 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: 
 @opt("--at at_hz", float, "Print this line; repeatable.", "HZ", multiple=True)
 @plot_option()
 @opt("--unwrap", bool, "Draw the phase without jumps.")
-def frf(
-    source: Source, deliver: ResultDelivery, at_hz: tuple[float, ...], unwrap: bool, **options: Any
-) -> int:
+def frf(source: Source, deliver: Delivery, at_hz: tuple[float, ...], unwrap: bool, **options: Any) -> int:
     """Compute the transfer functions of microphones and accelerometers over the vibrometer, or over --reference.
 
     Phases are those of exp(+j w t), response over reference: a delayed response has a falling phase.
@@ -280,7 +282,7 @@ def frf(
 @plot_option()
 def orders(
     source: Source,
-    deliver: ResultDelivery,
+    deliver: Delivery,
     envelope: str | None,
     kurtosis: bool,
     peaks: int,
@@ -343,7 +345,7 @@ def _kurtosis(recording: Recording, found: OrderSpectrum) -> dict[str, Any]:
 @section_options
 @velocity_option
 @plot_option()
-def rms(source: Source, deliver: ResultDelivery, **options: Any) -> int:
+def rms(source: Source, deliver: Delivery, **options: Any) -> int:
     """Compute RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
 
     The mean is subtracted for all other values.
@@ -367,7 +369,7 @@ def rms(source: Source, deliver: ResultDelivery, **options: Any) -> int:
 @opt("--detrend", bool, "Subtract the mean of the section.")
 @section_options
 @plot_option()
-def srs(source: Source, deliver: ResultDelivery, **options: Any) -> int:
+def srs(source: Source, deliver: Delivery, **options: Any) -> int:
     """Compute shock response spectra of accelerations: largest responses, maximax, positive and negative (ISO 18431-4).
 
     \b
@@ -387,7 +389,7 @@ def srs(source: Source, deliver: ResultDelivery, **options: Any) -> int:
 )
 @opt("--harmonics", click.IntRange(min=1), "Harmonics that are fitted.  [default: 10]")
 @section_options
-def tones(source: Source, deliver: ResultDelivery, **options: Any) -> int:
+def tones(source: Source, deliver: Delivery, **options: Any) -> int:
     """Compute frequency, amplitude, phase and distortion of a sine recording (IEEE Std 1057).
 
     \b
@@ -406,7 +408,7 @@ def tones(source: Source, deliver: ResultDelivery, **options: Any) -> int:
 @opt("--fmax", float, "To this band.  [default: 4000; 5000 for thirds]", "HZ")
 @section_options
 @plot_option()
-def decay(source: Source, deliver: ResultDelivery, **options: Any) -> int:
+def decay(source: Source, deliver: Delivery, **options: Any) -> int:
     """Compute reverberation times, clarity, definition and centre time (ISO 3382-1).
 
     FILE holds impulse responses (a shot, a balloon, what `specan impulse` wrote), or noise or a sweep together

@@ -11,7 +11,8 @@ import click
 
 from specan.divisions import DIVISIONS
 from specan_cli.options import Grouped, opt, weighting_option
-from specan_cli.output import asked, decimal_option, emit_json, note, say, table
+from specan_cli.output import asked, emit_json, note, say, table
+from specan_cli.verb import decimal_option
 
 if TYPE_CHECKING:
     from specan.analysis.batch.run import BatchReport

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import json_option, opt
-from specan_cli.output import Delivery, OutputFile, note, plot_option, show_sheets, verb
-from specan_cli.recording_verb import expand, failures, given, left_out
+from specan_cli.output import note, show_sheets
+from specan_cli.verb import Delivery, OutputFile, expand, failures, given, left_out, plot_option, verb
 
 if TYPE_CHECKING:
     from specan.analysis.insertion import CalibrationSettings, Insertion

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.options import EXCEEDED, json_option, opt
-from specan_cli.output import TABLES, Delivery, OutputFile, decimal_option, table, verb
+from specan_cli.output import table
+from specan_cli.verb import TABLES, Delivery, OutputFile, decimal_option, verb
 
 if TYPE_CHECKING:
     from specan.analysis.conformance import Check

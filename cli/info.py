@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opening_options, opt
-from specan_cli.output import Delivery, plot_option, show_apart, table, verb
-from specan_cli.recording_verb import expand, failures, left_out, opened_with
+from specan_cli.output import show_apart, table
+from specan_cli.verb import Delivery, expand, failures, left_out, opened_with, plot_option, verb
 
 if TYPE_CHECKING:
     from specan.data.levels import Quality

@@ -13,7 +13,7 @@ import click
 from specan.errors import InputError, RequestError, library
 from specan_cli.options import opening_options, opt
 from specan_cli.output import say
-from specan_cli.recording_verb import given
+from specan_cli.verb import given
 
 if TYPE_CHECKING:
     from bokeh.document import Document

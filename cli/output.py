@@ -11,22 +11,16 @@ import shutil
 import sys
 import textwrap
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
-from functools import wraps
 from itertools import zip_longest
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unicodedata import combining, east_asian_width
 
 import click
 
-from specan.errors import RequestError
-from specan_cli.options import Grouped, opt
-
 if TYPE_CHECKING:
-    from specan.result import Result, Sheet
+    from specan.result import Sheet
 
 _COLLECTED = "specan_cli.collected"
 _WIDTH = 80  # of a file or a pipe
@@ -202,165 +196,3 @@ def _keep(context: click.Context, option: click.Parameter, value: bool) -> None:
             click.echo(f"{context.info_name}: {passed:.2f} s, {used:.2f} s of processor time", err=True)
 
         context.call_on_close(took)
-
-
-# --- files and figures --------------------------------------------------------------------------------
-
-_STANDARD_OUTPUT = Path("-")
-_FORCE = "specan_cli.force"
-
-
-class OutputFile(click.Path):
-    """Type of an option that names a file to be written; ``-`` is standard output.
-
-    With `endings` a name that ends otherwise is refused: nobody finds tab-separated text in a workbook.
-    """
-
-    def __init__(self, *endings: str) -> None:
-        super().__init__(path_type=Path)
-        self.endings = endings
-
-    def check_ending(self, path: Path) -> None:
-        """Refuse another ending, and name the option of the verb that takes it.
-
-        Raises
-        ------
-        RequestError
-            It is one of a format that is not written.
-        """
-        ending = path.suffix.lower()
-        if self.endings and ending and ending not in self.endings:
-            options = {
-                p.name: p.type.endings
-                for p in click.get_current_context().command.params
-                if isinstance(p.type, OutputFile)
-            }
-            raise RequestError(
-                f"{path} ends in {ending}, a format that this command cannot write",
-                expected=", ".join(self.endings),
-                remedy=", ".join(f"give --{name} {path}" for name, ends in options.items() if ending in ends),
-            )
-
-
-# What specan.io.results_text.write_table writes by the ending; without one, text.
-SAMPLES = (".csv", ".uff", ".unv", ".wav", ".parquet", ".tdms")  # of specan.io.export_file; without one, CSV
-TABLES = (".txt", ".tsv", ".csv", ".xlsx", ".parquet")
-
-
-class Verb(Grouped):
-    """A verb that writes files: its options of type `OutputFile` are checked before the work begins."""
-
-    def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
-        self.params.append(
-            click.Option(
-                ["--force"],
-                is_flag=True,
-                expose_value=False,
-                callback=lambda ctx, _, value: ctx.meta.__setitem__(_FORCE, value),
-                help="Replace a file that specan did not write; a recording is never replaced.",
-            )
-        )
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Refuse targets whose content must not be lost, as `check_output` says; then do the work."""
-        from specan.io.output_file import check_directory, check_output
-
-        types = {p.name: p.type for p in self.params if isinstance(p.type, OutputFile)}
-        given = {name: ctx.params[name] for name in sorted(types) if ctx.params.get(name) is not None}
-        targets = list(given.values())
-        inputs = [path for name, value in ctx.params.items() if name not in types for path in _paths(value)]
-        for name, target in given.items():
-            check_directory(target)
-            check_output(target, inputs, force=ctx.meta.get(_FORCE, False))
-            types[name].check_ending(target)
-        if _STANDARD_OUTPUT in targets and (ctx.params.get("as_json") or targets.count(_STANDARD_OUTPUT) > 1):
-            raise RequestError(
-                "standard output is requested twice", expected="either --json or one file called '-'"
-            )
-        return super().invoke(ctx)
-
-
-def samples_option(ending: str) -> Callable[[Any], Any]:
-    """The option ``-o`` of samples; without it they are written here, under the name of FILE with `ending`."""
-
-    def chosen(context: click.Context, option: click.Parameter, path: Path | None) -> Path:
-        return path or Path(f"{context.params['file'].stem}{ending}")
-
-    text = f"The file to write, in the format of its ending.  [default: FILE{ending}, here]"
-    return opt("-o --output", OutputFile(*SAMPLES), text, callback=chosen)
-
-
-def decimal_option(what: str = "text") -> Callable[[Any], Any]:
-    """The option ``--decimal``."""
-    text = f"Decimal sign of {what}; with a comma, columns of .csv are separated by semicolons.  [default: .]"
-    return opt("--decimal", [".", ","], text, default=".")
-
-
-def _paths(value: Any) -> Iterator[Path]:
-    if isinstance(value, Path):
-        yield value
-    elif isinstance(value, (tuple, list)):
-        for part in value:
-            yield from _paths(part)
-
-
-def plot_option(what: str = "") -> Callable[[Any], Any]:
-    """The option ``--plot FILE``."""
-    text = f"Draw {what} to a .png, .svg or .pdf; - is standard output.".replace("  ", " ")
-    return opt("--plot", OutputFile(".png", ".svg", ".pdf"), text, "FILE")
-
-
-@dataclass(frozen=True)
-class Delivery:
-    """Where a result goes: into a figure, into a file, and to standard output, to read or as JSON."""
-
-    plot: Path | None = None
-    output: Path | None = None
-    as_json: bool = False
-    decimal: str = "."
-
-    def put_out(self, content: Result | Any, show: Callable[[], object]) -> None:
-        """Print JSON of a result or of plain values; else what `show` prints, and which files were written.
-
-        Nothing is printed where standard output is that of a file.
-        """
-        targets = (self.plot, self.output)
-        if self.as_json:
-            emit_json(content.to_dict() if hasattr(content, "to_dict") else content)
-        elif _STANDARD_OUTPUT not in targets:
-            show()
-            for target in filter(None, targets):
-                click.echo(f"Written to {target}.")
-
-    def draw(self, found: Result, **options: Any) -> None:
-        """The figure of a result, where one was asked for; see `specan.plot` for the options."""
-        if self.plot is not None:
-            import specan
-
-            specan.plot(found, self.plot, **options)
-
-    def draw_beside(self, found: Result) -> Delivery:
-        """Draw a result that is printed as well; what is left to put out, without a figure where there is none."""
-        try:
-            self.draw(found)
-        except RequestError as fault:
-            say(f"No figure: {fault}")
-            return replace(self, plot=None)
-        return self
-
-
-def delivered(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Where the result of a verb goes reaches it as `deliver`."""
-
-    @wraps(function)
-    def gathered(**options: Any) -> Any:
-        where = {one.name: options.pop(one.name) for one in fields(Delivery) if one.name in options}
-        return function(deliver=Delivery(**where), **options)
-
-    return gathered
-
-
-def verb(name: str) -> Callable[[Any], click.Command]:
-    """Decorator above the options of a verb that writes files."""
-    return lambda function: click.command(name, cls=Verb)(delivered(function))

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opt
-from specan_cli.output import OutputFile, Verb, add_options
+from specan_cli.output import add_options
+from specan_cli.verb import OutputFile, Verb
 
 if TYPE_CHECKING:
     from specan.models.model import Model

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from specan_cli.output import SAMPLES, OutputFile, note
+from specan_cli.output import note
+from specan_cli.verb import SAMPLES, OutputFile
 
 if TYPE_CHECKING:
     from specan.models.model import Model

@@ -17,8 +17,9 @@ from specan.models.groups import grouped
 from specan.models.model import Model
 from specan.result import records
 from specan_cli.options import column_option, opt, together
-from specan_cli.output import TABLES, OutputFile, decimal_option, emit_json, note, say
+from specan_cli.output import emit_json, note, say
 from specan_cli.output import table as print_table
+from specan_cli.verb import TABLES, OutputFile, decimal_option
 
 POINTS = 7  # of each condition over the limits
 MOST_PRINTED = 60  # rows that a person reads on a terminal

@@ -18,7 +18,8 @@ import click
 
 from specan_cli.main import LazyGroup
 from specan_cli.options import json_option, opt, together
-from specan_cli.output import asked, say, verb
+from specan_cli.output import asked, say
+from specan_cli.verb import verb
 
 if TYPE_CHECKING:
     from specan.study.progress import Progress

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import column_option, json_option, opt
-from specan_cli.output import Verb, emit_json, show_apart
+from specan_cli.output import emit_json, show_apart
+from specan_cli.verb import Verb
 
 if TYPE_CHECKING:
     from specan.study.create import Begun

@@ -9,19 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import opt, together
-from specan_cli.output import (
-    TABLES,
-    Delivery,
-    OutputFile,
-    decimal_option,
-    plot_option,
-    say,
-    show_apart,
-    show_sheets,
-    table,
-    verb,
-)
+from specan_cli.output import say, show_apart, show_sheets, table
 from specan_cli.study import open_study, study_options, study_verb, told
+from specan_cli.verb import TABLES, Delivery, OutputFile, decimal_option, plot_option, verb
 
 if TYPE_CHECKING:
     from specan.study.comparison import Comparison

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import Delivery, plot_option, show_sheets
+from specan_cli.output import show_sheets
 from specan_cli.study import study_verb, told
+from specan_cli.verb import Delivery, plot_option
 
 if TYPE_CHECKING:
     from specan.room.wall_impedance.surface_impedance import Impedance

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import OutputFile, note
+from specan_cli.output import note
 from specan_cli.simulate_table import length, over_limits, simulate, table_options, write
+from specan_cli.verb import OutputFile
 
 if TYPE_CHECKING:
     from specan.models.model import Model
