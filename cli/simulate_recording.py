@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -12,7 +12,11 @@ from specan.errors import RequestError
 from specan.io.output_file import whole_file
 from specan.io.write_tdms import write_tdms
 from specan.models.simulated_channel import SimulatedChannel
-from specan_cli.output import emit_json, table
+from specan_cli.output import emit_json, note, table
+from specan_cli.verb import SAMPLES, OutputFile
+
+if TYPE_CHECKING:
+    from specan.models.model import Model
 
 
 def output_path(path: Path | None, *suffixes: str) -> Path:
@@ -69,3 +73,38 @@ def show_recording(channels: Sequence[SimulatedChannel], as_json: bool, **facts:
         return
     cells = [[str(r["channel"]), f"{r['mean']:.4g}", f"{r['rms']:.4g}", str(r["unit"])] for r in rows]
     table("", ["channel", "mean", "RMS about the mean", "unit"], cells)
+
+
+def answer_inputs(model: Model, options: Mapping[str, Any]) -> None:
+    """Of a model of rates: write or show inputs and answers over the time of a recording."""
+    from specan.data.recording import Recording
+    from specan.io.export_file import Excerpt, write_excerpt
+    from specan.models.chosen_model import choose_model, simulated_table
+    from specan.study.data.open_time import inputs_of
+    from specan.study.observation import DataFile
+
+    file: Path | None = options["conditions"]
+    if file is None:
+        raise RequestError(
+            f"{model.name} needs a recorded input", remedy="name a recording with --conditions FILE"
+        )
+    model, conditions, rate = inputs_of(model, DataFile(file.name, file, columns=options["columns"]))
+    chosen = choose_model(model, options["effects"], options["without"])
+    given = {model.conditions[name].column: values for name, values in conditions.items()}
+    rows = simulated_table(chosen, given, noise=options["noise"], seed=options["seed"])
+    units = {one.column: one.column_unit for one in model.conditions.values()}
+    units |= {one.header: one.column_unit for one in model.observables.values()}
+    channels = [SimulatedChannel(n, units[n], np.asarray(v)) for n, v in rows.items() if n != "time"]
+    if not np.all(np.isfinite([c.samples for c in channels])):
+        raise RequestError(
+            "the states grow without bound", remedy="choose other values with --effects, or correct the model"
+        )
+    if options["output"]:
+        OutputFile(*SAMPLES).check_ending(options["output"])
+        arrays, size = {c.name: c.samples for c in channels}, conditions["time"].size
+        made = Recording.from_arrays(
+            arrays, rate, units={c.name: c.unit for c in channels}, label="simulated"
+        )
+        write_excerpt(Excerpt(made, made.channels, 0, size), options["output"], options["decimal"])
+        note(f"{size} samples written to {options['output']}")
+    show_recording(channels, options["as_json"], effects=[str(use) for use in chosen.assembly.uses])

@@ -45,10 +45,10 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 
     A model of rates answers to the inputs of a recording (--conditions FILE), and -o writes a recording.
     """
-    from specan_cli import simulate_rates
-
     if model.rates:
-        simulate_rates.run(model, options)
+        from specan_cli.simulate_recording import answer_inputs
+
+        answer_inputs(model, options)
         return
     if "table" not in model.kinds:
         raise RequestError(f"the model {model.name!r} cannot be simulated from the command line")

@@ -59,7 +59,7 @@ class StudyPage(Page):
         self.again.on_click(self._as_it_is)
         self.tried: Trial | None = None
         self.now: Trial | None = None
-        self.adding = self.due = False
+        self.adding = False
         self.ranking = Ranking(self._try, self.dressed)
         self.agreement = agreement_of(self.study)
         for part in self.agreement:
@@ -193,19 +193,12 @@ class StudyPage(Page):
             self._show_candidates(None)
             self.status.end(done)
             if tried:
-                self.due = True  # after the trial: what a person asked for comes first
                 self._try(tried)
-            else:
-                self._diagnose()
+            self._diagnose()
 
         self.work.ask(lambda tell: self.kept.now(), show)
 
-    def _diagnose_if_due(self) -> None:
-        if self.due:
-            self._diagnose()
-
     def _diagnose(self) -> None:
-        self.due = False
         if not self.study.data.known:
             self.progress.end(
                 "The uncertainty of the measurement is unknown, so the candidates cannot be ranked."
@@ -236,7 +229,6 @@ class StudyPage(Page):
             self._show(trial)
             self._write_address(tried=uses)
             self.status.end(f"Trial: {name} (not accepted).")
-            self._diagnose_if_due()
             self.accept.update(
                 label=f"Accept {name}", disabled=False, html_attributes={"title": f"Accept {name}"}
             )
@@ -287,6 +279,5 @@ class StudyPage(Page):
 
     def _failed(self, message: str) -> None:
         self.adding = False
-        self._diagnose_if_due()
         self.accept.disabled = self.tried is None
         super()._failed(message)
