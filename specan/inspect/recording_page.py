@@ -131,20 +131,18 @@ class RecordingPage(Page):
             "value_input", CustomJS(args={"list": self._channels, "all": texts}, code=_FILTER)
         )
         self._channels.on_change("value", lambda a, old, new: self.change(channel=tuple(new)))
-        self._start = NumericInput(
-            title="Section from / s", value=view.start, mode="float", width=90, name="start"
-        )
-        self._stop = NumericInput(title="to / s", value=view.stop, mode="float", width=90, name="stop")
-        self._start.on_change("value", lambda a, old, new: self.change(start=new or 0.0))
-        self._stop.on_change("value", lambda a, old, new: self.change(stop=new))
-        self._cursor = NumericInput(
-            title="Cursor / Hz", value=view.cursor, mode="float", width=90, name="cursor"
-        )
-        self._cursor.on_change("value", lambda a, old, new: self.change(cursor=new))
+        titles = {"start": "Section from / s", "stop": "to / s", "cursor": "Cursor / Hz"}
+        self._numbers_of = {
+            name: NumericInput(title=title, value=getattr(view, name), mode="float", width=90, name=name)
+            for name, title in titles.items()
+        }
+        for name, widget in self._numbers_of.items():
+            widget.on_change("value", lambda a, old, new, name=name: self.change(**{name: new}))
+        start, stop, cursor = self._numbers_of.values()
         harmonics = Checkbox(label="harmonics", active=view.harmonics, name="harmonics", margin=(20, 0, 0, 4))
         harmonics.on_change("active", lambda a, old, new: self.change(harmonics=new))
         return column(
-            search, self._channels, row(self._start, self._stop), row(self._cursor, harmonics),
+            search, self._channels, row(start, stop), row(cursor, harmonics),
             Div(text=notice(f"Calibration: {self.opened.calibration}"), width=_LEFT - 24, name="calibration"),
             width=_LEFT, sizing_mode="stretch_height", styles=PANEL, css_classes=["whole", "channels"],
         )  # fmt: skip
@@ -187,7 +185,8 @@ class RecordingPage(Page):
             self.readout.text = ""
             self._wait()
         self.waveform.show_section(view)
-        self._start.value, self._stop.value, self._cursor.value = view.start, view.stop, view.cursor
+        for name, widget in self._numbers_of.items():
+            widget.value = getattr(view, name)
         beside = {"cursor", "harmonics", "low", "high"}
         if view.model_dump(exclude=beside) == old.model_dump(exclude=beside):
             self._show_cursor()

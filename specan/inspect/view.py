@@ -124,12 +124,10 @@ class View(InAddress):
     @classmethod
     def made(cls, where: str, content: Mapping[str, Any]) -> Self:
         """Checked, the settings of the tab as well."""
-        common = {name: value for name, value in content.items() if name in cls.model_fields}
-        own = {
-            name: value for name, value in content.items() if name not in common and value not in (None, "")
-        }
+        content = {name: value for name, value in content.items() if value not in (None, "")}
+        common = {name: content.pop(name) for name in cls.model_fields if name in content}
         view = parse(cls, common, where)
-        settings = parse(OF_TABS[view.tab], own, where).model_dump(exclude_defaults=True)
+        settings = parse(OF_TABS[view.tab], content, where).model_dump(exclude_defaults=True)
         return view.model_copy(update={"settings": settings})
 
     def changed(self) -> dict[str, Any]:
