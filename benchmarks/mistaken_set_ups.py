@@ -33,8 +33,8 @@ from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles
 from specan.study.progress import unheard
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.initial_fit import initial_fit
 from specan.study.selection.refits import Refit
+from specan.study.selection.starting_values import initial_fit
 from truth.room import RoomCase, simulate, write
 from truth.room.box import WALLS
 

@@ -24,8 +24,8 @@ from specan.study.evidence.explanations import Form
 from specan.study.evidence.promises import Promise
 from specan.study.observation.frf import FrfObservation
 from specan.study.progress import unheard
-from specan.study.selection.initial_fit import initial_fit
 from specan.study.selection.refits import Refit, Refits
+from specan.study.selection.starting_values import initial_fit
 from specan.study.study import Study
 from truth.room import EFFECTS, RoomCase
 

@@ -7,9 +7,9 @@ scales or joins some of them. See `specan.models.effect.effect` for how to write
 from specan.models.check import check_effect, conditions_over_limits
 from specan.models.effect import Effect, Parameter, Use, effect
 from specan.models.evaluation import Evaluation, varying
-from specan.models.measurement_kinds import Completed, TableFault, TableRules
 from specan.models.model import Assembly, Model, Nuisance, Words
 from specan.models.quantity import (
+    Completed,
     Condition,
     Frf,
     Observable,
@@ -17,6 +17,8 @@ from specan.models.quantity import (
     Reading,
     RigStatement,
     SettingError,
+    TableFault,
+    TableRules,
     constant,
     quantity,
     rig_statement,

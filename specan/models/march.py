@@ -25,8 +25,7 @@ from specan.arrays import Real
 from specan.errors import RequestError
 from specan.models import marching
 from specan.models.effect import ParameterName
-from specan.models.evaluation import Assembly
-from specan.models.loops import reached
+from specan.models.evaluation import Assembly, reached
 from specan.models.rates import TIME
 from specan.result import counted, gathered
 from specan.user_folder import user_folder

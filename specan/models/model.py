@@ -13,8 +13,7 @@ from specan.models.effect import Effect, Use
 from specan.models.evaluation import Assembly
 from specan.models.from_function import PREFIX, as_declared, fields_from_functions, name_of, title_of
 from specan.models.groups import check_groups, with_groups
-from specan.models.measurement_kinds import TableRules
-from specan.models.quantity import Condition, Observable, Quantity, RigStatement, rig_statement
+from specan.models.quantity import Condition, Observable, Quantity, RigStatement, TableRules, rig_statement
 from specan.models.rates import Rates, State, fields_from_rates
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from specan.result import Sheet, cell
 from specan.study.estimation.prediction_error import ObservableError
 from specan.study.history import Step, error_pairs
-from specan.study.localisation.frf_errors import FrfErrors
+from specan.study.localisation.by_band_and_channel import FrfErrors
 from specan.study.localisation.localise import Block
 from specan.study.verdict import Diagnosis, Pull, percent, placed
 from specan.units import printed_unit, spoken

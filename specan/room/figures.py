@@ -22,7 +22,7 @@ from specan.report.study_words import state_of
 from specan.room.model.field_map import FieldMap
 from specan.room.model.places import receivers_of
 from specan.room.wall_impedance.surface_impedance import ALL, Impedance
-from specan.study.localisation.frf_errors import FrfErrors
+from specan.study.localisation.by_band_and_channel import FrfErrors
 
 if TYPE_CHECKING:
     import pandas as pd

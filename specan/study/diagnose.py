@@ -20,8 +20,8 @@ from specan.study.observation import brought
 from specan.study.observation.frf import FrfObservation
 from specan.study.progress import Progress, unheard
 from specan.study.recorded_noise import NoiseError, with_noise_of_largest
-from specan.study.selection.initial_fit import InitialFit, initial_fit
 from specan.study.selection.refits import Refit
+from specan.study.selection.starting_values import InitialFit, initial_fit
 from specan.study.verdict import Diagnosis, LackOfFit
 
 

@@ -16,7 +16,7 @@ from specan.models.catalogue import effects_from_file
 from specan.result import Result, counted
 from specan.study.design.operating_points import propose as propose_measurements
 from specan.study.estimation.fit import fit
-from specan.study.estimation.left_out import left_out_errors
+from specan.study.estimation.prediction_error import left_out_errors
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.law_search import Law, search_laws
 from specan.study.selection.refits import Refit

@@ -16,9 +16,9 @@ from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.growing import far, grown
 from specan.study.estimation.levenberg_marquardt import best_screened, descend
 from specan.study.estimation.problem import Problem
+from specan.study.evidence.faults import unspoilt
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.promises import Catalogue, Promise
-from specan.study.evidence.spoilt_samples import unspoilt
 from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
 

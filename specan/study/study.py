@@ -39,7 +39,7 @@ from specan.study.history import (
     line_of,
     recover,
 )
-from specan.study.localisation.frf_errors import FrfErrors
+from specan.study.localisation.by_band_and_channel import FrfErrors
 from specan.study.localisation.localise import MistakenSetUp, curve_errors, localise, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles, brought, kind_named, together
 from specan.study.progress import Progress

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.models.loops import fixed_point, ordered
+from specan.models.evaluation import fixed_point, ordered
 
 
 def linear(gain, offset=1.0):

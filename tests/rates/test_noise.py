@@ -14,8 +14,15 @@ from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import covariance, fit, intervals_95
 from specan.study.evidence.diagnosis import larger_noise
 from specan.study.evidence.noise import own_noises
-from specan.study.observation.autoregression import coloured, excess, innovations, ln_volume, of_process
-from specan.study.observation.time import Noise, TimeObservation
+from specan.study.observation.time import (
+    Noise,
+    TimeObservation,
+    coloured,
+    excess,
+    innovations,
+    ln_volume,
+    of_process,
+)
 from specan.study.selection.candidates import base_problem
 from tests.rates.runge_kutta import displacement, halves
 from tests.rates.test_solver import cubic_spring, damper, dv, dx, spring

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from specan.study.estimation.fit import misfit_p_value
-from specan.study.estimation.left_out import blocks
 from specan.study.estimation.linear import Projection
+from specan.study.estimation.prediction_error import blocks
 from specan.study.evidence.law_search import gain_of
 
 

@@ -11,8 +11,7 @@ from specan.study.estimation.fit import fit
 from specan.study.estimation.linear import Projection
 from specan.study.selection.candidates import base_problem, candidates, grid
 from specan.study.selection.refits import Refit, Refits, start_from
-from specan.study.selection.score_test import best_of_each, score
-from specan.study.selection.signatures import Signatures
+from specan.study.selection.signatures import Signatures, best_of_each, score
 
 
 def scored(problem):

@@ -16,10 +16,9 @@ from specan.study.estimation.prediction_error import observable_errors
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem, candidates, confounded_with
 from specan.study.selection.refits import Refit
-from specan.study.selection.score_test import score
-from specan.study.selection.signatures import Signatures
-from specan.study.selection.single_instruments import displaced
+from specan.study.selection.signatures import Signatures, score
 from specan.study.selection.starting_values import (
+    displaced,
     kept_values,
     scan_promising,
     scan_shapes,

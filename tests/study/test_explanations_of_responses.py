@@ -12,8 +12,8 @@ from specan.study.estimation.fit import describe, fit
 from specan.study.evidence.diagnosis import told
 from specan.study.evidence.of_responses import OfResponses
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.initial_fit import InitialFit
 from specan.study.selection.refits import Refit
+from specan.study.selection.starting_values import InitialFit
 from tests.study.few import beside
 from tests.study.test_coarse import RIG, recorded
 

@@ -12,8 +12,8 @@ from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.refits import Refit
+from specan.study.selection.starting_values import about_itself
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},

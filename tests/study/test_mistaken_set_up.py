@@ -13,7 +13,7 @@ from specan.study.diagnose import diagnose, mistake_beside
 from specan.study.localisation.localise import mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.initial_fit import InitialFit
+from specan.study.selection.starting_values import InitialFit
 from truth.room import simulate, write
 
 SEED = 41

@@ -14,7 +14,7 @@ from specan.room.study.field_observation import FieldObservation
 from specan.room.study.receiver_places import _separations, _views, propose_places
 from specan.study.design.operating_points import explore, propose
 from specan.study.estimation.fit import fit
-from specan.study.localisation.frf_errors import assurance, curve_errors
+from specan.study.localisation.by_band_and_channel import assurance, curve_errors
 from specan.study.localisation.localise import localise
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem

@@ -23,7 +23,7 @@ from specan.room.study.field_observation import FieldObservation, field_observat
 from specan.study.design.operating_points import EXPLORED, SEPARATES, Proposal, name_of
 from specan.study.estimation.linear import chi2_beside, covariance_root
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.frf_errors import DB
+from specan.study.localisation.by_band_and_channel import DB
 from specan.study.localisation.localise import Block
 from specan.study.observation import Array
 from specan.study.observation.frf import LINE_CORRELATION

@@ -25,8 +25,8 @@ from specan.study.data.estimated_lines import LEAST_BLOCKS, estimate_lines
 from specan.study.data.recordings import parted
 from specan.study.data.recordings import reads as is_recording
 from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file, sigma_of
+from specan.study.localisation.by_band_and_channel import curve_errors as curve_errors
 from specan.study.localisation.by_band_and_channel import localise as localise
-from specan.study.localisation.frf_errors import curve_errors as curve_errors
 from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation, piecewise_linear_basis
 from specan.study.observation.window_leakage import Folding

@@ -21,10 +21,16 @@ from numpy.typing import NDArray
 from specan.study.data.setpoints import TIME
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
-from specan.study.observation.autoregression import burg, coloured, innovations, ln_volume, of_likely_order
 from specan.study.observation.table import TableObservation
 from specan.study.observation.time import Noise as Form
-from specan.study.observation.time import TimeObservation
+from specan.study.observation.time import (
+    TimeObservation,
+    burg,
+    coloured,
+    innovations,
+    ln_volume,
+    of_likely_order,
+)
 from specan.units import spoken
 
 WHITE = Form("white")

@@ -32,8 +32,7 @@ from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array
 from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import confounded_with
-from specan.study.selection.initial_fit import InitialFit, with_covariances_about
-from specan.study.selection.single_instruments import displaced
+from specan.study.selection.starting_values import InitialFit, displaced, with_covariances_about
 
 SHORT = 2 / 3  # of what a promise leaves beyond the noise from afar, that a fit may take away in addition
 

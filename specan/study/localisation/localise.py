@@ -223,7 +223,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
 def curve_errors(problem: Problem, best: Fit) -> list[Any]:
     """Level and phase errors of every recording whose kind of measurement holds curves; none where none does.
 
-    See `specan.study.localisation.frf_errors.FrfErrors`.
+    See `specan.study.localisation.by_band_and_channel.FrfErrors`.
     """
     predictions = problem.plain(best.theta)
     ways = [brought([o], "curve_errors") for o in problem.observations]

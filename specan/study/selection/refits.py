@@ -26,8 +26,7 @@ from specan.study.estimation.levenberg_marquardt import (
 )
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
-from specan.study.selection.score_test import Scored
-from specan.study.selection.signatures import with_rows_of
+from specan.study.selection.signatures import Scored, with_rows_of
 
 EffectSet = frozenset[Use]
 

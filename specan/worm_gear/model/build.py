@@ -11,9 +11,17 @@ import numpy as np
 
 from specan.arrays import Flags, Real
 from specan.models.catalogue import effects_in
-from specan.models.measurement_kinds import Completed, TableFault, TableRules
 from specan.models.model import Model, Nuisance, Words
-from specan.models.quantity import Condition, Observable, RigStatement, SettingError, rig_statement
+from specan.models.quantity import (
+    Completed,
+    Condition,
+    Observable,
+    RigStatement,
+    SettingError,
+    TableFault,
+    TableRules,
+    rig_statement,
+)
 from specan.worm_gear.model.bearings import bearing_quantities
 from specan.worm_gear.model.power import IDLE, QUANTITIES, article_quantities, constants, viscosity
 from specan.worm_gear.model.rig import (

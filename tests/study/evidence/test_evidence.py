@@ -15,12 +15,12 @@ from specan.models.quantity import SettingError
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.evidence import marginal
+from specan.study.evidence.diagnosis import stated
 from specan.study.evidence.diagnosis import told as diagnosis_of
 from specan.study.evidence.explanations import Explanation, Explanations
-from specan.study.evidence.judgement import stated
+from specan.study.evidence.form_errors import kernel_root, operating_points
 from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.evidence.noise import Autoregression, Rough, autoregressions, scatter
-from specan.study.evidence.smooth import kernel_root, operating_points
 from specan.study.observation import Strategy
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refit
