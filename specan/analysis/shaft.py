@@ -96,30 +96,27 @@ def tracked_shaft(
     """
     channel = tacho_of(recording, name)
     count = pulses_per_turn if pulses_per_turn is not None else _pulses_of(recording, channel)
-    samples = recording.read([channel])[0]
-    delay = -channel.delay_s
-    first, last = section_s[0] - delay, math.inf if section_s[1] is None else section_s[1] - delay
+    first, last = section_s[0], math.inf if section_s[1] is None else section_s[1]
     try:
-        times = pulse_times(samples, channel.sampling_rate)
+        times = pulse_times(recording.read([channel])[0], channel.sampling_rate) - channel.delay_s
         pulses = repair(times, first, last)
         found = shaft_angle(pulses, count * ratio)
     except InputError as fault:
         raise InputError(
             f"{recording.label}, {channel.label}: {fault.found}", expected=fault.expected, remedy=fault.remedy
         ) from None
-    spacing, end = np.diff(found.time), samples.size / channel.sampling_rate
-    ends = ((0.0, times[0], spacing[0]), (times[-1], end, spacing[-1]))
+    spacing, end = np.diff(found.time), channel.duration_s - channel.delay_s
+    ends = ((-channel.delay_s, times[0], spacing[0]), (times[-1], end, spacing[-1]))
     silent = [*pulses.silent, *((a, b) for a, b, usual in ends if b - a > COUNTABLE * usual)]
-    silent = sorted((max(a, first), min(b, last)) for a, b in silent if a < last and b > first)
+    silent = sorted((float(max(a, first)), float(min(b, last))) for a, b in silent if a < last and b > first)
+    begin, stop = found.time[[0, -1]] + [-spacing[0], spacing[-1]]
     return Shaft(
-        lambda t: found.at(np.asarray(t) - delay),
-        lambda t: found.speed(np.asarray(t) - delay),
-        float(max([found.time[0] - spacing[0], *(b for _, b in silent if b <= found.time[0])]) + delay),
-        float(
-            min([end, found.time[-1] + spacing[-1], *(a for a, _ in silent if a >= found.time[-1])]) + delay
-        ),
+        found.at,
+        found.speed,
+        float(max([begin, *(b for _, b in silent if b <= found.time[0])])),
+        float(min([end, stop, *(a for a, _ in silent if a >= found.time[-1])])),
         TachoReport(channel.label, pulses.time.size, pulses.missing, pulses.double, found.jitter_s),
-        tuple((float(a + delay), float(b + delay)) for a, b in silent),
+        tuple(silent),
     )
 
 
