@@ -1,5 +1,7 @@
 """Files that change or vanish while they are read; what a result hangs on."""
 
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,8 +9,9 @@ import pytest
 from specan.analysis.batch import one_file
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.one_file import Task, analyse_file, analyse_unchanged
+from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.store import BLOCK, BLOCKS, Store, identify, program_identity
+from specan.analysis.batch.store import Store, keys_of, program_identity
 from specan.io.tdms_headers import metadata_of
 from truth.rig import box_rig, sine_take
 from truth.rig_files import write_tdms
@@ -22,7 +25,7 @@ def entry(tmp_path: Path) -> Input:
     return Input(str(path), "a.tdms", str(tmp_path), path.stat().st_size)
 
 
-def analyse(entry: Input, monkeypatch: pytest.MonkeyPatch, meanwhile) -> one_file.Outcome:
+def analyse(entry: Input, monkeypatch: pytest.MonkeyPatch, meanwhile) -> FileResult:
     def slow(*args):
         result = analyse_file(*args)
         meanwhile(Path(entry.path))
@@ -42,53 +45,39 @@ def grow(path: Path) -> None:
     [(grow, "it changed while it was read (from "), (Path.unlink, "it vanished while it was read")],
 )
 def test_a_file_that_changes_gives_no_result(entry: Input, monkeypatch, meanwhile, reason: str) -> None:
-    outcome = analyse(entry, monkeypatch, meanwhile)
-    assert outcome.result.kind == "failed"
-    assert outcome.result.reason.startswith(reason)
-    assert outcome.identity is None
+    found = analyse(entry, monkeypatch, meanwhile)
+    assert found.kind == "failed"
+    assert found.reason.startswith(reason)
 
 
 def test_a_file_that_stays_gives_its_result(entry: Input, monkeypatch) -> None:
-    outcome = analyse(entry, monkeypatch, lambda path: None)
-    assert outcome.result.kind == "done"
-    assert outcome.identity is not None
-    assert outcome.identity.untouched(entry.path)
-
-
-def test_a_failure_is_not_kept(tmp_path: Path) -> None:
-    (tmp_path / "b.tdms").write_bytes(b"no recording")
-    outcome = analyse_unchanged(
-        Task(Input(str(tmp_path / "b.tdms"), "b.tdms", str(tmp_path), 12), BatchSettings())
-    )
-    assert (outcome.result.kind, outcome.identity) == ("failed", None)
+    assert analyse(entry, monkeypatch, lambda path: None).kind == "done"
 
 
 def test_a_kept_result_is_the_result(entry: Input, tmp_path: Path) -> None:
-    outcome = analyse_unchanged(Task(entry, BatchSettings()))
-    assert outcome.identity is not None
+    result = analyse_unchanged(Task(entry, BatchSettings()))
     store = Store(tmp_path / "store")
-    kept = store.put(outcome.result, outcome.identity, "context")
-    again = Store(tmp_path / "store").find("a.tdms")
-    assert repr(again) == repr(kept)
-    assert {table: kept.lines(table) for table in kept.places} == dict(outcome.result.blocks)
+    kept = store.put(result, "a")
+    assert repr(Store(tmp_path / "store").find("a")) == repr(kept)
+    assert {table: kept.lines(table) for table in kept.places} == dict(result.blocks)
     # Every digit of the tone table, NaN and units included.
-    assert repr(kept.result.tones) == repr(outcome.result.tones)
-    assert kept.result.about == outcome.result.about
-    assert kept.identity == outcome.identity
-    assert store.find("b.tdms") is None
+    assert repr(kept.result.tones) == repr(result.tones)
+    assert kept.result.about == result.about
+    assert store.find("b") is None
 
 
-@pytest.mark.parametrize("place", ["first", "inside", "last"])
-def test_the_spread_hash_sees_its_blocks(tmp_path: Path, place: str) -> None:
-    path = tmp_path / "x.wav"
-    size = 3 * BLOCK * BLOCKS
-    path.write_bytes(bytes(size))
-    before = identify(str(path))
-    at = {"first": 0, "inside": (size - BLOCK) * 40 // (BLOCKS - 1) + 5, "last": size - 1}[place]
-    with path.open("r+b") as file:
-        file.seek(at)
-        file.write(b"\x01")
-    assert identify(str(path)).digest != before.digest
+def test_a_result_is_known_by_all_that_it_was_made_from(entry: Input, tmp_path: Path) -> None:
+    names = {keys_of(BatchSettings())(entry), keys_of(BatchSettings(reference="Mic 1"))(entry)}
+    names.add(keys_of(BatchSettings())(replace(entry, label="b.tdms")))
+    (tmp_path / "calibration.toml").write_text("schema = 1\n")
+    calibrated = replace(entry, calibration=str(tmp_path / "calibration.toml"))
+    names.add(keys_of(BatchSettings())(calibrated))
+    (tmp_path / "calibration.toml").write_text("schema = 1 \n")
+    names.add(keys_of(BatchSettings())(calibrated))
+    os.utime(entry.path, ns=(0, 0))
+    names.add(keys_of(BatchSettings())(entry))
+    assert len(names) == 6
+    assert keys_of(BatchSettings())(entry) in names
 
 
 def test_the_metadata_of_every_segment_counts(tmp_path: Path) -> None:

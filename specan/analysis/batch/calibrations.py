@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -56,11 +56,8 @@ def assign_calibrations(
     given: Path | None,
     out: Path,
     settings: CalibrationSettings,
-    known: Collection[str] = (),
 ) -> Assigned:
     """Give each file its calibration; calibrator recordings become results of their own.
-
-    Files whose labels are `known` not to be those of calibrator recordings are not opened.
 
     The first that there is counts: the calibration that was given; a `calibration.toml` in the file's
     directory or in one above it, up to the directory of the batch; the calibrator recordings of that
@@ -73,7 +70,7 @@ def assign_calibrations(
     """
     calibrators, others = list[Input](), list[Input]()
     for entry in inputs:
-        (calibrators if entry.label not in known and is_calibrator(entry) else others).append(entry)
+        (calibrators if is_calibrator(entry) else others).append(entry)
     if given is not None:
         read_calibration(given)
         aside = [FileResult(entry.label, "aside", _UNUSED) for entry in calibrators]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple, TypeVar
 
@@ -13,7 +12,7 @@ from specan.analysis.accumulator import Reader, feed
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.result import FileResult, Kind
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.store import Identity, identify
+from specan.analysis.batch.store import state_of
 from specan.analysis.batch.tables import (
     band_lines,
     noise_lines,
@@ -289,43 +288,23 @@ class Task(NamedTuple):
     ----------
     calibration : Calibration, optional
         The one that the file is given.
-    whole : bool
-        Hash all bytes of the file as well.
     """
 
     entry: Input
     settings: BatchSettings
     calibration: Calibration | None = None
-    whole: bool = False
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Result of a file and what the file was then; without an identity the result is not to be kept."""
-
-    result: FileResult
-    identity: Identity | None = None
-
-
-def analyse_unchanged(task: Task) -> Outcome:
+def analyse_unchanged(task: Task) -> FileResult:
     """Result of one file; a file that changes while it is read has none."""
-    entry, settings, calibration, whole = task
-    try:
-        before = identify(entry.path, whole=whole)
-    except Exception:
-        before = None  # the analysis says why
-    result = analyse_file(entry, settings, calibration)
-    if before is None:
-        return Outcome(result)
-    if not before.untouched(entry.path):
-        return Outcome(FileResult(entry.label, "failed", _changed(entry, before)))
-    return Outcome(result, None if result.kind == "failed" else before)
-
-
-def _changed(entry: Input, before: Identity) -> str:
-    try:
-        size = os.stat(entry.path).st_size
-    except OSError:
-        return "it vanished while it was read; put it back and run the batch again"
-    how = f"from {before.size} to {size} bytes" if size != before.size else "in time, not in size"
-    return f"it changed while it was read ({how}); run the batch again when the recording is complete"
+    before = state_of(task.entry.path)
+    result = analyse_file(*task)
+    after = state_of(task.entry.path)
+    if before is None or before == after:
+        return result
+    if after is None:
+        reason = "it vanished while it was read; put it back and run the batch again"
+    else:
+        how = f"from {before[0]} to {after[0]} bytes" if before[0] != after[0] else "in time, not in size"
+        reason = f"it changed while it was read ({how}); run the batch again when the recording is complete"
+    return FileResult(task.entry.label, "failed", reason)

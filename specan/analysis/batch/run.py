@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cache
@@ -24,11 +24,11 @@ from specan.analysis.batch.inputs import (
     is_of_a_batch,
     remember_own,
 )
-from specan.analysis.batch.one_file import Outcome, Task, analyse_unchanged
+from specan.analysis.batch.one_file import Task, analyse_unchanged
 from specan.analysis.batch.pool import spread
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.store import Kept, Store, context_of, unchanged
+from specan.analysis.batch.store import Kept, Store, keys_of
 from specan.analysis.batch.tables import write_tables
 from specan.dsp.multirate import keep_freed_memory
 from specan.errors import RequestError
@@ -115,36 +115,19 @@ class Means:
     ----------
     jobs : int
         Number of processes; by default one for each core, but no more than the recordings are worth.
-    cluster : str
-        Address of a dask scheduler whose workers analyse the files in place of processes here.
-    verify : bool
-        Hash every byte of the recordings to find out whether a kept result holds, in place of size, time and samples.
     progress : callable
         Called with the number of files done, of all files, and an estimate of the seconds that remain.
-    warn : callable
-        Called with what the user should know while the work goes on.
     """
 
     jobs: int | None = None
-    cluster: str | None = None
-    verify: bool = False
     progress: Callable[[int, int, float], None] | None = None
-    warn: Callable[[str], None] = lambda _: None
 
     def __post_init__(self) -> None:
         if self.jobs is not None and self.jobs < 1:
             raise RequestError(f"the number of processes is {self.jobs}", expected="1 or more")
-        if self.jobs is not None and self.cluster is not None:
-            raise RequestError(
-                "--jobs and --cluster are both given", expected="--jobs or --cluster, not both"
-            )
 
-    def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Outcome]]:
-        """Position and outcome of every file, in the order in which they are ready; processes here keep it."""
-        if self.cluster is not None:
-            from specan.analysis.batch.cluster import spread_over_cluster
-
-            return spread_over_cluster(self.cluster, tasks, self.warn)
+    def results(self, tasks: Sequence[Task]) -> Iterator[tuple[int, FileResult]]:
+        """Position and result of every file, in the order in which they are ready."""
         worth = sum(task.entry.size for task in tasks) // WORTH_A_PROCESS
         return spread(tasks, _one, self.jobs or max(1, min(os.cpu_count() or 1, worth)), _lost)
 
@@ -160,8 +143,8 @@ def run_batch(
 ) -> BatchReport:
     """Analyse every recording below `directories` and write the tables into `out`.
 
-    Files are analysed independently, each with its samples read once (once more for orders), by `jobs` processes
-    or the workers of a cluster. The result of each is kept in `out` as soon as it is there, and the tables are put
+    Files are analysed independently, each with its samples read once (once more for orders), by `jobs` processes.
+    The result of each is kept in `out` as soon as it is there, and the tables are put
     together at the end in the order of the labels: a batch that is interrupted goes on where it was when it is run
     again, and its tables are those of one that was not.
 
@@ -175,8 +158,7 @@ def run_batch(
     Raises
     ------
     RequestError
-        A directory does not exist, `out` cannot be written to or is in use, the calibration is not valid, or the
-        cluster does not answer.
+        A directory does not exist, `out` cannot be written to or is in use, or the calibration is not valid.
     InputError
         There is no recording.
     """
@@ -189,17 +171,16 @@ def run_batch(
     certain = tuple(name for name in COLUMNS if name not in OPTIONAL or settings.orders is not None)
     with claim(out, certain):
         store = Store(out / STORE)
-        earlier = {e.label: one for e in inputs if (one := unchanged(e, store, verify=work.verify))}
-        assigned = assign_calibrations(inputs, calibration, store.place, settings.calibration, earlier)
+        assigned = assign_calibrations(inputs, calibration, store.place, settings.calibration)
         for made in store.place.glob("*.toml"):
             check_own(out / made.name, store.place, made)
-        made_from = context_of(settings)
-        known = [
-            e for e in assigned.inputs if e.label in earlier and earlier[e.label].context == made_from(e)
-        ]
-        kept = {e.label: earlier[e.label] for e in known}
+        keys = {
+            entry.label: key for entry, key in zip(assigned.inputs, map(keys_of(settings), assigned.inputs))
+        }
+        kept = {label: one for label, key in keys.items() if (one := store.find(key))}
         todo = [entry for entry in assigned.inputs if entry.label not in kept]
-        failed = _work_off(todo, settings, work, made_from, store, kept)
+        resumed = len(kept)
+        failed = _work_off(todo, settings, work, keys, store, kept)
         results = [*assigned.calibrators, *failed, *(one.result for one in kept.values())]
         results.sort(key=lambda result: result.label)
         header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
@@ -207,12 +188,12 @@ def run_batch(
             header.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
         written = write_tables(store.place, header, results, kept, settings.decimal)
         _publish(store.place, out, written)
-        store.keep_only(kept)
+        store.keep_only(keys[label] for label in kept)
     return BatchReport(
         results=tuple(results),
         tables=tuple(out / name for name in written),
         rows=tuple(written.values()),
-        resumed=len(known),
+        resumed=resumed,
         calibration=assigned.said,
         inputs=tuple(_published(entry, store.place, out) for entry in assigned.inputs),
     )
@@ -228,7 +209,7 @@ def _work_off(
     todo: Sequence[Input],
     settings: BatchSettings,
     work: Means,
-    made_from: Callable[[Input], str],
+    keys: Mapping[str, str],
     store: Store,
     kept: dict[str, Kept],
 ) -> list[FileResult]:
@@ -236,15 +217,15 @@ def _work_off(
     before, failed = len(kept), []
     read = cache(read_calibration)
     calibrations = [read(entry.calibration) if entry.calibration else None for entry in todo]
-    tasks = [Task(e, settings, found, work.verify) for e, found in zip(todo, calibrations, strict=True)]
+    tasks = [Task(e, settings, found) for e, found in zip(todo, calibrations, strict=True)]
     begin, total, done = time.monotonic(), max(sum(entry.size for entry in todo), 1), 0
-    with closing(work.outcomes(tasks)) as outcomes:  # type: ignore[type-var]
-        for count, (position, outcome) in enumerate(outcomes, before + 1):
+    with closing(work.results(tasks)) as results:  # type: ignore[type-var]
+        for count, (position, result) in enumerate(results, before + 1):
             entry = todo[position]
-            if outcome.identity is None:
-                failed.append(outcome.result)
+            if result.kind == "failed":
+                failed.append(result)
             else:
-                kept[entry.label] = store.put(outcome.result, outcome.identity, made_from(entry))
+                kept[entry.label] = store.put(result, keys[entry.label])
             done += entry.size
             if work.progress is not None:
                 remaining = (time.monotonic() - begin) * (total - done) / max(done, 1)
@@ -271,11 +252,11 @@ def _publish(ready: Path, out: Path, written: Collection[str]) -> None:
             (out / name).unlink()
 
 
-def _one(task: Task) -> Outcome:
+def _one(task: Task) -> FileResult:
     keep_freed_memory()  # files of a second work in 20 MB, again and again
     return analyse_unchanged(task)
 
 
-def _lost(task: Task) -> Outcome:
+def _lost(task: Task) -> FileResult:
     reason = "the process that analysed it was killed (out of memory?); run it alone, or with fewer processes"
-    return Outcome(FileResult(task.entry.label, "failed", reason))
+    return FileResult(task.entry.label, "failed", reason)
