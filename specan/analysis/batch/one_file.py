@@ -31,7 +31,7 @@ from specan.data.calibration import Calibration, apply
 from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
-from specan.data.tone import Excitation
+from specan.data.tone import Excitation, ToneTable
 from specan.errors import NoSignalError, SpecanError, reason_of
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
@@ -46,14 +46,20 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
     An error that nobody foresaw is a reason as well, with its type: it must not cost the other files
     their results, and it makes the batch end with exit code 1.
     """
-    try:
+
+    def runs() -> FileResult:
         recording = open_headers(entry)
         if calibration is not None:
             recording = apply(calibration, recording)
-        runs = recording.runs
-        if len(runs) == 1:
-            return _of_run(recording, settings)
-        return _together([(run, _attempted(run, settings)) for run in runs])
+        return _together([(r, _attempted(entry, partial(_of_run, r, settings))) for r in recording.runs])
+
+    return _attempted(entry, runs)
+
+
+def _attempted(entry: Input, work: Callable[[], FileResult]) -> FileResult:
+    """A result, or the reason why there is none: what is wrong with one run does not cost another."""
+    try:
+        return work()
     except OSError as fault:
         return FileResult(entry.label, "failed", f"it cannot be read ({fault.strerror or fault})")
     except Exception as fault:
@@ -65,29 +71,18 @@ def _of_run(run: Recording, settings: BatchSettings) -> FileResult:
     return with_orders(_analyse(run, settings), run, settings)
 
 
-def _attempted(run: Recording, settings: BatchSettings) -> FileResult:
-    """The same; what is wrong with one run does not cost another."""
-    try:
-        return _of_run(run, settings)
-    except SpecanError as fault:
-        return FileResult(run.label, "failed", str(fault).removeprefix(f"{run.label}: "))
-
-
 def _together(parts: Sequence[tuple[Recording, FileResult]]) -> FileResult:
     """One result of those of the runs of a file."""
     done = [part for _, part in parts if part.kind == "done"]
     if not done:
         return parts[0][1]
-    blocks: dict[str, str] = defaultdict(str)
-    for part in done:
-        for table, lines in part.blocks.items():
-            blocks[table] += lines
     failed = [("", f"{run.channels[0].group}: {part.reason}") for run, part in parts if part.kind != "done"]
+    tables = dict.fromkeys(table for part in done for table in part.blocks)
     return replace(
         done[0],
         reason="; ".join(dict.fromkeys(part.reason for part in done)),
         about=tuple(dict.fromkeys(line for part in done for line in part.about)),
-        blocks=dict(blocks),
+        blocks={table: "".join(part.blocks.get(table, "") for part in done) for table in tables},
         tones=tuple(tone for part in done for tone in part.tones),
         set_aside=(*(aside for part in done for aside in part.set_aside), *failed),
     )
@@ -105,77 +100,80 @@ def open_calibrated(entry: Input) -> Recording:
     return apply(read_calibration(entry.calibration), recording) if entry.calibration else recording
 
 
+class Written(NamedTuple):
+    """What an analysis that has seen all samples adds to a table, notes on it, and tones to be joined."""
+
+    table: str
+    lines: str
+    notes: Sequence[str] = ()
+    tones: tuple[ToneTable, ...] = ()
+
+
+# Writes down an analysis, given the quality of its channels.
+Write = Callable[[Sequence[Quality]], Written]
+
+
 def _analyse(recording: Recording, settings: BatchSettings) -> FileResult:
-    excitation = recognise(recording, said=settings.excitation)
+    excitation, faults = recognise(recording, said=settings.excitation), list[str]()
+    found = FileResult(recording.label, "done", excitation.reason)
+    analyses = _planned(recording, settings, excitation, faults)
+    if not analyses:
+        reason = "; ".join(faults) or "none of its channels was chosen"
+        return replace(found, kind="failed", reason=reason)
     places = [recording.properties, *recording.group_properties.values()]
     texts = (str(place.get("Description", "")).strip() for place in places)
-    found = FileResult(
-        recording.label,
-        "done",
-        excitation.reason,
-        about=(
-            f"excitation {excitation.kind} ({excitation.reason})",
-            *(f"Description: {text}" for text in dict.fromkeys(filter(None, texts))),
-        ),
-        set_aside=tuple(sorted(recording.set_aside.items())),
+    about = [f"excitation {excitation.kind} ({excitation.reason})"]
+    about += [f"Description: {text}" for text in dict.fromkeys(filter(None, texts))]
+    left = _left_out(recording, [analysis.channels for analysis, _ in analyses])
+    missing = (("", fault) for fault in dict.fromkeys(faults))
+    blocks, tones = defaultdict[str, str](str), list[ToneTable]()
+    for written in _few_at_once(recording, analyses):
+        blocks[written.table] += written.lines
+        about += written.notes
+        tones += written.tones
+    return replace(
+        found,
+        blocks=dict(blocks),
+        about=tuple(about),
+        tones=tuple(tones),
+        set_aside=(*sorted(recording.set_aside.items()), *missing, *left),
     )
-    if excitation.kind == "sine":
-        return _sine(recording, settings, excitation, found)
-    return _levels(recording, settings, found, excitation.kind)
 
 
-def _sine(
-    recording: Recording, settings: BatchSettings, excitation: Excitation, found: FileResult
-) -> FileResult:
-    tone = settings.tone
-    if tone.frequency_hz is None:
-        tone = tone.model_copy(update={"frequency_hz": excitation.frequency_hz})
-    accumulator = ToneAccumulator(recording, tone)
-    quality = _read(recording, [accumulator])
-    table = replace(accumulator.result(), stated=excitation.stated)
-    shown = [c for c in accumulator.channels if c.label in table.channels]
-    words = [(*quality[id(c)].flags, *own) for c, own in zip(shown, table.flags, strict=True)]
-    table = replace(table, flags=tuple(tuple(dict.fromkeys(each)) for each in words))
-    found = replace(
-        found, blocks={"sine.txt": tone_lines(table)}, tones=(table,), about=(*found.about, *table.notes)
-    )
-    return _with_rest(found, recording, (), [accumulator.channels])
-
-
-def _levels(recording: Recording, settings: BatchSettings, found: FileResult, kind: str) -> FileResult:
-    """Band levels; of noise and sweeps transfer functions, of the rest RMS values where there are no bands.
+def _planned(
+    recording: Recording, settings: BatchSettings, excitation: Excitation, faults: list[str]
+) -> list[tuple[Reader, Write]]:
+    """A tone; or band levels, of noise and sweeps transfer functions too, of the rest RMS values without bands.
 
     Bands of a sweep say how fast it was: they stand with the others.
     """
-    faults: list[str] = []
+    kind = excitation.kind
+    if kind == "sine":
+        chosen = settings.tone
+        if chosen.frequency_hz is None:
+            chosen = chosen.model_copy(update={"frequency_hz": excitation.frequency_hz})
+        tone = ToneAccumulator(recording, chosen)
+        return [(tone, partial(_tones, tone, excitation.stated))]
     driven, analyses = kind in ("noise", "sweep"), list[tuple[Reader, Write]]()
     if driven:
         make = partial(TransferFunctionAccumulator, recording, settings.transfer_function)
         transfer = _attempt("transfer function", make, recording.label, faults)
         analyses += [] if transfer is None else [(transfer, partial(_transfer_functions, transfer, kind))]
-        del transfer
     for channels, bands in _band_passes(recording, settings.octave, faults):
         if bands is not None:
             analyses.append((bands, partial(_bands, bands, kind)))
         elif not driven:
             look = QualityAccumulator(channels, 0, min(c.n_samples for c in channels))
             analyses.append((look, partial(_rms, look, recording)))
-        del bands
-    if not analyses:
-        reason = "; ".join(faults) or "none of its channels was chosen"
-        return replace(found, kind="failed", reason=reason)
-    taken = [analysis.channels for analysis, _ in analyses]
-    blocks: dict[str, str] = defaultdict(str)
-    about = list(found.about)
-    for table, lines, notes in _few_at_once(recording, analyses):
-        blocks[table] += lines
-        about += notes
-    return _with_rest(replace(found, blocks=dict(blocks), about=tuple(about)), recording, faults, taken)
+    return analyses
 
 
-# Table, its lines and notes on them, of an analysis that has seen all samples; given the quality of its channels.
-Written = tuple[str, str, Sequence[str]]
-Write = Callable[[Sequence[Quality]], Written]
+def _tones(done: ToneAccumulator, stated: bool, quality: Sequence[Quality]) -> Written:
+    table = replace(done.result(), stated=stated)
+    found = [q.flags for c, q in zip(done.channels, quality, strict=True) if c.label in table.channels]
+    words = [tuple(dict.fromkeys((*each, *own))) for each, own in zip(found, table.flags, strict=True)]
+    table = replace(table, flags=tuple(words))
+    return Written("sine.txt", tone_lines(table), table.notes, (table,))
 
 
 def _transfer_functions(done: TransferFunctionAccumulator, kind: str, quality: Sequence[Quality]) -> Written:
@@ -187,20 +185,20 @@ def _transfer_functions(done: TransferFunctionAccumulator, kind: str, quality: S
         f"{response.n_effective:.1f} independent"
     )
     words = [(*flags[id(c)], *also) for c in done.responses]
-    return "noise.txt", noise_lines(response, words), (about, *response.notes)
+    return Written("noise.txt", noise_lines(response, words), (about, *response.notes))
 
 
 def _bands(done: OctaveAccumulator, kind: str, quality: Sequence[Quality]) -> Written:
     levels = done.result(quality)
     if kind == "noise":
-        return "bands.txt", band_lines(levels), ()
-    return "other.txt", other_lines(levels, [c.role for c in done.channels]), ()
+        return Written("bands.txt", band_lines(levels))
+    return Written("other.txt", other_lines(levels, [c.role for c in done.channels]))
 
 
 def _rms(done: QualityAccumulator, recording: Recording, quality: Sequence[Quality]) -> Written:
     flags = [(*q.flags, *recording.flags) for q in quality]
     rms = rms_about_mean(recording, done.channels, done.stop)
-    return "other.txt", rms_lines(recording.label, done.channels, rms, flags), ()
+    return Written("other.txt", rms_lines(recording.label, done.channels, rms, flags))
 
 
 def _few_at_once(recording: Recording, analyses: list[tuple[Reader, Write]]) -> Iterator[Written]:
@@ -228,14 +226,6 @@ def _read(recording: Recording, passes: Sequence[Reader]) -> dict[int, Quality]:
             seen |= {id(c) for c in analysis.channels}
     feed(recording, [*passes, *looks])
     return {id(c): q for look in looks for c, q in zip(look.channels, look.result(), strict=True)}
-
-
-def _with_rest(
-    found: FileResult, recording: Recording, faults: Sequence[str], taken: Sequence[Sequence[Channel]]
-) -> FileResult:
-    """The result with what could not be done and with the channels that no analysis took."""
-    missing = tuple(("", fault) for fault in dict.fromkeys(faults))
-    return replace(found, set_aside=(*found.set_aside, *missing, *_left_out(recording, taken)))
 
 
 def _band_passes(
