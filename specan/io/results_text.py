@@ -150,13 +150,14 @@ def table_lines(columns: Mapping[str, Any], names: Sequence[str] = ()) -> str:
     'Mic 1\\t1\\t180.00\\nMic 1\\t2.5\\t3.14\\n'
     """
     count = next(len(v) for v in columns.values() if not np.isscalar(v))
-    found = {
-        name: _cells(name, [word(values) if isinstance(values, str) else values]) * count
-        if np.isscalar(values)
-        else _cells(name, values)
-        for name, values in columns.items()
-    }
-    return rows([found.get(name, [""] * count) for name in names or columns])
+
+    def cells_of(name: str) -> list[str]:
+        values = columns.get(name, "")
+        if np.isscalar(values):
+            return _cells(name, [word(values) if isinstance(values, str) else values]) * count
+        return _cells(name, values)
+
+    return rows([cells_of(name) for name in names or columns])
 
 
 def _cells(name: str, values: Any) -> list[str]:

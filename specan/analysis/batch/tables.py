@@ -37,20 +37,11 @@ JOINED = "stepped-sine"
 def tone_lines(table: ToneTable) -> str:
     """One line a channel, and the energy mean of the microphones if there are several."""
     others = np.array([name != table.reference for name in table.channels])
-    lines = _lines(
-        table,
-        channel=[text.word(name) for name in table.channels],
-        role=table.roles,
-        unit=[text.word(unit) for unit in table.units],
-        rms=table.rms,
-        level_dB=table.level_dB,
-        tone_rms=table.tone_rms,
-        phase_deg=np.where(others, table.phase_deg, np.nan),
-        u_phase_deg=text.significant(np.where(others, table.u_phase_deg, np.nan), 2),
-        magnitude_re_reference=np.where(others, table.magnitude, np.nan),
-        flags=table.flags,
-    )
-    return lines + _energy_mean(table)
+    columns, phases = table.columns(), ("phase_deg", "u_phase_deg", "magnitude_re_reference")
+    columns |= {name: list(map(text.word, columns[name])) for name in ("channel", "unit")}
+    columns |= {name: np.where(others, columns[name], np.nan) for name in phases}
+    columns |= {"u_phase_deg": text.significant(columns["u_phase_deg"], 2), "flags": table.flags}
+    return _lines(table, **columns) + _energy_mean(table)
 
 
 def _energy_mean(table: ToneTable) -> str:
@@ -77,10 +68,8 @@ def _energy_mean(table: ToneTable) -> str:
 
 
 def _lines(table: ToneTable, **columns: Any) -> str:
-    common = {
-        "frequency_hz": table.frequency_hz, "reference": table.reference or "", "reference_rms": table.reference_rms
-    }  # fmt: skip
-    return _blocks("sine.txt", table.label, [{**common, **columns}])
+    common = {"frequency_hz": table.frequency_hz, "reference": table.reference or ""}
+    return _blocks("sine.txt", table.label, [{**common, "reference_rms": table.reference_rms, **columns}])
 
 
 def _blocks(name: str, label: str, blocks: Iterable[Mapping[str, Any]]) -> str:
@@ -112,20 +101,16 @@ def joined_lines(response: FrequencyResponse, tables: Sequence[ToneTable]) -> st
 
 def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -> str:
     """Lines of all channels; `quality` holds the words that the samples of each gave rise to."""
-    u_percent, u_phase = response.u_total_percent, response.u_total_phase_deg
-    magnitude, phase = response.magnitude, response.phase_deg
+    words = tuple(tuple(dict.fromkeys((*q, *own))) for q, own in zip(quality, response.flags, strict=True))
+    totals = zip(response.u_total_percent, response.u_total_phase_deg, strict=True)
     blocks = (
         {
-            "channel": name,
-            "frequency_hz": response.frequency_hz,
-            "magnitude": magnitude[row],
-            "phase_deg": phase[row],
-            "coherence": text.fixed(response.coherence[row], 5),
-            "u_magnitude_percent": u_percent[row],
-            "u_phase_deg": u_phase[row],
-            "flags": response.line_words(row, tuple(dict.fromkeys((*quality[row], *response.flags[row])))),
+            **table,
+            "coherence": text.fixed(table["coherence"], 5),
+            "u_magnitude_percent": u_percent,
+            "u_phase_deg": u_phase,
         }
-        for row, name in enumerate(response.channels)
+        for table, (u_percent, u_phase) in zip(replace(response, flags=words).tables(), totals, strict=True)
     )
     return _blocks("noise.txt", response.label, blocks)
 
