@@ -25,7 +25,7 @@ from specan.data.recording import Recording
 from specan.dsp.leakage import leakage_bias
 from specan.dsp.transfer_function import Estimate, Estimator, Instrument, arrivals, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix, effective_averages, hop_of
-from specan.dsp.windows import WindowName, line_correlation, window, window_correlation
+from specan.dsp.windows import WindowName, line_correlation, window, window_correlations
 from specan.errors import InputError
 from specan.units import quotient
 
@@ -516,13 +516,9 @@ def shifts_of(seen: Look, block: int, n: int) -> list[int]:
     n : int
         Samples of the section, of which at least one block has to be left.
     """
-    return [
-        lag
-        if abs(lag) <= n - block
-        and 1 - window_correlation(seen.window, min(abs(lag) / block, 1.0)) > TOLERATED_LOSS
-        else 0
-        for lag in seen.lags
-    ]
+    late = np.array(seen.lags)
+    lost = 1 - window_correlations(seen.window, np.minimum(np.abs(late) / block, 1.0))
+    return np.where((np.abs(late) <= n - block) & (lost > TOLERATED_LOSS), late, 0).tolist()
 
 
 def averages_in(n: int, block: int, window_name: WindowName, overlap: float) -> float:
@@ -534,23 +530,19 @@ def averages_in(n: int, block: int, window_name: WindowName, overlap: float) -> 
 def sufficient_block(seen: Look, block: int, n: int, overlap: float) -> int:
     """The shortest block, `block` times a power of two, that takes too little from any channel to matter.
 
-    Beyond the blocks of the look, the leakage of a decaying response falls with the square of the length.
+    Beyond the blocks of the look, the leakage of a decaying response falls with the square of the length. Where these
+    are too short as well, what looks random in them is leakage, which goes with 1 / length.
     """
-    while block < seen.block:
-        if _suffices(seen, seen.leakage(block), block, n, overlap):
+    left, longest = seen.leakage(min(block, seen.block)), n << 4
+    while block < longest:
+        beyond = min(1.0, seen.block / block)
+        random = beyond * seen.random(averages_in(n, block, seen.window, overlap))
+        if np.all(left * beyond**2 <= np.maximum(TOLERATED_LEAKAGE, TOLERATED_SHARE * random)):
             return block
         block *= 2
-    left = seen.leakage(seen.block)
-    while not _suffices(seen, left * (seen.block / block) ** 2, block, n, overlap) and block < n << 4:
-        block *= 2
+        if block <= seen.block:
+            left = seen.leakage(block)
     return block
-
-
-def _suffices(seen: Look, leakage: Real, block: int, n: int, overlap: float) -> bool:
-    random = seen.random(averages_in(n, block, seen.window, overlap))
-    # Where the look's blocks are too short as well, what looks random in them is leakage, which goes with 1 / length.
-    random = random * min(1.0, seen.block / block)
-    return bool(np.all(leakage <= np.maximum(TOLERATED_LEAKAGE, TOLERATED_SHARE * random)))
 
 
 def leakage(
