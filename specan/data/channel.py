@@ -87,8 +87,8 @@ class Channel:
         When its first sample was taken, on a clock that all channels of the recording share.
     skipped : int
         Samples of the file before the first one of the channel.
-    source_index : int or None
-        Place of the channel in the source of its recording; None: the place in the recording.
+    source_index : int
+        Place of the channel in the source of its recording; below 0: the place in the recording.
     shares_name : bool
         Whether another channel of its recording has the same name.
     decisions : mapping
@@ -112,7 +112,7 @@ class Channel:
     full_scale: float | None = None
     start_offset_s: float = 0.0
     skipped: int = 0
-    source_index: int | None = None
+    source_index: int = -1
     shares_name: bool = False
     properties: Mapping[str, Any] = field(default_factory=dict)
     decisions: Mapping[str, str] = field(default_factory=dict)

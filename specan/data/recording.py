@@ -80,9 +80,9 @@ class Recording(Result):
 
         def told(place: int, channel: Channel) -> Channel:
             shared = channel.shares_name or alike[channel.name] > 1
-            if channel.source_index is not None and channel.shares_name == shared:
+            index = place if channel.source_index < 0 else channel.source_index
+            if (index, shared) == (channel.source_index, channel.shares_name):
                 return channel
-            index = place if channel.source_index is None else channel.source_index
             return replace(channel, source_index=index, shares_name=shared)
 
         object.__setattr__(self, "channels", tuple(told(k, c) for k, c in enumerate(self.channels)))
@@ -430,7 +430,11 @@ class Recording(Result):
             The channels have different rates, or the range is not inside the recording.
         """
         wanted = [channels] if isinstance(channels, (Channel, str)) else channels
-        chosen = [self.channel(c) if isinstance(c, str) else c for c in wanted]
+        named = (c if isinstance(c, str) else c.path.removeprefix("/") for c in wanted)
+        chosen = [
+            c if isinstance(c, Channel) and c.source_index >= 0 else self.channel(name)
+            for c, name in zip(wanted, named, strict=True)
+        ]
         length = min((c.n_samples for c in chosen), default=0)
         stop = length if stop is None else stop
         if not 0 <= start <= stop <= length:
@@ -445,30 +449,18 @@ class Recording(Result):
                 expected="channels of one sampling rate",
                 remedy="choose channels of one group",
             )
-        skips = {c.skipped for c in chosen}
-        if len(skips) == 1:
-            skip = skips.pop()
-            samples = self.source.read([self._place(c) for c in chosen], start + skip, stop + skip)
-        else:
-            samples = np.concatenate(
-                [self.source.read([self._place(c)], start + c.skipped, stop + c.skipped) for c in chosen]
-            )
+        # Together where all begin at the same sample of the file.
+        alike = [chosen] if len({c.skipped for c in chosen}) == 1 else [[c] for c in chosen]
+        parts = [
+            self.source.read([c.source_index for c in few], start + few[0].skipped, stop + few[0].skipped)
+            for few in alike
+        ]
+        samples = parts[0] if len(parts) == 1 else np.concatenate(parts)
         gains = np.array([[c.gain] for c in chosen])
         if np.any(gains != 1.0):
             with np.errstate(invalid="ignore", over="ignore"):  # a damaged file may hold any number
                 samples *= gains
         return samples
-
-    def _place(self, channel: Channel) -> int:
-        """Place of a channel in the source."""
-        if channel.source_index is not None:
-            return channel.source_index
-        for place, own in enumerate(self.channels):
-            if own is channel or (own.group, own.name) == (channel.group, channel.name):
-                return place
-        raise RequestError(
-            f"{self.label} has no channel {channel.name!r}", expected="a channel of this recording"
-        )
 
     def blocks(
         self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None

@@ -346,7 +346,7 @@ def add_energy(
             lines += np.multiply(transform.imag, transform.imag, out=padded[:, : points // 2 + 1])
             if stage.number == 0:
                 energy[rows] = total_energy(lines)
-            _spread_of_short(stage, points, first).add(nodes[rows], lines)
+            _spread(stage, points, first).add(nodes[rows], lines)
             if not stage.last:
                 # With what the low-pass filter rings: the transform is circular, what rings ahead is at the end.
                 low = thinned(transform)
@@ -354,8 +354,8 @@ def add_energy(
     return energy
 
 
-@lru_cache(maxsize=16)
-def _spread_of_short(stage: Stage, points: int, first: int) -> Spread:
+@lru_cache(maxsize=24)
+def _spread(stage: Stage, points: int, first: int) -> Spread:
     share = share_of_lines(stage, points)
     share[share < _NOTHING * share.max()] = 0.0
     return Spread(first, share, stage.rate / points)
@@ -465,7 +465,7 @@ class _AtRate:
     def __init__(self, rows: int, stage: Stage, first: int) -> None:
         self.blocks, self.half = OverlappedBlocks(LENGTH), 0
         self.lags: LagSpectrum | None = LagSpectrum(rows)
-        self.place = _spread(stage, first)
+        self.place = _spread(stage, 2 * LENGTH, first)
         self.gone: list[Real | None] = []
         self.thinned = None if stage.last else (Decimator(), Decimator())
 
@@ -676,11 +676,6 @@ class BandEnergyAccumulator:
             self._fade.independent,
             cut,
         )
-
-
-@lru_cache(maxsize=8)
-def _spread(stage: Stage, first: int) -> Spread:
-    return Spread(first, share_of_lines(stage, 2 * LENGTH), stage.rate / (2 * LENGTH))
 
 
 @lru_cache(maxsize=64)

@@ -439,10 +439,6 @@ class RunningLevel:
         done = int(np.searchsorted(self._known_from, self._position + count - 1 + 1e-6, side="right"))
         return np.asarray(self._place[self._read : done] - self._position)
 
-    def inside(self, count: int) -> slice:
-        """Which of the next intervals belong to the record, behind a filter that has answered to its beginning."""
-        return slice(max(self._start - self._position, 0), max(min(count, self._end - self._position), 0))
-
     def take(self, square: NDArray[np.float64]) -> None:
         """Weight the next mean squares (channels, intervals), and read the result."""
         high, low = self._span(square, self._start), self._span(square, self._settled)
