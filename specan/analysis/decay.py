@@ -84,16 +84,16 @@ class Decay(SectionSettings):
         width = found.upper - found.lower
         rows = [self._channel(recording, c, found.mid, width) for c in chosen]
         reasons = [row if isinstance(row, str) else "" for row in rows]
-        nothing = dict.fromkeys(("start_s", *_RESULTS), np.nan)
-        values = [nothing if isinstance(row, str) else row for row in rows]
         if all(reasons):
             raise InputError(
                 f"{recording.label}: {chosen[0].label} {_REASONS[reasons[0]]}",
                 expected="an impulse response",
                 remedy="choose other channels or another section",
             )
+        values = [{} if isinstance(row, str) else row for row in rows]
         results: dict[str, Any] = {
-            name: np.stack([np.broadcast_to(v[name], width.shape) for v in values]) for name in _RESULTS
+            name: np.stack([np.broadcast_to(v.get(name, np.nan), width.shape) for v in values])
+            for name in _RESULTS
         }
         without = [f"{c.label} {_REASONS[why]}: no decay times" for c, why in zip(chosen, reasons) if why]
         return DecayTimes(
@@ -104,7 +104,7 @@ class Decay(SectionSettings):
             nominal_hz=found.nominal,
             bandwidth_hz=width,
             **results,
-            start_s=np.array([v["start_s"] for v in values]),
+            start_s=np.array([v.get("start_s", np.nan) for v in values]),
             words=tuple((why,) if why else () for why in reasons),
         )
 
@@ -123,7 +123,6 @@ class Decay(SectionSettings):
         self, recording: Recording, channel: Channel, mid: Real, width: Real
     ) -> dict[str, Any] | str:
         """The results of a channel over its own length, or why it has none."""
-        no_band = dict.fromkeys(_RESULTS, math.nan)
         try:
             start, stop = section(recording, (channel,), self.start_s, self.stop_s)
         except RequestError:
@@ -145,16 +144,12 @@ class Decay(SectionSettings):
         lead = int(_LEAD_S * rate)
         length = scipy.fft.next_fast_len(lead + samples.size, real=True)
         spectrum = scipy.fft.rfft(np.concatenate([np.zeros(lead), samples]), length)
-        found = []
-        for f, bandwidth, enough in zip(mid, width, known, strict=True):
-            if not enough:
-                found.append(no_band)
-                continue
-            energy, step = _band_energy(spectrum, length, lead + samples.size, f / rate, self.fraction)
-            found.append(
-                _evaluate(energy, int((lead + arrival) / step), int(lead / step), step / rate, bandwidth)
-            )
-        values = {name: np.array([one[name] for one in found]) for name in _RESULTS}
+        found: list[dict[str, float]] = [{} for _ in mid]
+        for k in np.flatnonzero(known):
+            energy, step = _band_energy(spectrum, length, lead + samples.size, mid[k] / rate, self.fraction)
+            places = int((lead + arrival) / step), int(lead / step)
+            found[k] = _evaluate(energy, *places, step / rate, width[k])
+        values = {name: np.array([one.get(name, np.nan) for one in found]) for name in _RESULTS}
         return {"start_s": start / rate + arrival / rate, **values}
 
 

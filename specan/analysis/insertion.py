@@ -121,17 +121,15 @@ def candidates_of(recording: Recording, settings: CalibrationSettings) -> Candid
             f"{recording.label}: the samples of {chosen[0].label!r} are in {chosen[0].raw_unit or 'no unit'}",
             expected="volts, from which a sensitivity in mV/Pa follows",
         )
-    reasons = [
-        f"has samples in {c.raw_unit}, not in V" if c.raw_unit not in ("", "V") else apart
-        for c, apart in zip(chosen, reasons_apart(chosen, in_volts[0].sampling_rate), strict=True)
-    ]
-    together = list(zip(chosen, reasons, strict=True))
-    return Candidates(
-        [c for c, reason in together if not reason],
-        named_by,
-        microphones,
-        tuple((c, reason) for c, reason in together if reason),
-    )
+    found, left_out = list[Channel](), []
+    for c, reason in zip(chosen, reasons_apart(chosen, in_volts[0].sampling_rate), strict=True):
+        if c.raw_unit not in ("", "V"):
+            reason = f"has samples in {c.raw_unit}, not in V"
+        if reason:
+            left_out.append((c, reason))
+        else:
+            found.append(c)
+    return Candidates(found, named_by, microphones, tuple(left_out))
 
 
 def stated(recording: Recording, group: str, key: str) -> Any:

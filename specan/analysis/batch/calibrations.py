@@ -25,16 +25,11 @@ _UNUSED = "calibrator recording: not analysed, and not used because a calibratio
 
 @dataclass(frozen=True)
 class Assigned:
-    """Files with their calibrations, results of calibrator recordings, and lines for the headers."""
+    """Files with their calibrations, results of calibrator recordings, and which calibrations these are."""
 
     inputs: list[Input]
     calibrators: list[FileResult]
-    header: list[str]
-
-    @property
-    def said(self) -> tuple[str, ...]:
-        """The lines of the header as a sentence has them."""
-        return tuple(line.removeprefix("calibration: ") for line in self.header)
+    said: tuple[str, ...]
 
 
 def is_calibrator(entry: Input) -> bool:
@@ -74,9 +69,9 @@ def assign_calibrations(
     if given is not None:
         read_calibration(given)
         aside = [FileResult(entry.label, "aside", _UNUSED) for entry in calibrators]
-        line = f"calibration: {given.name} ({fingerprint(given)}), given"
-        return Assigned([replace(e, calibration=str(given)) for e in others], aside, [line])
-    results, made, header = _made(inputs, calibrators, out, settings)
+        said = f"{given.name} ({fingerprint(given)}), given"
+        return Assigned([replace(e, calibration=str(given)) for e in others], aside, (said,))
+    results, made, lines = _made(inputs, calibrators, out, settings)
     nearest, fault_of = cache(_nearest), cache(_fault_of)  # looked for once: files may be very many
     assigned: list[Input] = []
     for entry in others:
@@ -86,19 +81,19 @@ def assign_calibrations(
                 results.append(FileResult(entry.label, "failed", entry.neutral(fault)))
                 continue
             place = beside.relative_to(entry.root).as_posix()
-            header[f"calibration: {place} ({fingerprint(beside)}), from the directory"] = None
+            lines.append(f"{place} ({fingerprint(beside)}), from the directory")
         chosen = beside or made.get(entry.root)
         assigned.append(entry if chosen is None else replace(entry, calibration=str(chosen)))
-    return Assigned(assigned, results, list(header) or ["calibration: none"])
+    return Assigned(assigned, results, tuple(dict.fromkeys(lines)) or ("none",))
 
 
 def _made(
     inputs: Sequence[Input], calibrators: Sequence[Input], out: Path, settings: CalibrationSettings
-) -> tuple[list[FileResult], dict[str, Path], dict[str, None]]:
+) -> tuple[list[FileResult], dict[str, Path], list[str]]:
     """Results of the calibrator recordings, the calibration of each root that has any, and lines on these."""
     results: list[FileResult] = []
     made: dict[str, Path] = {}
-    header: dict[str, None] = {}
+    lines: list[str] = []
     roots = list(dict.fromkeys(entry.root for entry in inputs))
     for root in roots:
         target = out / (FILE_NAME if len(roots) == 1 else f"calibration-{Path(root).resolve().name}.toml")
@@ -108,9 +103,8 @@ def _made(
         if notes is not None:
             made[root] = target
             count = f"from {len(mine)} calibrator recordings"
-            lines = (f"{target.name} ({fingerprint(target)}), {count}", *notes)
-            header |= dict.fromkeys(f"calibration: {line}" for line in lines)
-    return results, made, header
+            lines += [f"{target.name} ({fingerprint(target)}), {count}", *notes]
+    return results, made, lines
 
 
 def _fault_of(calibration: Path) -> str:

@@ -183,7 +183,8 @@ def run_batch(
         failed = _work_off(todo, settings, work, keys, store, kept)
         results = [*assigned.calibrators, *failed, *(one.result for one in kept.values())]
         results.sort(key=lambda result: result.label)
-        header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
+        header = [f"settings {settings.fingerprint}: {settings.as_json()}"]
+        header += [f"calibration: {line}" for line in assigned.said]
         if channel_table is not None:
             header.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
         written = write_tables(store.place, header, results, kept, settings.decimal)
