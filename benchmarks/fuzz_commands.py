@@ -164,7 +164,6 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
         f"study {verb}": ("s",) for verb in ("compare", "diagnose", "propose", "history", "next", "impedance")
     },
     "study report": ("s", "-o", "r.html"),
-    "conformance": (),
     "demo": ("samples",),
 }
 SERVES = {"inspect"}  # a page until somebody stops it
