@@ -8,10 +8,9 @@ from html import escape
 from typing import Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Button, Div, Select
+from bokeh.models import Button, Div
 
 from specan.inspect.look import notice
-from specan.inspect.plots import plain
 from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.report import study_sheets
@@ -19,7 +18,6 @@ from specan.report.html_page import bar, table
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked, percent
 
-MOST_ROWS = 24  # candidates with a line of their own; the others are in a list to choose from
 _WIDTH = 322
 _WRAPPED = ".bk-btn { white-space: normal; text-align: left; padding: 4px; }"
 Uses = tuple[str, ...]
@@ -43,16 +41,6 @@ class Ranking:
         self._now = 0.0  # error of the model as it is
         self._ranked: dict[Uses, Ranked] = {}
         self._lines: dict[Uses, Any] = {}
-        self._others: dict[str, Uses] = {}
-        self._choice = Select(value="", width=200, name="others")
-        self._choice.on_change("value", lambda a, old, new: self.explain(self._others[new]) if new else None)
-        button = Button(
-            label="Try", width=50, name="try-other", html_attributes={"aria-label": "Try another"}
-        )
-        button.on_click(
-            lambda: self._pressed(self._others[self._choice.value]) if self._choice.value else None
-        )
-        self._choose = row(button, self._choice)
         self.list = column(Div(text="", width=_WIDTH), name="candidates")  # empty, Bokeh would complain
         self.explanation = Div(text="", name="explanation", width=_WIDTH)
 
@@ -61,16 +49,23 @@ class Ranking:
     ) -> None:
         """Show the candidates of a study; in their order where a diagnosis was made."""
         self._study = study
-        self._ranked = {uses_of(r): r for r in found.ranking} if found else {}
+        ranking = [(uses_of(one), one) for one in found.ranking] if found else []
+        self._ranked = dict(ranking)
         self._now = found.error.before.rms if found and found.error else 0.0
+        named = len(found.alternatives) if found else 0
+        groups: list[tuple[str, list[tuple[Uses, Ranked | None]]]] = [
+            ("Supported by the data" + ", not distinguished" * (named > 1), [*ranking[:named]]),
+            ("Refitted, less likely", [one for one in ranking[named:] if one[1].plausible]),
+            ("Not plausible", [one for one in ranking[named:] if not one[1].plausible]),
+            ("Not supported by the data", [((name,), None) for name in uses if (name,) not in self._ranked]),
+        ]
         children: list[Any] = []
-        if found is not None:
-            children += self._groups(found)
-        left = [(name,) for name in uses if (name,) not in self._ranked]
-        if left:
-            if found is not None:
-                children.append(_heading("Not supported by the data"))
-            children += self._plain(left)
+        for text, members in groups:
+            if members and found is not None:
+                children.append(
+                    _heading(text + ": remaining error, probability" * (members[0][1] is not None))
+                )
+            children += [self._row(*one) for one in members]
         children += [
             Div(text=notice(f"Not testable: {n} {why}"), width=_WIDTH) for n, why in not_testable.items()
         ]
@@ -97,28 +92,6 @@ class Ranking:
             sheet = study_sheets.parameters(ranked.parameters)
             parts.append(table(sheet.header, [[ParameterName(name).own, *row] for name, *row in sheet.rows]))
         self.explanation.text = "".join(parts)
-
-    # --- parts of the list ------------------------------------------------------------------------
-
-    def _groups(self, found: Diagnosis) -> list[Any]:
-        asked = found.ranking[: len(found.alternatives)]
-        others = found.ranking[len(found.alternatives) :]
-        likely = [r for r in others if r.plausible]
-        unlikely = [r for r in others if not r.plausible]
-        alone = "Supported by the data" if len(asked) == 1 else "Supported by the data, not distinguished"
-        children: list[Any] = []
-        for text, ranked in ((alone, asked), ("Refitted, less likely", likely), ("Not plausible", unlikely)):
-            if ranked:
-                children.append(_heading(f"{text}: remaining error, probability"))
-                children += [self._row(uses_of(r), r) for r in ranked[:MOST_ROWS]]
-        return children
-
-    def _plain(self, left: Sequence[Uses]) -> list[Any]:
-        if len(left) <= MOST_ROWS:
-            return [self._row(uses, None) for uses in left]
-        self._others = {" with ".join(uses): uses for uses in left}
-        self._choice.update(options=[("", "choose"), *((n, plain(n)) for n in self._others)], value="")
-        return [self._choose]
 
     def _row(self, uses: Uses, ranked: Ranked | None) -> Any:
         # The same widgets again in another place: those of before would stay in the browser.
