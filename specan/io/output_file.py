@@ -236,31 +236,35 @@ def _bytes(path: Path, start: int, count: int) -> bytes | None:
         return None
 
 
-def try_lock(handle: int) -> bool:
-    """Take the lock of an open file; False where another process holds it.
+@contextmanager
+def locked(path: Path, busy: str, remedy: str) -> Iterator[None]:
+    """Keep other processes out meanwhile: those that ask for the same file, which is removed in the end.
 
-    Parameters
-    ----------
-    handle : int
-        File descriptor of a file that is open for writing.
+    Raises
+    ------
+    RequestError
+        Another process holds it: `busy`.
+    OSError
+        It cannot be written.
     """
-    try:
-        if os.name == "nt":
-            import msvcrt
+    with path.open("a") as file:
+        try:
+            if os.name == "nt":
+                import msvcrt
 
-            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-        else:
-            import fcntl
+                msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+            else:
+                import fcntl
 
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
-
-
-def is_the_file(handle: int, name: str) -> bool:
-    """Whether an open file is the one that lies under `name` now: a lock on a removed file locks nobody out."""
-    try:
-        return os.path.samestat(os.fstat(handle), os.stat(name))
-    except OSError:
-        return False
+                fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # A lock on a file that was removed locks nobody out.
+            held = os.path.samestat(os.fstat(file.fileno()), os.stat(path))
+        except OSError:
+            held = False
+        if not held:
+            raise RequestError(busy, remedy=remedy)
+        try:
+            yield
+        finally:
+            with suppress(OSError):  # Windows keeps an open file; the next one takes it over
+                path.unlink()

@@ -33,7 +33,7 @@ from typing_extensions import TypedDict  # of pydantic, which takes no other bef
 
 import specan
 from specan.errors import RequestError
-from specan.io.output_file import is_the_file, try_lock
+from specan.io.output_file import locked
 from specan.models.catalogue import ENTRY_POINTS, MODEL_ENTRY_POINTS
 from specan.result import Result, counted, finite
 from specan.study.study_file import NAME as STUDY_FILE
@@ -202,25 +202,17 @@ def changing(directory: Path) -> Iterator[None]:
     RequestError
         Another process is changing it, or the directory cannot be written to.
     """
-    path = directory / LOCK
-    try:
-        stream = path.open("a")
-    except OSError as fault:
-        raise RequestError(
-            f"the study {directory} cannot be written to ({fault.strerror})",
-            expected="a directory that may be changed",
-            remedy="copy the study to another place",
-        ) from None
-    with stream:
-        if not try_lock(stream.fileno()) or not is_the_file(stream.fileno(), str(path)):
-            raise RequestError(
-                f"another command is changing the study {directory}", remedy="wait until it has finished"
-            )
+    with contextlib.ExitStack() as held:
+        busy = f"another command is changing the study {directory}"
         try:
-            yield
-        finally:
-            with contextlib.suppress(OSError):  # Windows keeps an open file; the next change takes it over
-                path.unlink()
+            held.enter_context(locked(directory / LOCK, busy, "wait until it has finished"))
+        except OSError as fault:
+            raise RequestError(
+                f"the study {directory} cannot be written to ({fault.strerror})",
+                expected="a directory that may be changed",
+                remedy="copy the study to another place",
+            ) from None
+        yield
 
 
 def commit(directory: Path, study_text: str | None, history_lines: str) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 from specan.errors import InputError, RequestError
 from specan.io.open import find_recordings, suffixes
-from specan.io.output_file import check_output, is_the_file, try_lock
+from specan.io.output_file import check_output, locked
 
 
 @dataclass(frozen=True)
@@ -157,26 +157,21 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
         The place is a file, cannot be written to, is in use, or holds a file of such a name that specan did not
         write.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        lock = (out / ".specan-lock").open("a")
-        for name in tables:
-            if (out / name).exists():
-                (out / name).open("a").close()  # a spreadsheet may hold it, or it may be a directory
-                check_table(out / name)
-    except OSError as fault:
-        raise RequestError(
-            f"the output directory {out} cannot be written to ({fault.strerror or fault})",
-            expected="an existing directory, or one that can be created",
-            remedy="choose another with -o",
-        ) from None
-    with lock:
-        if not try_lock(lock.fileno()) or not is_the_file(lock.fileno(), lock.name):
-            raise RequestError(
-                f"another batch is writing to {out}", remedy="wait for it, or choose another place with -o"
-            )
+    with contextlib.ExitStack() as held:
+        busy = f"another batch is writing to {out}"
         try:
-            yield
-        finally:
-            with contextlib.suppress(OSError):  # Windows keeps an open file; the next batch takes it over
-                os.unlink(lock.name)
+            out.mkdir(parents=True, exist_ok=True)
+            held.enter_context(
+                locked(out / ".specan-lock", busy, "wait for it, or choose another place with -o")
+            )
+            for name in tables:
+                if (out / name).exists():
+                    (out / name).open("a").close()  # a spreadsheet may hold it, or it may be a directory
+                    check_table(out / name)
+        except OSError as fault:
+            raise RequestError(
+                f"the output directory {out} cannot be written to ({fault.strerror or fault})",
+                expected="an existing directory, or one that can be created",
+                remedy="choose another with -o",
+            ) from None
+        yield
