@@ -11,7 +11,7 @@ import numpy as np
 from specan.errors import RequestError
 from specan.io.output_file import whole_file
 from specan.io.write_tdms import write_tdms
-from specan.models.simulated_channel import SimulatedChannel
+from specan.models.chosen_model import SimulatedChannel
 from specan_cli.output import emit_json, note, table
 from specan_cli.verb import SAMPLES, OutputFile
 

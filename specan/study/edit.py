@@ -19,8 +19,7 @@ from specan.study.create import effect_entry, hold_undetermined
 from specan.study.estimation.fit import fit
 from specan.study.history import History, Step, changing, commit, error_pairs
 from specan.study.selection.candidates import without
-from specan.study.selection.pulls import pulls, shown
-from specan.study.selection.refits import Refit
+from specan.study.selection.refits import Refit, pulls, shown
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyText, read_study_file, use_of
 from specan.study.user_effects import rival_laws

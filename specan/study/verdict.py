@@ -13,8 +13,7 @@ from specan.result import Result, counted, gathered
 from specan.study.estimation.fit import Fit, intervals_95
 from specan.study.estimation.prediction_error import ObservableError, left_out_errors, observable_errors
 from specan.study.estimation.problem import Problem
-from specan.study.selection.pulls import TOO_FAR, Pull
-from specan.study.selection.refits import Refit
+from specan.study.selection.refits import TOO_FAR, Pull, Refit
 from specan.units import spoken
 
 

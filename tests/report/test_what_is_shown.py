@@ -54,7 +54,7 @@ def test_an_effect_that_is_named_is_not_among_the_smallest_that_could_be_detecte
 
 def test_a_value_inside_of_what_was_known_is_not_shown_as_outside_and_nothing_is_certain():
     from specan.report import study_sheets
-    from specan.study.selection.pulls import Pull, shown
+    from specan.study.selection.refits import Pull, shown
 
     inside, outside = (Pull("gain", v, (-2.0, 2.0), v, "%", False) for v in (1.01, 2.6))
     assert shown((outside, inside)) == (outside,)

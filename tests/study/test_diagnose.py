@@ -14,8 +14,7 @@ from specan.study.estimation.linear import Projection
 from specan.study.evidence.law_search import likeliest_law
 from specan.study.history import KeptResults
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.pulls import pulls
-from specan.study.selection.refits import Refit, Refits
+from specan.study.selection.refits import Refit, Refits, pulls
 from specan.study.verdict import Diagnosis, parameter_table
 
 

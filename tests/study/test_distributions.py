@@ -5,7 +5,7 @@ import math
 import pytest
 from scipy import special
 
-from specan.study.estimation.distributions import quantile, tail
+from specan.study.estimation.fit import quantile, tail
 
 
 @pytest.mark.parametrize("chance", [1e-320, 1e-300, 1e-100, 1e-10, 0.05, 0.5])

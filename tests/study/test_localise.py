@@ -5,8 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from specan.study.estimation.distributions import discoveries
-from specan.study.estimation.fit import fit
+from specan.study.estimation.fit import discoveries, fit
 from specan.study.estimation.prediction_error import LeftOut, held_out_error, observable_errors
 from specan.study.localisation.localise import curve_errors, localise
 from specan.study.observation.table import TableObservation

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Complex, Real
-from specan.models.simulated_channel import SimulatedChannel
+from specan.models.chosen_model import SimulatedChannel
 from specan.planetary_gear.model.geometry import planet_angles
 from specan.planetary_gear.model.kinematics import carrier_speed_ratio
 from specan.planetary_gear.model.rig import Rig

@@ -8,8 +8,7 @@ import numpy as np
 
 from specan.arrays import Complex, Real
 from specan.errors import RequestError
-from specan.models.chosen_model import ChosenModel
-from specan.models.simulated_channel import SimulatedChannel
+from specan.models.chosen_model import ChosenModel, SimulatedChannel
 
 VELOCITY = 5e-3  # m/s RMS of the diaphragm
 LOUDSPEAKER = 0.1  # m/s per volt at the generator, at all frequencies

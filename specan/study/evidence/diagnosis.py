@@ -18,8 +18,7 @@ from specan.study.evidence.law_search import likeliest_law
 from specan.study.localisation.localise import localise
 from specan.study.observation import brought
 from specan.study.observation.time import TimeObservation
-from specan.study.selection.pulls import TOO_FAR, Pull, pulls, shown, what_would_tell
-from specan.study.selection.refits import Refit
+from specan.study.selection.refits import TOO_FAR, Pull, Refit, pulls, shown, what_would_tell
 from specan.study.selection.starting_values import about_itself
 from specan.study.verdict import (
     LEAST_TOLD,

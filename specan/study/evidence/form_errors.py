@@ -21,8 +21,8 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.special import logsumexp
 
+from specan.study.data.open_tables import choices, stretched
 from specan.study.data.setpoints import operating
-from specan.study.data.table_covariance import choices, stretched
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import SIZES, levels, ln_mean, sizes_of
 from specan.study.evidence.marginal import Marginal

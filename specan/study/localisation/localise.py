@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.result import picked
-from specan.study.estimation.distributions import discoveries
-from specan.study.estimation.fit import Fit, misfit_p_value
+from specan.study.estimation.fit import Fit, discoveries, misfit_p_value
 from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Variable, brought, shared_labels, variable_named

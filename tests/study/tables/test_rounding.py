@@ -3,7 +3,7 @@
 import numpy as np
 from open_tables import read_tables
 
-from specan.study.data.table_covariance import declared_reading
+from specan.study.data.open_tables import declared_reading
 
 STEP = 1.0  # N m: the torque was written down without decimals
 
@@ -32,13 +32,13 @@ def test_a_rounded_condition_adds_the_variance_of_rounding(tables, tmp_path, mon
     )
     gear = tables.model()
     kept = []
-    from specan.study.data import table_covariance
+    from specan.study.data import open_tables as opened
 
     def seen(model, centre, rows):
         kept.append(rows)
         return declared_reading(model, centre, rows)
 
-    monkeypatch.setattr(table_covariance, "declared_reading", seen)
+    monkeypatch.setattr(opened, "declared_reading", seen)
     read_tables(gear, [tables.write_table(tmp_path / "table.csv", columns)])
     rows = kept[0]
     name = next(n for n in rows.conditions if n.endswith("output_torque"))
