@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -132,8 +131,8 @@ def unit(problem: Problem, chi2: float) -> float:
     return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * (20.0 if problem.strategy.frugal else 1.0)
 
 
-class _Place:
-    """Where the steps of a descent stand: theta, inside its bounds, and the residual there."""
+class _Descent:
+    """A descent by secants: theta, inside its bounds, the residual there, and the damping of its next step."""
 
     def __init__(self, problem: Problem, start: Array) -> None:
         self.problem, self.size = problem, problem.scale
@@ -142,6 +141,9 @@ class _Place:
         if residual is None:
             raise ComputationError("the model gives values that are not finite at the start of a fit")
         self.residual = residual
+        # Of the first step, in units of the diagonal of J'J. In a valley of nearly collinear parameters 1e-4 shortens
+        # every step; where an evaluation is expensive a step that fails costs more than that.
+        self.damping = 1e-4 if problem.strategy.frugal else 1e-8
 
     @property
     def chi2(self) -> float:
@@ -158,16 +160,6 @@ class _Place:
 
     def minimum(self, jacobian: Array) -> Minimum:
         return Minimum(self.theta, self.residual, jacobian, self.chi2)
-
-
-class _Descent(_Place):
-    """A descent by secants, and the damping of its next step."""
-
-    @cached_property
-    def damping(self) -> float:
-        # Of the first step, in units of the diagonal of J'J. In a valley of nearly collinear parameters 1e-4 shortens
-        # every step; where an evaluation is expensive a step that fails costs more than that.
-        return 1e-4 if self.problem.strategy.frugal else 1e-8
 
     @property
     def little(self) -> float:
