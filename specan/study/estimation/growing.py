@@ -18,11 +18,9 @@ from specan.study.estimation.levenberg_marquardt import NotSettledError, descend
 from specan.study.estimation.problem import Problem
 from specan.study.observation.time import TimeObservation
 
-# All four are assumed.
+# Assumed, as are the 10 samples for each parameter of the first moments, and the 5 models that go on to the end.
 FAR = 0.5  # of the RMS of what is measured, from which a straight line from a fit leads nowhere
-LEAST = 10  # samples for each parameter, of the first moments
 LONGER = 1.4  # each part than the one before, and models that go on
-LAST = 5  # models that are looked at to the end
 
 
 class Grown(NamedTuple):
@@ -43,7 +41,7 @@ def grown(problems: Sequence[Problem]) -> list[Grown]:
     theta, found = [p.start() for p in problems], [Grown({}, 0.0, np.inf) for _ in problems]
     observations = [o for o in problems[0].observations if isinstance(o, TimeObservation)]
     rows, most = sum(o.n for o in observations), max(1, *(t.size for t in theta))
-    parts, running = int(np.log(max(rows / (LEAST * most), 1)) / np.log(LONGER)), list(range(len(problems)))
+    parts, running = int(np.log(max(rows / (10 * most), 1)) / np.log(LONGER)), list(range(len(problems)))
     for share in LONGER ** -np.arange(parts, -1, -1.0):
         kept = tuple(o.beginning(share) for o in observations)
         for k in running:
@@ -56,7 +54,7 @@ def grown(problems: Sequence[Problem]) -> list[Grown]:
             except ComputationError:
                 pass
             found[k] = Grown(problems[k].values_at(theta[k]), share, chi2)
-        running = sorted(running, key=lambda k: found[k].chi2)[: max(LAST, int(len(running) / LONGER))]
+        running = sorted(running, key=lambda k: found[k].chi2)[: max(5, int(len(running) / LONGER))]
     return found
 
 

@@ -22,7 +22,7 @@ from specan.errors import ComputationError
 from specan.result import picked
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.levenberg_marquardt import descend
-from specan.study.estimation.linear import chi2_beside, covariance_root, orthonormal
+from specan.study.estimation.linear import Projection, chi2_beside, covariance_root
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 from specan.study.observation.frf import ABOVE_NOISE, KeptLines
@@ -280,15 +280,15 @@ class LeftOut:
         hold = np.diag(2 / (high - low))[free]  # zero where the domain has no end
         jacobian = np.vstack([best.jacobian, hold])[:, free]
         residual = np.concatenate([best.residual, np.zeros(hold.shape[0])])
-        self.basis = orthonormal(jacobian)
-        self.projected = residual - self.basis @ (self.basis.T @ residual)
+        self.linear = Projection.of(residual, jacobian)
+        self.projected = self.linear.project_out(residual)
         self.predicted = np.concatenate(problem.predictions(best.theta))
         self._other_rows = residual.size - problem.n_data
 
     def _taken_out(self, white: Array) -> Array:
         """Whitened columns over the data rows, with everything taken out that the parameters absorb."""
         whole = np.vstack([white, np.zeros((self._other_rows, white.shape[1]))])
-        return whole - self.basis @ (self.basis.T @ whole)
+        return self.linear.project_out(whole)
 
     @cached_property
     def _unit_columns(self) -> Array:
