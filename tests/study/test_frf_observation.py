@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from specan.analysis.transfer_function import TransferFunction
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
 from specan.models.catalogue import load_model
 from specan.room.study.estimate_frf import observe_recording
-from specan.study.data.estimated_lines import noise_density
+from specan.study.data.estimated_lines import estimate_lines, noise_density
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
 from specan.study.observation.window_leakage import fold
 
@@ -45,6 +46,19 @@ def test_folded_model_equals_the_estimate_of_the_filtered_reference():
     assert np.sqrt(np.mean(np.abs(folded - estimate) ** 2)) < 1e-3 * size
     # the without_leakage response is off by eighty times as much: modes are narrower than the lines resolve
     assert np.sqrt(np.mean(np.abs(response(lines * 1.0) - estimate) ** 2)) > 0.04 * size
+
+
+def test_blocks_of_an_odd_number_of_samples_are_folded_as_they_are_averaged():
+    """At 800 samples per second, and at 44.1 kHz, a second of lines has an odd block: no half of it is its overlap."""
+    v, p = filtered(np.random.default_rng(5))
+    recording = Recording.from_arrays({"Laser": v, "Mic 1": p}, RATE, units={"Laser": "m/s", "Mic 1": "Pa"})
+    settings = TransferFunction(
+        reference="Laser", channels=("Mic 1",), lines=781, overlap=0.5, align=False, start_s=0.5
+    )
+    found = estimate_lines(recording, recording.channel("Laser"), settings, (20.0, 700.0))
+    assert found.block == 1999
+    gap = found.folding(response(found.folding.nodes)[None])[0] - found.response[0]
+    assert np.sqrt(np.mean(np.abs(gap) ** 2)) < 1e-3 * np.sqrt(np.mean(np.abs(found.response) ** 2))
 
 
 @pytest.mark.parametrize(("liveliness", "worst"), [(1.0, 2e-4), (2.0, 3e-3)])

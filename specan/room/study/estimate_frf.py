@@ -11,7 +11,7 @@ import numpy as np
 from specan.analysis.transfer_function import TransferFunction
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.dsp.welch import power_density
+from specan.dsp.welch import hop_of, power_density
 from specan.errors import InputError, RequestError
 from specan.models import Model
 from specan.room.model.places import FieldReceivers, InRecording, receivers_of
@@ -81,7 +81,7 @@ def observe_recording(
     if not kept.any():
         raise RequestError("all lines of the band are left out", remedy="leave out less, or widen the band")
     window, driving = np.hanning(block + 1)[:-1], driven[found.start :]
-    blocks = [driving[s : s + block] for s in range(0, driving.size - block + 1, block // 2)]
+    blocks = [driving[s : s + block] for s in range(0, driving.size - block + 1, hop_of(block, 0.5))]
     power = np.array([np.abs(np.fft.rfft(window * one)[found.numbers]) ** 2 for one in blocks])
     plain = FieldObservation(
         name=recording.label,

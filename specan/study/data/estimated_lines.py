@@ -13,7 +13,7 @@ from scipy.special import digamma
 from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.dsp.welch import effective_averages, power_density
+from specan.dsp.welch import effective_averages, hop_of, power_density
 from specan.study.observation.window_leakage import Folding, fold
 
 if TYPE_CHECKING:
@@ -90,7 +90,8 @@ def estimate_lines(
     channels = [recording.channel(name) for name in settings.channels]
     responses = (recording.read([channel])[0] for channel in channels)
     drive = _drive(signals, rate, block, start, frequency)
-    averages = effective_averages((reference.n_samples - start - block) // (block // 2) + 1, "hann", 0.5)
+    n_blocks = (reference.n_samples - start - block) // hop_of(block, 0.5) + 1
+    averages = effective_averages(n_blocks, "hann", 0.5)
     return EstimatedLines(
         frequency_hz=frequency,
         numbers=numbers,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, eye_array, vstack
 
 from specan.arrays import Complex, Real
+from specan.dsp.welch import hop_of
 
 REACH = 25  # lines to either side from which a window lets energy through: Hann has fallen by 90 dB
 NODES_PER_LINE = 2  # for responses of up to a block
@@ -70,7 +71,7 @@ def fold(
     instrument : array (n,), optional
         Recorded instrument e of the three-channel estimator; the reference for H1.
     """
-    driver, hop = reference if instrument is None else instrument, block // 2
+    driver, hop = reference if instrument is None else instrument, hop_of(block, 0.5)
     n = len(reference)
     starts = np.arange(start, n - block + 1, hop)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(block) / block)
