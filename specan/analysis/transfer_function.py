@@ -25,7 +25,7 @@ from specan.data.recording import Recording
 from specan.dsp.leakage import leakage_bias
 from specan.dsp.transfer_function import Estimate, Estimator, Instrument, arrivals, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix, effective_averages, hop_of
-from specan.dsp.windows import WindowName, line_correlation, window, window_correlations
+from specan.dsp.windows import WindowName, line_correlation, window, window_correlation
 from specan.errors import InputError
 from specan.units import quotient
 
@@ -517,7 +517,7 @@ def shifts_of(seen: Look, block: int, n: int) -> list[int]:
         Samples of the section, of which at least one block has to be left.
     """
     late = np.array(seen.lags)
-    lost = 1 - window_correlations(seen.window, np.minimum(np.abs(late) / block, 1.0))
+    lost = 1 - window_correlation(seen.window, np.minimum(np.abs(late) / block, 1.0))
     return np.where((np.abs(late) <= n - block) & (lost > TOLERATED_LOSS), late, 0).tolist()
 
 

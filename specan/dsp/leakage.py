@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Complex, Real
-from specan.dsp.windows import WindowName, window_correlations
+from specan.dsp.windows import WindowName, window_correlation
 
 # Lines of a section whose lags are looked at together, per line of the block that is judged: 1/64 of a block
 # is the finest lag that is distinguished, where a Hann window costs 0.16 %.
@@ -98,8 +98,8 @@ def _lost_of_seen(size: int, ratio: int, window_name: WindowName) -> Real:
     """(1 - rho) / rho of each lag: what the judged blocks lose, over what is seen of it."""
     lag = np.arange(size) / size
     lag = np.where(lag < 1 - _BEFORE, lag, lag - 1)
-    seen = np.maximum(window_correlations(window_name, lag), _LEAST_CORRELATION)
-    return np.asarray((1 - window_correlations(window_name, lag * ratio)) / seen)
+    seen = np.maximum(window_correlation(window_name, lag), _LEAST_CORRELATION)
+    return np.asarray((1 - window_correlation(window_name, lag * ratio)) / seen)
 
 
 def _cut(values: NDArray, size: int, hop: int, count: int) -> NDArray:

@@ -74,10 +74,9 @@ def effective_averages(n_blocks: int, name: WindowName, overlap_hop: float) -> f
     """
     if n_blocks < 1:
         return 0.0
-    alike = 0.0
-    for m in range(1, min(n_blocks, int(np.ceil(1 / overlap_hop)))):
-        alike += (1 - m / n_blocks) * window_correlation(name, m * overlap_hop) ** 2
-    return n_blocks / (1 + 2 * alike)
+    m = np.arange(1, min(n_blocks, int(np.ceil(1 / overlap_hop))))
+    alike = np.sum((1 - m / n_blocks) * window_correlation(name, m * overlap_hop) ** 2)
+    return float(n_blocks / (1 + 2 * alike))
 
 
 class CrossSpectra:

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from specan.arrays import Real
 
@@ -90,22 +91,11 @@ def window_properties(name: WindowName) -> WindowProperties:
     )
 
 
-def window_correlation(name: WindowName, shift: float) -> float:
-    """Normalised correlation of a window with itself, shifted by `shift` (in window lengths, 0 to 1).
+def window_correlation(name: WindowName, shifts: ArrayLike) -> Real:
+    """Normalised correlation of a window with itself, shifted by parts of its length; 0 from one length on.
 
     It is the factor by which two blocks of one noise that are that far apart still look alike: the
     correlation of overlapped blocks, and the factor that a delay of the response puts on H1.
-
-    Examples
-    --------
-    >>> round(window_correlation("hann", 0.5), 4), window_correlation("rectangular", 0.25)
-    (0.1667, 0.75)
-    """
-    return float(window_correlations(name, np.array([shift]))[0])
-
-
-def window_correlations(name: WindowName, shifts: Real) -> Real:
-    """`window_correlation` of many shifts; 0 from one window length on.
 
     With w(t) = sum_m c_m cos(2 pi m t), s the shift and L = 1 - s the common part, it is the sum over all m and k
     of c_m c_k / 2 times the integrals from 0 to L of cos(2 pi ((k + m) t + k s)) and cos(2 pi ((k - m) t + k s)),
@@ -113,8 +103,8 @@ def window_correlations(name: WindowName, shifts: Real) -> Real:
 
     Examples
     --------
-    >>> window_correlations("hann", np.array([0.0, 0.5, 1.0])).round(4).tolist()
-    [1.0, 0.1667, 0.0]
+    >>> window_correlation("hann", [0.0, 0.5, 1.0]).round(4).tolist(), float(window_correlation("rectangular", 0.25))
+    ([1.0, 0.1667, 0.0], 0.75)
     """
     a = _COEFFICIENTS[name]
     shift = np.minimum(np.abs(shifts), 1.0)

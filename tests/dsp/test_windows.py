@@ -7,7 +7,6 @@ from specan.dsp.windows import (
     line_correlation,
     window,
     window_correlation,
-    window_correlations,
     window_properties,
 )
 
@@ -51,4 +50,4 @@ def test_the_closed_form_of_the_correlation_is_that_of_a_sampled_window(name) ->
     shape = window(name, n)
     lags = np.array([0, 1, 100, 1365, 2048, 4000, 4096])
     sampled = [np.sum(shape[lag:] * shape[: n - lag]) / np.sum(shape**2) for lag in lags]
-    np.testing.assert_allclose(window_correlations(name, lags / n), sampled, atol=2e-5)
+    np.testing.assert_allclose(window_correlation(name, lags / n), sampled, atol=2e-5)
