@@ -119,7 +119,7 @@ def test_sines_over_different_references_are_not_joined(tmp_path: Path) -> None:
         )
         tables.append(Tone()(Recording(f"sub/{number}.tdms", channels, ArraySource(samples))))
     results = [FileResult(t.label, "done", tones=(t,)) for t in tables]
-    write_tables(tmp_path, ["settings"], results, {})
+    write_tables(tmp_path, ["settings"], results)
     skipped = (tmp_path / "skipped.txt").read_text().splitlines()[-1].split("\t")
     assert skipped[:3] == ["sub/*", "", "aside"]
     assert "are over different references: Laser, Vibrometer" in skipped[3]

@@ -61,8 +61,8 @@ def test_a_kept_result_is_the_result(entry: Input, tmp_path: Path) -> None:
     assert repr(Store(tmp_path / "store").find("a")) == repr(kept)
     assert {table: kept.lines(table) for table in kept.places} == dict(result.blocks)
     # Every digit of the tone table, NaN and units included.
-    assert repr(kept.result.tones) == repr(result.tones)
-    assert kept.result.about == result.about
+    assert repr(kept.tones) == repr(result.tones)
+    assert kept.about == result.about
     assert store.find("b") is None
 
 

@@ -181,13 +181,13 @@ def run_batch(
         todo = [entry for entry in assigned.inputs if entry.label not in kept]
         resumed = len(kept)
         failed = _work_off(todo, settings, work, keys, store, kept)
-        results = [*assigned.calibrators, *failed, *(one.result for one in kept.values())]
+        results = [*assigned.calibrators, *failed, *kept.values()]
         results.sort(key=lambda result: result.label)
         header = [f"settings {settings.fingerprint}: {settings.as_json()}"]
         header += [f"calibration: {line}" for line in assigned.said]
         if channel_table is not None:
             header.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
-        written = write_tables(store.place, header, results, kept, settings.decimal)
+        written = write_tables(store.place, header, results, settings.decimal)
         _publish(store.place, out, written)
         store.keep_only(keys[label] for label in kept)
     return BatchReport(

@@ -7,7 +7,7 @@ import json
 import os
 import zlib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -50,13 +50,11 @@ _SCHEMA, _SUFFIX = 7, ".result"
 
 
 @dataclass(frozen=True)
-class Kept:
-    """A result that is in the store.
+class Kept(FileResult):
+    """A result that is in the store, without its lines; see `lines`.
 
     Attributes
     ----------
-    result : FileResult
-        Without its lines; see `lines`.
     path : Path
     places : mapping of str to (int, int)
         First byte and number of bytes of the lines of each table.
@@ -64,10 +62,9 @@ class Kept:
         Number of lines of each table.
     """
 
-    result: FileResult
-    path: Path
-    places: Mapping[str, tuple[int, int]]
-    rows: Mapping[str, int]
+    path: Path = Path()
+    places: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    rows: Mapping[str, int] = field(default_factory=dict)
 
     def lines(self, table: str) -> str:
         """Lines of one table."""
@@ -112,7 +109,7 @@ class Store:
                 tones = tuple(map(_tone, found["tones"]))
                 about, aside = _tuples(found["about"]), _tuples(found["set_aside"])
                 said = found["label"], found["kind"], found["reason"]
-                return Kept(FileResult(*said, about, {}, tones, aside), path, places, found["rows"])
+                return Kept(*said, about, {}, tones, aside, path, places, found["rows"])
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
 
@@ -160,7 +157,7 @@ class Store:
 
 def _tone(found: Mapping[str, Any]) -> ToneTable:
     """A tone table from JSON, whose numbers keep every digit."""
-    arrays = {field.name for field in fields(ToneTable) if field.type == "Real"}
+    arrays = {each.name for each in fields(ToneTable) if each.type == "Real"}
     known: dict[str, Any] = {
         name: np.array(v, dtype=float) if name in arrays else _tuples(v) for name, v in found.items()
     }

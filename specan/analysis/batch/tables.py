@@ -221,7 +221,6 @@ def write_tables(
     out: Path,
     header: Sequence[str],
     results: Sequence[FileResult],
-    kept: Mapping[str, Kept],
     decimal: str = ".",
 ) -> dict[str, int]:
     """Write every table, those without a row as well; optional ones only where a file has them.
@@ -231,9 +230,7 @@ def write_tables(
     header : sequence of str
         Lines on settings and calibration.
     results : sequence of FileResult
-        Sorted by label.
-    kept : mapping
-        Label to where the lines of a file stand.
+        Sorted by label; those that are kept have lines.
     decimal : {".", ","}
         Decimal sign.
 
@@ -246,7 +243,7 @@ def write_tables(
     reasons, joined = _stepped_sines(results)
     references = ", ".join(f"{unit} re {ref.text}" for unit, ref in LEVEL_REFERENCES.items())
     for name, columns in text.COLUMNS.items():
-        here = [r for r in results if r.label in kept and name in kept[r.label].places]
+        here = [r for r in results if isinstance(r, Kept) and name in r.places]
         if name in text.OPTIONAL and not here:
             continue
         about = [
@@ -261,12 +258,12 @@ def write_tables(
             skipped = _skipped(results, reasons)
             lines, written[name] = [skipped], skipped.count("\n")
         elif name == "sine.txt":
-            blocks = {**{r.label: kept[r.label].lines(name) for r in here}, **joined}
+            blocks = {**{r.label: r.lines(name) for r in here}, **joined}
             lines = [block for _, block in sorted(blocks.items())]
             written[name] = sum(block.count("\n") for block in blocks.values())
         else:
-            lines = (kept[r.label].lines(name) for r in here)
-            written[name] = sum(kept[r.label].rows[name] for r in here)
+            lines = (r.lines(name) for r in here)
+            written[name] = sum(r.rows[name] for r in here)
         text.write_table(out / name, about, columns, lines, decimal)
     return written
 
