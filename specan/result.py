@@ -203,11 +203,12 @@ class RecordingResult(Result):
 
     def tables(self) -> Iterable[dict[str, Any]]:
         """Columns of the text file, of one channel or a part of it after the other."""
-        columns = self.columns()
-        count = len(columns.pop("channel")) // len(self.channels)
+        names = self.dimensions[1:]
+        axes = crossed(**{name: getattr(self, name) for name in names})
+        values = self.values_over() if names else self.columns()
         for row, channel in enumerate(self.channels):
-            own = slice(row * count, (row + 1) * count)
-            yield {"channel": channel, **{name: values[own] for name, values in columns.items()}}
+            own = {name: np.ravel(found[row]) for name, found in values.items() if name != "channel"}
+            yield {"channel": channel, **axes, **own}
 
     def columns(self) -> dict[str, Any]:
         """One row for each channel, and for each line or band of it."""
