@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 Scaling = Literal["amplitude", "rms", "psd"]
 SCALINGS: tuple[Scaling, ...] = get_args(Scaling)
-PIECE = 1 << 15  # lines of a table at once
 
 
 @dataclass(frozen=True)
@@ -163,15 +162,6 @@ class _Lines(RecordingResult):
         """What was averaged, in words."""
         raise NotImplementedError
 
-    def _part(self, row: int, place: Any, lines: slice = slice(None)) -> dict[str, Any]:
-        """Columns of some lines of one channel."""
-        density = self.density[row, place]
-        return {
-            "frequency_hz": self.frequency_hz[lines],
-            self.scale.scaling: self.scale.values(density, self.has_mirror[lines]),
-            "level_dB": self.scale.level_dB(density, self.units[row]),
-        }
-
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""
         scale = self.scale
@@ -243,12 +233,9 @@ class Spectrum(_Lines):
         return found if self.phase_deg is None else {**found, "phase_deg": self.phase_deg}
 
     def tables(self) -> Iterable[dict[str, Any]]:
-        """The lines in pieces: a long spectrum as text is ten times as large as its numbers."""
-        for row, channel in enumerate(self.channels):
-            for first in range(0, self.frequency_hz.size, PIECE):
-                piece = slice(first, first + PIECE)
-                phase = "" if self.phase_deg is None else self.phase_deg[row, piece]
-                yield {"channel": channel, **self._part(row, piece, piece), "phase_deg": phase}
+        """The columns; that of the phase is empty where there is none."""
+        for table in super().tables():
+            yield {**table, "phase_deg": table.get("phase_deg", "")}
 
     def _blocks(self) -> str:
         return f"{counted(self.n_blocks, 'block')}, averaging {self.averaging}"
@@ -315,12 +302,6 @@ class Spectrogram(_Lines):
             f"{self.label}, {self.scale.scaling} of {counted(len(self.channels), 'channel')}, "
             f"{self.time_s.size} times, {counted(self.frequency_hz.size, 'line')}"
         )
-
-    def tables(self) -> Iterable[dict[str, Any]]:
-        """One row for each channel, time and line, column by column."""
-        for row, channel in enumerate(self.channels):
-            for column, time in enumerate(self.time_s):
-                yield {"channel": channel, "time_s": time, **self._part(row, column)}
 
     def facts(self) -> dict[str, Any]:
         """What `content` says of all channels."""

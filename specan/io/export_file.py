@@ -322,6 +322,16 @@ def write_frame(frame: pd.DataFrame, path: Path, header: Sequence[str], decimal:
     write_table(path, whole, list(columns), [table_lines(columns)], decimal)
 
 
+_PIECE = 1 << 15  # rows at once: as text they are ten times as large
+
+
+def _pieces(columns: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    count = next(len(values) for values in columns.values() if not np.isscalar(values))
+    for first in range(0, count, _PIECE):
+        rows = slice(first, first + _PIECE)
+        yield {name: v if np.isscalar(v) else v[rows] for name, v in columns.items()}
+
+
 def write_result(
     found: RecordingResult, path: Path, tables: Iterable[Mapping[str, Any]] = (), decimal: str = "."
 ) -> None:
@@ -353,5 +363,5 @@ def write_result(
     header = [f"specan {__version__} {found.verb}", *found.about(), f"settings: {settings}", *calibration]
     parts = iter(tables or found.tables())
     first = next(parts)
-    lines = map(table_lines, chain([first], parts))
+    lines = (table_lines(piece) for part in chain([first], parts) for piece in _pieces(part))
     write_table(path, [*header, *found.notes], list(first), lines, decimal)
