@@ -35,52 +35,46 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
     specan simulate planetary-gear sample_data/planetary_gear/rig.toml -e planet-position-error@P2=5 -o lines.csv
     """
     path = output_path(options["output"], ".tdms", ".csv")
-    write = _lines if path.suffix.lower() == ".csv" else _record
-    write(model, path, options)
+    table, duration = path.suffix.lower() == ".csv", options["duration"]
+    if not table and not 0.01 <= duration <= 600.0:
+        raise RequestError(f"{duration:g} s are requested", expected="0.01 to 600 s")
+    if table or options["effects"] or options["without"]:
+        _of_lines(model, path, options, table)
+    else:
+        _in_time(model, path, options)
 
 
-def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
+def _in_time(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     from specan.planetary_gear.model.compiled import HAS_NUMBA
     from specan.planetary_gear.model.dynamics import simulate
-    from specan.planetary_gear.model.simulated_recording import channels_of_lines, recorded_channels
+    from specan.planetary_gear.model.simulated_recording import recorded_channels
 
-    rig, duration = model.settings["parsed_rig"], options["duration"]
-    if not 0.01 <= duration <= 600.0:
-        raise RequestError(f"{duration:g} s are requested", expected="0.01 to 600 s")
-    told: dict[str, Any]
-    of_lines = bool(options["effects"] or options["without"])
-    if of_lines:
-        # Accelerations made of the order-domain model's lines, and tachos, at constant speed.
-        orders, lines, request = _order_lines(model, options)
-        rate, told = LINES_RATE, {"effects": [str(u) for u in request.assembly.uses]}
-        channels = channels_of_lines(rig, orders, lines, round(duration * rate), rate)
-        of = f"made of {orders.size} order lines"
-    else:
-        if not HAS_NUMBA:
-            note("A simulated second takes about 40 s; with specan[fast] (numba) about 1 s.")
-        motion = simulate(rig, duration, sampling_rate=RATE)
-        rate, told = RATE, {"step_s": motion.step_s}
-        channels = recorded_channels(motion, rate)
-        of = f"at {rate:g} samples per second"
-    write_recording(path, channels, rate, _described(rig), noise=(options["noise"], options["seed"]))
-    note(f"{len(channels)} channels of {duration:g} s {of} written to {path}")
-    if of_lines:
-        _say_resonances(model)
-    else:
-        note(f"step {1e6 * motion.step_s:.3g} us")
-    show_recording(channels, options["as_json"], **told)
+    if not HAS_NUMBA:
+        note("A simulated second takes about 40 s; with specan[fast] (numba) about 1 s.")
+    motion = simulate(model.settings["parsed_rig"], options["duration"], sampling_rate=RATE)
+    channels = recorded_channels(motion, RATE)
+    _write(model, path, options, channels, RATE, f"at {RATE:g} samples per second")
+    note(f"step {1e6 * motion.step_s:.3g} us")
+    show_recording(channels, options["as_json"], step_s=motion.step_s)
 
 
-def _described(rig: Any) -> dict[str, object]:
+def _write(model: Model, path: Path, options: Mapping[str, Any], channels: Any, rate: float, of: str) -> None:
+    rig = model.settings["parsed_rig"]
+    about = {"SunSpeed_Hz": rig.operation.sun_speed_hz, "Torque_Nm": rig.operation.carrier_torque_Nm}
     if rig.gear is None:
-        return {"DriverSpeed_Hz": rig.pair.driver_speed_hz, "Torque_Nm": rig.pair.driver_torque_Nm}
-    return {"SunSpeed_Hz": rig.operation.sun_speed_hz, "Torque_Nm": rig.operation.carrier_torque_Nm}
+        about = {"DriverSpeed_Hz": rig.pair.driver_speed_hz, "Torque_Nm": rig.pair.driver_torque_Nm}
+    write_recording(path, channels, rate, about, noise=(options["noise"], options["seed"]))
+    note(f"{len(channels)} channels of {options['duration']:g} s {of} written to {path}")
 
 
-def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, Any]:
-    """Orders, complex lines (sensors, orders), and the effects with which they were made."""
+def _of_lines(model: Model, path: Path, options: Mapping[str, Any], table: bool) -> None:
+    """Order lines at the operating point of the rig: a table, or accelerations made of them, and tachos."""
+    import numpy as np
+
+    from specan.io.output_file import write_csv
     from specan.models.chosen_model import choose_model
     from specan.planetary_gear.model.kinematics import line_conditions
+    from specan.planetary_gear.model.simulated_recording import channels_of_lines
 
     if "orders" not in model.for_kinds:
         raise RequestError(
@@ -88,9 +82,27 @@ def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, An
             remedy="write its run in time: -o run.tdms",
         )
     request = choose_model(model, options["effects"], options["without"])
-    conditions = line_conditions(model)
-    found = request.assembly.evaluate(conditions, request.values, ["order_lines"])
-    return conditions["order"], found["order_lines"], request
+    conditions, effects = line_conditions(model), [str(u) for u in request.assembly.uses]
+    orders = conditions["order"]
+    lines = request.assembly.evaluate(conditions, request.values, ["order_lines"])["order_lines"]
+    if not table:
+        count = round(options["duration"] * LINES_RATE)
+        channels = channels_of_lines(model.settings["parsed_rig"], orders, lines, count, LINES_RATE)
+        _write(model, path, options, channels, LINES_RATE, f"made of {orders.size} order lines")
+        _say_resonances(model)
+        show_recording(channels, options["as_json"], effects=effects)
+        return
+    rows = [
+        [name, f"{order:.6f}", f"{abs(value):.6g}", f"{np.degrees(np.angle(value)):.3f}"]
+        for name, line in zip(model.axes["sensor"], lines)
+        for order, value in zip(orders, line)
+    ]
+    header = ["channel", "order", "amplitude_m_per_s2", "phase_deg"]
+    write_csv(path, header, rows)
+    note(f"{len(rows)} order lines written to {path}")
+    _say_resonances(model)
+    if options["as_json"]:
+        emit_json({"effects": effects, "lines": [dict(zip(header, r)) for r in rows]})
 
 
 def _say_resonances(model: Model) -> None:
@@ -112,28 +124,3 @@ def _say_resonances(model: Model) -> None:
             note(
                 f"harmonic {harmonic} of the mesh, at {harmonic * mesh:.0f} Hz, meets that at {frequency:.0f} Hz"
             )
-
-
-def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
-    """Order lines of the order-domain model at the rig's operating point."""
-    import numpy as np
-
-    from specan.io.output_file import write_csv
-
-    orders, found, request = _order_lines(model, options)
-    rows = [
-        [name, f"{order:.6f}", f"{abs(value):.6g}", f"{np.degrees(np.angle(value)):.3f}"]
-        for name, line in zip(model.axes["sensor"], found)
-        for order, value in zip(orders, line)
-    ]
-    header = ["channel", "order", "amplitude_m_per_s2", "phase_deg"]
-    write_csv(path, header, rows)
-    note(f"{len(rows)} order lines written to {path}")
-    _say_resonances(model)
-    if options["as_json"]:
-        emit_json(
-            {
-                "effects": [str(u) for u in request.assembly.uses],
-                "lines": [dict(zip(header, r)) for r in rows],
-            }
-        )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import fftconvolve
 
-from specan.room.study.block_length import USUAL_S, block_length, reverberation_s
+from specan.room.study.estimate_frf import USUAL_S, block_length, reverberation_s
 
 RATE = 1000.0
 

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from specan.analysis.transfer_function import TransferFunction
+from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.dsp.welch import hop_of, power_density
+from specan.dsp.energy_decay import NoiseFloor, decay_line, energy_decay
+from specan.dsp.welch import effective_averages, hop_of, power_density
 from specan.errors import InputError, RequestError
 from specan.models import Model
 from specan.room.model.places import FieldReceivers, InRecording, receivers_of
 from specan.room.model.rig import left_out
-from specan.room.study.background_noise import background_noise
-from specan.room.study.block_length import block_length
 from specan.room.study.field_observation import Drift, FieldObservation
 from specan.study.data.estimated_lines import LEAST_BLOCKS, EstimatedLines, estimate_lines
 
@@ -219,3 +219,137 @@ def _channels_of(recording: Recording) -> tuple[Channel, tuple[Channel, ...]]:
             remedy="name one in the channel table (role = 'vibrometer')",
         )
     return references[0], recording.by_role("microphone")
+
+
+# --- length of the blocks, from how long the field of a recording rings ------------------------------------
+
+USUAL_S = 1.0  # lines of 1 Hz, as long as the modes are no narrower
+LONG_S = 2.0  # reverberation time above which blocks are as long as it: their lines are then as narrow as the modes
+MOST_S = 20.0  # as a rig file may say
+# Of the decay that is looked at: its beginning, above what the ends of a record of five reverberation times leave.
+RANGE_DB = (-2.0, -15.0)
+SURE = 10.0  # standard deviations of the noise that the energy of a response must exceed
+TAIL = 0.25  # of the impulse response, its end, where only noise is left
+DRIVEN = 1e-2  # of the reference's mean power, where lines lose half of their weight
+LEAST_OF_RECORD = 5.0  # blocks that a record holds, with what is left out at its beginning
+
+
+def block_length(
+    reference: Real, responses: Iterable[Real], rate: float, band_hz: tuple[float, float]
+) -> float:
+    """Length of blocks in s: the usual one, or the reverberation time where that is long.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> v = rng.standard_normal(40_000)
+    >>> t = np.arange(8000) / 1000
+    >>> ringing = np.exp(-6.91 * t / 4.0) * np.sin(2 * np.pi * 150 * t)  # 60 dB in 4 s
+    >>> p = np.convolve(v, ringing)[: v.size]
+    >>> 3 < block_length(v, [p], 1000.0, (20.0, 400.0)) < 5
+    True
+    """
+    times = [reverberation_s(reference, response, rate, band_hz) for response in responses]
+    known = [time for time in times if np.isfinite(time)]
+    found = float(np.quantile(known, 0.25)) if known else 0.0  # hum and noise make a decay seem longer
+    most = min(MOST_S, reference.size / rate / LEAST_OF_RECORD)
+    return USUAL_S if found < LONG_S or most < LONG_S else min(found, most)
+
+
+def reverberation_s(reference: Real, response: Real, rate: float, band_hz: tuple[float, float]) -> float:
+    """Reverberation time of a band from the whole record's impulse response; nan where noise hides it.
+
+    Schroeder's integral, the noise of the response's end taken off.
+    """
+    first, last = (int(f * reference.size / rate) for f in band_hz)
+    v, p = (np.fft.rfft(x)[: last + 1] for x in (reference, response))
+    power = np.abs(v) ** 2
+    power[:first] = 0.0
+    least = DRIVEN * power[first:].mean()  # lines that the source hardly drove count little
+    n = 2 * last  # samples at twice the highest frequency
+    rate = n * rate / reference.size
+    squared = np.fft.irfft(np.where(power > 0, p * v.conj(), 0) / (power + least), n)[: n // 2] ** 2
+    floor = NoiseFloor(float(squared[-int(TAIL * squared.size) :].mean()), squared.size, 0.0)
+    left = energy_decay(squared, floor)
+    # of squares of a normal law, the sum scatters by that
+    if left[0] <= SURE * floor.power * np.sqrt(2 * squared.size):
+        return float("nan")
+    level = 10 * np.log10(np.maximum(left, 1e-12 * left[0]) / left[0])
+    return decay_line(level, *RANGE_DB).samples / rate
+
+
+# --- noise while the source is silent, from a recording of its own -----------------------------------------
+
+NEAR_DB = 10.0  # below the recording, within which a line is said to be near the background
+MOST_RUNS = 6  # of neighbouring lines that are named
+
+
+def background_noise(
+    background: Recording, recording: Recording, channels: tuple[Channel, ...], block_s: float, lines_hz: Real,
+    between: Real,
+) -> tuple[Real, str]:  # fmt: skip
+    """Noise density of the receivers at the lines of a recording, by what they hear without its source.
+
+    A tone in the background, such as hum, stands on few lines: in the density `between` the lines it is not heard. The
+    background counts where it is surely louder: where its mean over blocks exceeds that density by the quantile of
+    chi-square over its degrees of freedom.
+
+    Returns
+    -------
+    density : array (channels, lines)
+        One-sided, unit of the receivers squared per Hz.
+    text : str
+        What was found, for a person.
+
+    Raises
+    ------
+    InputError
+        A receiver is missing, the recording is short, or it is as loud as the one with the source.
+    """
+    from scipy.stats import chi2
+
+    own = [background.channel(channel.name) for channel in channels]
+    rate = own[0].sampling_rate
+    blocks = int(own[0].duration_s / block_s * 2) - 1
+    if blocks < 2:
+        raise InputError(
+            f"the background {background.label} lasts {own[0].duration_s:.1f} s",
+            expected=f"at least {1.5 * block_s:.1f} s for blocks of {block_s:.3g} s",
+        )
+    quiet = _densities(background, own, block_s, lines_hz)
+    loud = _densities(recording, channels, block_s, lines_hz)
+    # 3.0: below the recording; where half of the lines are nearer, the source was not silent
+    if np.mean(quiet > 10 ** (-3.0 / 10) * loud) > 0.5:
+        raise InputError(
+            f"the background {background.label} is as loud as {recording.label} on most lines",
+            expected="a recording with the source switched off",
+            remedy="check that the two files are not exchanged",
+        )
+    near = quiet > 10 ** (-NEAR_DB / 10) * loud
+    at = np.flatnonzero(near.any(axis=0))
+    runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
+    text = f"{background.label}: background of {own[0].duration_s:.3g} s at {rate:g} Hz; "
+    if at.size:
+        ends = [f"{lines_hz[run[0]]:.4g} to {lines_hz[run[-1]]:.4g}" for run in runs[:MOST_RUNS]]
+        where = ", ".join(ends) + (" ..." if len(runs) > MOST_RUNS else "")
+        text += (
+            f"within {NEAR_DB:g} dB of {recording.label} in {100 * near.mean():.2g} % of its values "
+            f"({where} Hz), which count with the background's uncertainty"
+        )
+    else:
+        text += f"more than {NEAR_DB:g} dB below {recording.label} on every line"
+    # below this quantile of a Welch estimate the background agrees with the noise between the lines
+    dof = 2 * effective_averages(blocks, "hann", 0.5)
+    sure = chi2.ppf(0.999, dof) / dof
+    return np.where(quiet > sure * between, quiet, between), text
+
+
+def _densities(
+    recording: Recording, channels: tuple[Channel, ...] | list[Channel], block_s: float, lines_hz: Real
+) -> Real:
+    found = []
+    for channel in channels:
+        rate = channel.sampling_rate
+        f, density = power_density(recording.read([channel])[0], rate, round(rate * block_s))
+        found.append(np.interp(lines_hz, f, density))
+    return np.stack(found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,7 @@ from specan.models.chosen_model import simulated_table as measured_table
 
 
 def simulated_table(
-    chosen: ChosenModel,
-    columns: Mapping[str, NDArray[np.float64]],
-    *,
-    noise: float = 0.0,
-    repeats: int = 1,
-    seed: int = 0,
+    chosen: ChosenModel, columns: Mapping[str, NDArray[np.float64]], **settings: Any
 ) -> Columns:
     """Conditions, input torque, efficiency and power loss, one row a reading.
 
@@ -25,17 +21,12 @@ def simulated_table(
     ----------
     columns : mapping
         Columns of the conditions, in their own units (speed_rpm, output_torque_Nm, ...).
-    noise : float
-        Standard deviation of one reading of the input torque in N*m, normal and independent.
-    repeats : int
-        Readings of each condition, numbered in a column ``repeat`` where there are several.
-    seed : int
-        Of the noise.
+    settings
+        ``noise`` of the input torque (N*m), ``repeats`` and ``seed``, as of any table that a model simulates.
     """
-    found = measured_table(chosen, columns, noise=noise, repeats=repeats, seed=seed)
+    found = measured_table(chosen, columns, **settings)
     torque = found["input_torque_Nm"]
-    ideal = found["output_torque_Nm"] / float(
-        chosen.assembly.evaluate({}, wanted=["gear_ratio"])["gear_ratio"]
-    )
+    ratio = float(chosen.assembly.evaluate({}, wanted=["gear_ratio"])["gear_ratio"])
+    ideal = found["output_torque_Nm"] / ratio
     loss = (torque - ideal) * found["speed_rpm"] * np.pi / 30
     return found | {"efficiency": ideal / torque, "power_loss_W": loss}  # what noise the torque has
