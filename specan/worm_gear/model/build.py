@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -229,9 +229,9 @@ def complete(
     _check_efficiency(eta)
     speed = columns.get(SPEED, np.ones(1))
     turning = "a speed above zero; a standing gear has no efficiency"
-    _refuse(~(speed > 0), lambda k: f"the speed is {speed[k]:g} rpm", turning, "leave such rows out")
+    _refuse(~(speed > 0), "the speed is {:g} rpm", speed, expected=turning, remedy="leave such rows out")
     few = np.isfinite(np.stack([*found.values()])).sum(axis=0) < 2
-    _refuse(few, lambda k: f"fewer than two of {IN}, {OUT} and {ETA}", "any two of them in every row")
+    _refuse(few, f"fewer than two of {IN}, {OUT} and {ETA}", expected="any two of them in every row")
     notes, doubts = [], []
     derived = np.isnan(torque_out)
     if np.any(derived):
@@ -240,7 +240,7 @@ def complete(
         notes.append(f"{OUT} is worked out from {ETA} and {IN} in {derived.sum()} rows")
     idle = np.isnan(torque_in) & ~(torque_out > 0)
     unspoken = "without load efficiency is not defined"
-    _refuse(idle, lambda k: unspoken, f"{IN} where the output torque is zero")
+    _refuse(idle, unspoken, expected=f"{IN} where the output torque is zero")
     _check_torques(torque_in, torque_out, ratio)
     _check_idle(torque_out, idle_below)
     both = np.isfinite(torque_in) & np.isfinite(eta) & ~derived
@@ -258,10 +258,12 @@ def complete(
     return Completed(found | ({LOSS: empty} if LOSS in columns else {}), printed, tuple(notes), tuple(doubts))
 
 
-def _refuse(rows: Flags, found: Callable[[int], str], expected: str, remedy: str = "") -> None:
-    """Refuse rows, if there are any; `found` says what one of them has, by its number."""
+def _refuse(rows: Flags, found: str, *values: Real, expected: str, remedy: str = "") -> None:
+    """Refuse rows, if there are any; `found` says what one of them has, its numbers are out of the `values`."""
     if np.any(rows):
-        raise TableFault(found(int(np.argmax(rows))), rows=rows, expected=expected, remedy=remedy)
+        first = int(np.argmax(rows))
+        said = found.format(*(np.broadcast_to(column, rows.shape)[first] for column in values))
+        raise TableFault(said, rows=rows, expected=expected, remedy=remedy)
 
 
 def _check_efficiency(eta: Real) -> None:
@@ -273,31 +275,26 @@ def _check_efficiency(eta: Real) -> None:
             remedy="divide it by 100",
         )
     with np.errstate(invalid="ignore"):
-        _refuse((eta > 1) | (eta < 0), lambda k: f"efficiency {eta[k]:g}", "a value between 0 and 1")
+        _refuse((eta > 1) | (eta < 0), "efficiency {:g}", eta, expected="a value between 0 and 1")
 
 
 def _check_torques(torque_in: Real, torque_out: Real, ratio: float) -> None:
     with np.errstate(invalid="ignore", divide="ignore"):
         driving, braking = torque_in <= 0, torque_out < -_idle_reading(torque_out)
         found = torque_out / ratio / torque_in
-    _refuse(driving, lambda k: f"the input torque is {torque_in[k]:g} Nm", "a driving torque above zero")
-    _refuse(
-        braking,
-        lambda k: f"the output torque is {torque_out[k]:g} Nm",
-        "the torque of the brake counted positive",
-    )
+    expected = "a driving torque above zero"
+    _refuse(driving, "the input torque is {:g} Nm", torque_in, expected=expected)
+    expected = "the torque of the brake counted positive"
+    _refuse(braking, "the output torque is {:g} Nm", torque_out, expected=expected)
     impossible = found > 1.02
+    exchanged = "are the two torque columns exchanged, or in other units?"
     _refuse(
         impossible,
-        lambda k: (
-            f"{torque_out[k]:g} Nm come out for {torque_in[k]:g} Nm at a ratio of {ratio:g}, an efficiency of "
-            f"{found[k]:.2f}"
-        ),
-        "an efficiency of at most 1",
-        "are the two torque columns exchanged, or in other units?"
-        if np.mean(impossible) > 0.5
-        else "correct the row",
-    )
+        f"{{:g}} Nm come out for {{:g}} Nm at a ratio of {ratio:g}, an efficiency of {{:.2f}}",
+        torque_out, torque_in, found,
+        expected="an efficiency of at most 1",
+        remedy=exchanged if np.mean(impossible) > 0.5 else "correct the row",
+    )  # fmt: skip
 
 
 def _check_idle(torque_out: Real, below: float) -> None:
@@ -308,12 +305,11 @@ def _check_idle(torque_out: Real, below: float) -> None:
     least_load = np.min(torque_out[~idle], initial=np.inf)
     _refuse(
         idle & ((torque_out > np.min(torque_out[idle]) + 0.2 * below) | (size > 0.5 * least_load)),
-        lambda k: (
-            f"the output torque of {torque_out[k]:g} Nm is below {below:g} Nm, a twentieth of the [limits], and would "
-            "count as idle (idle_uncoupled)"
-        ),
-        "idle rows whose torque sensor reads alike, and loads well above",
-        "mark idle rows by 0 in a column 'coupled', and remove idle_uncoupled",
+        f"the output torque of {{:g}} Nm is below {below:g} Nm, a twentieth of the [limits], and would count as idle "
+        "(idle_uncoupled)",
+        torque_out,
+        expected="idle rows whose torque sensor reads alike, and loads well above",
+        remedy="mark idle rows by 0 in a column 'coupled', and remove idle_uncoupled",
     )
 
 
@@ -330,12 +326,8 @@ def _check_agreement(given: Columns, ratio: float, steps: Columns, rows: Flags) 
         # The torque of an idle brake reads a little off zero, to either side; the efficiency is written as zero then.
         idle = (eta == 0) & (np.abs(torque_out) <= _idle_reading(torque_out))
         bad = rows & ~idle & (np.abs(eta - expected) > 0.01 * np.abs(expected) + rounding)
+    contradiction = "the columns contradict each other (efficiency {:g}, but the torques give {:.3f}"
     _refuse(
-        bad,
-        lambda k: (
-            f"the columns contradict each other (efficiency {eta[k]:g}, but the torques give {expected[k]:.3f} at "
-            f"a ratio of {ratio:g})"
-        ),
-        "columns that agree",
-        "correct the rows, or the teeth in the rig file, or leave one of the columns out",
-    )
+        bad, f"{contradiction} at a ratio of {ratio:g})", eta, expected, expected="columns that agree",
+        remedy="correct the rows, or the teeth in the rig file, or leave one of the columns out",
+    )  # fmt: skip
