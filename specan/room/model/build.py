@@ -227,23 +227,17 @@ def _bands(rig: Rig, per_octave: int = 3) -> np.ndarray:
 
 def _nuisances(rig: Rig, known: Iterable[str]) -> tuple[Nuisance, ...]:
     """Instrument errors and the state of the air, held by what the rig file says of them."""
-    given = rig.uncertainty
-    in_table = "[uncertainty] "
-    listed = [
-        ("temperature", "offset", given.temperature_K, in_table + "temperature_K"),
-        ("vibrometer-delay", "delay", given.vibrometer_delay_s, in_table + "vibrometer_delay_s"),
-        (
-            "vibrometer-gain",
-            "gain",
-            given.vibrometer_gain_percent / 100,
-            in_table + "vibrometer_gain_percent",
-        ),
+    cards = [f"microphone-delay@card {i}" for i in range(1, len(rig.mics.cards) + 1)]
+    held = [  # effect, parameter, key of [uncertainty], its unit in that of the parameter
+        ("temperature", "offset", "temperature_K", 1.0),
+        ("vibrometer-delay", "delay", "vibrometer_delay_s", 1.0),
+        ("vibrometer-gain", "gain", "vibrometer_gain_percent", 0.01),
+        *((f"dimension-error@{axis}", "error", "dimension_percent", 0.01) for axis in "xyz"),
+        *((card, "delay", "card_delay_s", 1.0) for card in cards),
     ]
-    for axis in "xyz":
-        sd = given.dimension_percent / 100
-        listed.append((f"dimension-error@{axis}", "error", sd, in_table + "dimension_percent"))
-    for i in range(1, len(rig.mics.cards) + 1):
-        listed.append((f"microphone-delay@card {i}", "delay", given.card_delay_s, in_table + "card_delay_s"))
+    listed = [
+        (e, p, unit * getattr(rig.uncertainty, key), f"[uncertainty] {key}") for e, p, key, unit in held
+    ]
     for number, one in enumerate(rig.loudspeakers, 2):
         for part, sd in (("level", one.u_level_dB), ("delay", one.u_delay_s)):
             listed.append((f"loudspeaker-ratio@loudspeaker {number}", part, sd, "[[loudspeakers]]"))
