@@ -239,14 +239,11 @@ def _moved(sum_: Modes, lengths: tuple[float, ...], modes: Any, shift: Any) -> M
     return replace(sum_, moved=(modes.T, np.sum(_mode_sizes(lengths, sum_, modes.T) * shift, axis=0)))
 
 
-def _dimensionless(lengths: tuple[float, ...], soft: Complex) -> list[tuple[Complex, Complex]]:
-    """``j k beta L`` of the two walls of every axis."""
-    return [(soft[2 * i] * length, soft[2 * i + 1] * length) for i, length in enumerate(lengths)]
+def _dimensionless(lengths: tuple[float, ...], soft: Complex) -> Complex:
+    """``j k beta L`` of the two walls of every axis, array (3, 2, lines)."""
+    return np.asarray(soft.reshape(3, 2, -1) * np.reshape(lengths, (3, 1, 1)))
 
 
-def _axes(
-    lengths: tuple[float, ...], soft: Complex, counts: Sequence[int]
-) -> tuple[AxisModes, AxisModes, AxisModes]:
+def _axes(lengths: tuple[float, ...], soft: Complex, counts: Sequence[int]) -> tuple[AxisModes, ...]:
     walls = _dimensionless(lengths, soft)
-    x, y, z = (axis_modes(lengths[i], *walls[i], counts[i]) for i in range(3))
-    return x, y, z
+    return tuple(axis_modes(lengths[i], *walls[i], counts[i]) for i in range(3))

@@ -14,8 +14,7 @@ function of the box there and D those of the plane with itself, all modes along 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +28,10 @@ AXES = "xyz"
 LEANS = tuple(f"{a}{end} along {b}" for a in AXES for end in "01" for b in AXES if b != a)
 
 
-@dataclass(eq=False)
 class LeaningWall:
     """A wall that is turned about its middle.
 
-    Attributes
+    Parameters
     ----------
     name : str
         Of `LEANS`: the wall, and the edge along which its distance changes.
@@ -49,73 +47,50 @@ class LeaningWall:
         Squared dimensionless wave numbers of the box along its edges.
     """
 
-    name: str
-    slope: float
-    lengths: tuple[float, float, float]
-    k2: Complex
-    soft: Complex
-    w: Sequence[Complex]
-    _parts: dict[Port, Complex] = field(default_factory=dict, repr=False)
-
-    def __post_init__(self) -> None:
-        self.normal, self.along = AXES.index(self.name[0]), AXES.index(self.name[-1])
-        self.far = self.name[1] == "1"
-        self.across = 3 - self.normal - self.along
+    def __init__(
+        self,
+        name: str,
+        slope: float,
+        lengths: Sequence[float],
+        k2: Complex,
+        soft: Complex,
+        w: Sequence[Complex],
+    ) -> None:
+        normal, along, far = AXES.index(name[0]), AXES.index(name[-1]), name[1] == "1"
+        across = 3 - normal - along
+        walls = soft.reshape(3, 2, -1, 1, 1) * np.reshape(lengths, (3, 1, 1, 1, 1))  # j k beta L
+        # ``w`` of the waves of the plane along every edge: arrays that go with (lines, across, along)
+        squares = [np.expand_dims(one, 1 if i == along else 2) for i, one in enumerate(w)]
+        beside = k2[:, None, None] - squares[across] / lengths[across] ** 2
+        squares[normal] = (beside - squares[along] / lengths[along] ** 2) * lengths[normal] ** 2
+        first, second = (lengths[i] * norms(squares[i], walls[i, 0]) for i in (across, along))
+        value, _ = characteristic(squares[normal], *walls[normal])
+        # Pressure at the wall of a unit flow there, over the field's own function, m, and over the waves' norms.
+        self._driven = lengths[normal] / -value / first / second
+        displaced, sheared = _moments(squares[along].shape[2], lengths[along])
+        matrix = slope * first[..., None] * (beside[..., None] * displaced - sheared)
+        own = self._driven * waves(squares[normal], walls[normal, 0 if far else 1], 1.0)
+        self._answer = matrix @ np.linalg.inv(np.eye(len(displaced)) - own[..., None] * matrix)
+        self._origin, edges, a0 = np.zeros(3), list(lengths), list(walls[:, 0])
+        if not far:  # along the normal the function that obeys the opposite wall
+            self._origin[normal], edges[normal], a0[normal] = (
+                lengths[normal],
+                -lengths[normal],
+                walls[normal, 1],
+            )
+        self._shapes, self._parts = Shapes(edges, squares, a0), dict[Port, Complex]()
 
     def change(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """What its lean adds to couplings, array (lines, receivers)."""
         answer = (self._answer @ self._at(source)[..., None])[..., 0]
         return np.stack([np.sum(self._at(port) * answer, axis=(1, 2)) for port in receivers], axis=1)
 
-    @cached_property
-    def _walls(self) -> list[tuple[Complex, Complex]]:
-        """``j k beta L`` of both walls of every edge, arrays (lines, 1, 1)."""
-        return [
-            (self.soft[2 * i][:, None, None] * length, self.soft[2 * i + 1][:, None, None] * length)
-            for i, length in enumerate(self.lengths)
-        ]
-
-    @cached_property
-    def _squares(self) -> list[Complex]:
-        """``w`` of the waves of the plane along every edge, arrays that go with (lines, across, along)."""
-        across, along = self.w[self.across][:, :, None], self.w[self.along][:, None, :]
-        plane = across / self.lengths[self.across] ** 2 + along / self.lengths[self.along] ** 2
-        normal = (self.k2[:, None, None] - plane) * self.lengths[self.normal] ** 2
-        found = {self.across: across, self.along: along, self.normal: normal}
-        return [found[i] for i in range(3)]
-
-    @cached_property
-    def _driven(self) -> Complex:
-        """Pressure at the wall of a unit flow there, over the field's own function, m, and over the waves' norms."""
-        value, _ = characteristic(self._squares[self.normal], *self._walls[self.normal])
-        size = self.lengths[self.normal] / -value
-        for i in (self.across, self.along):
-            size = size / (self.lengths[i] * norms(self._squares[i], self._walls[i][0]))
-        return np.asarray(size)
-
     def _at(self, port: Port) -> Complex:
         """Parts of Green's function between a port and the wall's waves, array (lines, across, along)."""
         if port not in self._parts:
-            lengths, place = list(self.lengths), np.array(port.position)
-            a0 = [walls[0] for walls in self._walls]
-            if not self.far:  # along the normal the function that obeys the opposite wall
-                place[self.normal] -= lengths[self.normal]
-                lengths[self.normal], a0[self.normal] = -lengths[self.normal], self._walls[self.normal][1]
-            moved = replace(port, position=point(place))
-            self._parts[port] = self._driven * Shapes(lengths, self._squares, a0).at(moved)
+            moved = replace(port, position=point(np.array(port.position) - self._origin))
+            self._parts[port] = self._driven * self._shapes.at(moved)
         return self._parts[port]
-
-    @cached_property
-    def _answer(self) -> Complex:
-        """``S (1 - D S)^-1``, array (lines, across, along, along)."""
-        edge, across = self.lengths[self.along], self._squares[self.across]
-        displaced, sheared = _moments(self._squares[self.along].shape[2], edge)
-        plane = self.k2[:, None, None] - across / self.lengths[self.across] ** 2
-        norm = self.lengths[self.across] * norms(across, self._walls[self.across][0])
-        matrix = self.slope * norm[..., None] * (plane[..., None] * displaced - sheared)
-        normal = self._walls[self.normal]
-        own = self._driven * waves(self._squares[self.normal], normal[0 if self.far else 1], 1.0)
-        return matrix @ np.linalg.inv(np.eye(len(displaced)) - own[..., None] * matrix)
 
 
 def _moments(count: int, edge: float) -> tuple[Real, Real]:

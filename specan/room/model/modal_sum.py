@@ -31,7 +31,7 @@ class Modes:
         Numbers of some modes along the edges, and by how much their squared wave numbers are larger, 1/m^2.
     """
 
-    axes: tuple[AxisModes, AxisModes, AxisModes]
+    axes: tuple[AxisModes, ...]
     k2: Complex
     moved: tuple[NDArray[np.intp], Complex] | None = None
     _lines: dict[int, tuple[Shapes, Complex]] = field(default_factory=dict, repr=False, compare=False)

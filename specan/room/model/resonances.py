@@ -69,7 +69,7 @@ class Resonances:
 
 
 def resonances(
-    axes: tuple[AxisModes, AxisModes, AxisModes],
+    axes: tuple[AxisModes, ...],
     few: FrequencyInterpolation,
     k2: Complex,
     counts: Sequence[int],
