@@ -246,4 +246,4 @@ def _dimensionless(lengths: tuple[float, ...], soft: Complex) -> Complex:
 
 def _axes(lengths: tuple[float, ...], soft: Complex, counts: Sequence[int]) -> tuple[AxisModes, ...]:
     walls = _dimensionless(lengths, soft)
-    return tuple(axis_modes(lengths[i], *walls[i], counts[i]) for i in range(3))
+    return tuple(axis_modes(lengths[i], walls[i, 0], walls[i, 1], counts[i]) for i in range(3))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +31,8 @@ class Shapes:
     lengths: Sequence[float]
     w: Sequence[Complex]
     a0: Sequence[Complex]
-    _means: dict[tuple[int, float, bool, tuple[float, float, float]], NDArray] = field(
-        default_factory=dict, repr=False
-    )
+    _means: dict[tuple[Any, ...], NDArray] = field(default_factory=dict, repr=False)
+    _at: dict[Port, Complex] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, axes: Sequence[AxisModes], orders: NDArray[np.intp]) -> Shapes:
@@ -56,6 +56,11 @@ class Shapes:
 
     def at(self, port: Port) -> Complex:
         """Shapes at a port, averaged over it, or their derivative there."""
+        if port not in self._at:
+            self._at[port] = self._found(port)
+        return self._at[port]
+
+    def _found(self, port: Port) -> Complex:
         along = []
         for i, (length, w, a0) in enumerate(zip(self.lengths, self.w, self.a0, strict=True)):
             part = port.position[i] / length
