@@ -27,11 +27,10 @@ from specan_cli.output import note, show_sheets
 from specan_cli.verb import (
     UFF,
     Delivery,
-    Source,
     decimal_option,
     given,
-    opened_with,
     plot_option,
+    reader,
     recording_verb,
     samples_option,
     say_calibration,
@@ -81,9 +80,9 @@ def _found(name: str, recording: Recording, **options: Any) -> Any:
 @plot_option()
 @opt("--history", bool, "Draw the first channel against time.")
 def octave(
-    source: Source,
+    recording: Recording,
     deliver: Delivery,
-    background: Path | None,
+    background: Recording | None,
     limit: Path | None,
     history: bool,
     **options: Any,
@@ -100,12 +99,10 @@ def octave(
         raise RequestError(
             "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"
         )
-    quantity = options.pop("quantity")
-    found = _found("octave", source.open(quantity), **options)
+    found = _found("octave", recording, **options)
     if background is not None:
-        silence = Source(background, source.opening).open(quantity)
         whole = {**options, "start_s": 0.0, "stop_s": None}
-        found = without_background(found, _found("octave", silence, **whole))
+        found = without_background(found, _found("octave", background, **whole))
     return deliver(found, limit=limit, view="history" if history else "")
 
 
@@ -139,7 +136,7 @@ def octave(
 @limit_option
 @plot_option()
 def fft(
-    source: Source,
+    recording: Recording,
     deliver: Delivery,
     peaks: int,
     spectrogram: bool,
@@ -158,7 +155,6 @@ def fft(
     """
     if spectrogram and deliver.output is not None and deliver.output.suffix.lower() in UFF:
         raise RequestError("a spectrogram cannot be a universal file", remedy="write .csv, .xlsx or .parquet")
-    recording = source.open(options.pop("quantity"))
     single = options["whole"] or options["averaging"] == "none"
     if not spectrogram:
         if single and not (deliver.wants_whole or deliver.plot is not None or limit is not None):
@@ -237,7 +233,9 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, deliver: 
 @opt("--at at_hz", float, "Print this line; repeatable.", "HZ", multiple=True)
 @plot_option()
 @opt("--unwrap", bool, "Draw the phase without jumps.")
-def frf(source: Source, deliver: Delivery, at_hz: tuple[float, ...], unwrap: bool, **options: Any) -> int:
+def frf(
+    recording: Recording, deliver: Delivery, at_hz: tuple[float, ...], unwrap: bool, **options: Any
+) -> int:
     """Compute the transfer functions of microphones and accelerometers over the vibrometer, or over --reference.
 
     Phases are those of exp(+j w t), response over reference: a delayed response has a falling phase.
@@ -245,7 +243,6 @@ def frf(source: Source, deliver: Delivery, at_hz: tuple[float, ...], unwrap: boo
     \b
     specan frf sample_data/recordings/noise/noise_24_microphones.tdms --at 250 --plot frf.png
     """
-    recording = source.open(options.pop("quantity"))
     low, high, align = options.pop("fmin"), options.pop("fmax"), not options.pop("no_align")
     found = _found("frf", recording, align=align, **options).between(low, high)
     if outside := [f"{f:g}" for f in at_hz if not found.frequency_hz[0] <= f <= found.frequency_hz[-1]]:
@@ -274,16 +271,17 @@ def frf(source: Source, deliver: Delivery, at_hz: tuple[float, ...], unwrap: boo
 @opt("--mesh", float, "Order of tooth meshing; its harmonics are added to the orders.", "O")
 @opt("--harmonics", int, "Harmonics of the mesh.  [default: 3]")
 @opt("--sidebands", int, "Sidebands on each side of each harmonic.  [default: 0]")
-@opt("--quantity", QUANTITIES, "Convert vibration to this.")
+@opt("--quantity convert", QUANTITIES, "Convert vibration to this.")
 @opt("--envelope", None, "Analyse the envelope of this band, Hz.", "LOW:HIGH")
 @opt("--kurtosis", bool, "Also print the kurtosis in octave bands.")
 @opt("--peaks", click.IntRange(min=1), "Highest lines printed.", default=3, show_default=True)
 @opt("--map as_map", bool, "Orders against speed: in --plot, -o and --json.")
 @plot_option()
 def orders(
-    source: Source,
+    recording: Recording,
     deliver: Delivery,
     envelope: str | None,
+    convert: str | None,
     kurtosis: bool,
     peaks: int,
     as_map: bool,
@@ -301,8 +299,7 @@ def orders(
     """
     from specan.data.orders import OrderMap
 
-    recording = source.open()
-    found = _found("orders", recording, envelope_hz=_band(envelope), **options)
+    found = _found("orders", recording, envelope_hz=_band(envelope), quantity=convert, **options)
     more = {"kurtosis": _kurtosis(recording, found)} if kurtosis else {}
     shown = OrderMap(**vars(found)) if as_map else found
     code = deliver(shown, shown={"peaks": peaks, **more}, more=more, view="map" if as_map else "")
@@ -345,7 +342,7 @@ def _kurtosis(recording: Recording, found: OrderSpectrum) -> dict[str, Any]:
 @section_options
 @velocity_option
 @plot_option()
-def rms(source: Source, deliver: Delivery, **options: Any) -> int:
+def rms(recording: Recording, deliver: Delivery, **options: Any) -> int:
     """Compute RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
 
     The mean is subtracted for all other values.
@@ -353,7 +350,7 @@ def rms(source: Source, deliver: Delivery, **options: Any) -> int:
     \b
     specan rms sample_data/recordings/knock.tdms --averaging slow
     """
-    return deliver(_found("rms", source.open(), **options))
+    return deliver(_found("rms", recording, **options))
 
 
 @recording_verb("srs", "all lines")
@@ -369,14 +366,14 @@ def rms(source: Source, deliver: Delivery, **options: Any) -> int:
 @opt("--detrend", bool, "Subtract the mean of the section.")
 @section_options
 @plot_option()
-def srs(source: Source, deliver: Delivery, **options: Any) -> int:
+def srs(recording: Recording, deliver: Delivery, **options: Any) -> int:
     """Compute shock response spectra of accelerations: largest responses, maximax, positive and negative (ISO 18431-4).
 
     \b
     specan simulate planetary-gear sample_data/planetary_gear/rig.toml -o run.tdms --duration 3
     specan srs run.tdms --channel "Acc*" --q 10 --plot srs.png -o srs.csv
     """
-    return deliver(_found("srs", source.open(), **options))
+    return deliver(_found("srs", recording, **options))
 
 
 @recording_verb("tones")
@@ -389,13 +386,13 @@ def srs(source: Source, deliver: Delivery, **options: Any) -> int:
 )
 @opt("--harmonics", click.IntRange(min=1), "Harmonics that are fitted.  [default: 10]")
 @section_options
-def tones(source: Source, deliver: Delivery, **options: Any) -> int:
+def tones(recording: Recording, deliver: Delivery, **options: Any) -> int:
     """Compute frequency, amplitude, phase and distortion of a sine recording (IEEE Std 1057).
 
     \b
     specan tones sample_data/recordings/sine/sine_0125.3Hz.tdms --channel "Mic 1"
     """
-    return deliver(_found("tones", source.open(), **options))
+    return deliver(_found("tones", recording, **options))
 
 
 @recording_verb("decay")
@@ -408,7 +405,7 @@ def tones(source: Source, deliver: Delivery, **options: Any) -> int:
 @opt("--fmax", float, "To this band.  [default: 4000; 5000 for thirds]", "HZ")
 @section_options
 @plot_option()
-def decay(source: Source, deliver: Delivery, **options: Any) -> int:
+def decay(recording: Recording, deliver: Delivery, **options: Any) -> int:
     """Compute reverberation times, clarity, definition and centre time (ISO 3382-1).
 
     FILE holds impulse responses (a shot, a balloon, what `specan impulse` wrote), or noise or a sweep together
@@ -417,7 +414,7 @@ def decay(source: Source, deliver: Delivery, **options: Any) -> int:
     \b
     specan decay sample_data/recordings/knock.tdms --fmax 2000
     """
-    return deliver(_found("decay", source.open(), **options))
+    return deliver(_found("decay", recording, **options))
 
 
 @verb("impulse")
@@ -446,8 +443,7 @@ def impulse(file: Path, deliver: Delivery, **options: Any) -> int:
     """
     from specan.io.export_file import Excerpt, write_excerpt
 
-    source, own = opened_with(file, options)
-    found = _found("impulse", source.open(), **own)
+    found = _found("impulse", reader(options)(file), **options)
     responses = found.recording()
     excerpt = Excerpt(responses, responses.channels, 0, found.samples.shape[1])
     assert deliver.output is not None  # it has a default
@@ -485,8 +481,7 @@ def export(file: Path, deliver: Delivery, **options: Any) -> int:
     from specan.io.export_file import Excerpt, together, write_excerpt
     from specan.result import counted
 
-    source, section = opened_with(file, options)
-    whole = source.open()
+    whole, section = reader(options)(file), options
     recording, starts = aligned(whole, of_one_rate(whole, section["channels"])[0])
     chosen, notes = of_one_rate(recording, section["channels"])
     excerpt = Excerpt(

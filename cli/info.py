@@ -10,7 +10,7 @@ import click
 
 from specan_cli.options import opening_options, opt
 from specan_cli.output import show_apart, table
-from specan_cli.verb import Delivery, expand, failures, left_out, opened_with, plot_option, verb
+from specan_cli.verb import Delivery, expand, failures, left_out, plot_option, reader, verb
 
 if TYPE_CHECKING:
     from specan.data.levels import Quality
@@ -45,13 +45,13 @@ def command(files: tuple[Path, ...], levels: bool, show_all: bool, deliver: Deli
     found = expand(files)
     if deliver.plot is not None and len(found) > 1:
         raise RequestError(f"--plot draws one recording, and there are {len(found)}", remedy="name one")
+    read = reader(opening)
     for item in found:
         with left_out(item.label, faults, len(found) > 1):
-            source = opened_with(item.path, opening)[0]
-            recording = replace(source.open(), label=source.file.name if item.label == "-" else item.label)
+            recording = replace(read(item.path), label=item.label)
             excitation = recognise(recording)
             quality = rms_and_quality(recording) if levels else {}
-            seen.append(_content(recording, source.file, excitation, quality))
+            seen.append(_content(recording, item.path, excitation, quality))
             opened.append((recording, excitation, quality))
             deliver.draw(recording)
     if not seen:

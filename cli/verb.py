@@ -339,6 +339,7 @@ def expand(paths: Sequence[Path]) -> list[Found]:
     found: list[Found] = []
     for path in paths:
         # os.path: Path.is_dir raises where a name is too long for the file system.
+        path = at_hand(path)
         inside = find_recordings([path]) if os.path.isdir(path) else [Found(path, path.name)]
         if not inside:
             raise RequestError(
@@ -349,8 +350,10 @@ def expand(paths: Sequence[Path]) -> list[Found]:
     return found
 
 
-def _standard_input() -> Path:
-    """What stands on standard input, as a file that is removed when the verb ends: formats are read from anywhere."""
+def at_hand(path: Path) -> Path:
+    """A file; of standard input, ``-``, a copy that is removed when the verb ends: formats are read from anywhere."""
+    if str(path) != "-":
+        return path
     place = tempfile.TemporaryDirectory()
     click.get_current_context().call_on_close(place.cleanup)
     path = Path(place.name) / "standard_input"
@@ -359,18 +362,17 @@ def _standard_input() -> Path:
     return path
 
 
-@dataclass(frozen=True)
-class Source:
-    """A recording that is to be opened, and what its file does not say of it."""
+def reader(options: dict[str, Any]) -> Callable[[Path], Recording]:
+    """What opens a recording as `opening_options` and ``--quantity`` say, which are taken out of the options."""
+    names = ("channel_table", "calibration", "sampling_rate", "quantity")
+    said = {name: options.pop(name) for name in names if name in options}
 
-    file: Path
-    opening: Mapping[str, Any]
-
-    def open(self, quantity: Any = None) -> Recording:
-        """The recording; on a terminal it shows how far it has been read."""
+    def opened(file: Path) -> Recording:
         from specan.api.recordings import read
 
-        return shown(read(self.file, quantity=quantity, **self.opening))
+        return shown(read(at_hand(file), **said))
+
+    return opened
 
 
 def recording_verb(name: str, what: str = "everything", *more: str) -> Callable[[Any], click.Command]:
@@ -395,8 +397,10 @@ def recording_verb(name: str, what: str = "everything", *more: str) -> Callable[
         @delivered
         @wraps(function)
         def gathered(file: Path, deliver: Delivery, **options: Any) -> int:
-            source, own_options = opened_with(file, options)
-            return function(source, deliver, **own_options)
+            opened = reader(options)
+            if options.get("background") is not None:
+                options["background"] = opened(options["background"])
+            return function(opened(file), deliver, **options)
 
         gathered.__click_params__ += own
         files = click.argument(
@@ -405,14 +409,6 @@ def recording_verb(name: str, what: str = "everything", *more: str) -> Callable[
         return click.command(name, cls=RecordingVerb)(files(gathered))
 
     return make
-
-
-def opened_with(file: Path, options: Mapping[str, Any]) -> tuple[Source, dict[str, Any]]:
-    """A source with the options of `opening_options`, and the other options; the file ``-`` is standard input."""
-    names = ("channel_table", "calibration", "sampling_rate")
-    opening = {name: options[name] for name in names}
-    file = _standard_input() if str(file) == "-" else file
-    return Source(file, opening), {name: value for name, value in options.items() if name not in names}
 
 
 _LONG_SAMPLES = 50_000_000  # some seconds of work
