@@ -110,22 +110,38 @@ def mode_counts(lengths: tuple[float, ...], k_max: float, margin: float) -> tupl
     return tuple(int(np.ceil(margin * k_max * length / np.pi)) + 2 for length in lengths)
 
 
+@quantity(unit="m^2", opaque=True)
+def pistons(
+    room_modes,
+    wall_names,
+    piston_wall,
+    source_position,
+    piston_radius,
+    piston_velocity_profile,
+    further_loudspeakers,
+    loudspeaker_velocity,
+):
+    """Number of the wall, port, and volume velocity over the vibrometer's velocity, of each loudspeaker."""
+    all_of_them = [(int(piston_wall), source_position, float(piston_radius)), *further_loudspeakers]
+    first, *others = loudspeaker_velocity
+    ports = [room_modes.patch(wall_names[wall], centre, radius) for wall, centre, radius in all_of_them]
+    velocities = [piston_velocity_profile * first, *others]
+    walls = [wall for wall, _, _ in all_of_them]
+    strengths = [np.pi * port.radius**2 * moving for port, moving in zip(ports, velocities, strict=True)]
+    return tuple(zip(walls, ports, strengths, strict=True))
+
+
 @quantity(unit="Pa*s/m", axes=("place",))
 def field(
     frequency,
     room_modes,
+    pistons,
     density,
     sound_speed,
     face_admittance,
-    wall_names,
     receiver_position,
-    source_position,
-    piston_wall,
-    piston_radius,
-    piston_velocity_profile,
     sources,
     local_loads,
-    further_loudspeakers,
     loudspeaker_velocity,
 ):
     """Sound pressure over the velocity at the vibrometer's point, array (places, lines).
@@ -135,17 +151,12 @@ def field(
     does: it is a load with the negative admittance of its area.
     """
     omega = 2 * np.pi * frequency
-    pistons = [(piston_wall, source_position, float(piston_radius)), *further_loudspeakers]
-    ports = [room_modes.patch(wall_names[wall], centre, radius) for wall, centre, radius in pistons]
-    areas = [np.pi * port.radius**2 for port in ports]
-    microphones = _points(np.asarray(receiver_position, dtype=float).tobytes(), ports[0].axis)
-    first, *others = loudspeaker_velocity
-    given = [(ports[0], areas[0] * (piston_velocity_profile * first))]
-    given += [(port, area * moving) for port, area, moving in zip(ports[1:], areas[1:], others, strict=True)]
-    given += [(port, strength * first) for port, strength in _placed(sources, room_modes)]
+    microphones = _points(np.asarray(receiver_position, dtype=float).tobytes(), pistons[0][1].axis)
+    given = [(port, strength) for _, port, strength in pistons]
+    given += [(port, strength * loudspeaker_velocity[0]) for port, strength in _placed(sources, room_modes)]
     loads = [
-        (port, -area * face_admittance[wall] / (density * sound_speed))
-        for port, area, (wall, _, _) in zip(ports, areas, pistons, strict=True)
+        (port, -np.pi * port.radius**2 * face_admittance[wall] / (density * sound_speed))
+        for wall, port, _ in pistons
     ]
     factor = 1j * omega * density
     loads = [one for one in (*loads, *_placed(local_loads, room_modes)) if np.any(one[1])]

@@ -91,26 +91,17 @@ def columns(known: Mapping[str, Any]) -> Iterator[tuple[Complex, tuple[complex, 
 
     Sound that loads give back is not followed: a diaphragm, a resonator hear the mode where it was.
     """
-    room = known["room_modes"]
-    pistons = [
-        (known["piston_wall"], known["source_position"], known["piston_radius"]), *known["further_loudspeakers"]
-    ]  # fmt: skip
-    ports = [room.patch(known["wall_names"][int(w)], centre, float(radius)) for w, centre, radius in pistons]
-    velocity = known["loudspeaker_velocity"] * np.ones(len(known["frequency"]))
-    velocity[0] = velocity[0] * known["piston_velocity_profile"]
-    sources = [(p, np.pi * p.radius**2 * v) for p, v in zip(ports, velocity, strict=True)]
+    lines = np.ones(len(known["frequency"]))
+    sources = [(port, strength * lines) for _, port, strength in known["pistons"]]
     heard = 2j * np.pi * known["frequency"] * known["density"] * known["indicated_frf"] / known["field"]
     receivers = [Port(point(p), 0) for p in known["receiver_position"]]
-    each = room.mode_slopes(sources, receivers, known["modes_apart"])
+    each = known["room_modes"].mode_slopes(sources, receivers, known["modes_apart"])
     for (change, sizes), (frequency, damping) in zip(each, known["mode_shift_sd"].T, strict=True):
         yield heard * change, (sizes[0] * frequency, sizes[1] * damping)
 
 
-COLUMNS_READ = (
-    "frequency", "room_modes", "modes_apart", "mode_shift_sd", "wall_names", "piston_wall", "source_position",
-    "piston_radius", "further_loudspeakers", "loudspeaker_velocity", "piston_velocity_profile", "density",
-    "receiver_position", "indicated_frf", "field",
-)  # fmt: skip
+COLUMNS_READ = ("frequency", "room_modes", "pistons", "modes_apart", "mode_shift_sd", "density", "receiver_position",
+                "indicated_frf", "field")  # fmt: skip
 
 
 def mode_shifts(modes: NDArray[np.intp]) -> ModeShifts | None:
