@@ -9,6 +9,7 @@ import pkgutil
 import sys
 import traceback
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -194,11 +195,18 @@ def _package(name: str) -> Any:
 
 
 def effects_in(package: str) -> dict[str, Effect]:
-    """Every effect in the modules of a package; a module may hold several."""
+    """Every effect in the modules of a package; a module may hold several. One of two that look alike says so."""
     home = importlib.import_module(package)
     names = [f"{package}.{entry.name}" for entry in pkgutil.iter_modules(home.__path__)]
     found = [effect for name in names for effect in _effects_of(importlib.import_module(name))]
-    return {effect.name: effect for effect in sorted(found, key=lambda effect: effect.name)}
+    found.sort(key=lambda effect: effect.name)
+    alike = [(one.name, other) for one in found for other in one.aliases]
+    return {
+        name: replace(
+            one, aliases=(*one.aliases, *(a for a, b in alike if b == name and a not in one.aliases))
+        )
+        for name, one in ((effect.name, effect) for effect in found)
+    }
 
 
 def effects_from_file(path: Path, content: bytes | None = None) -> list[Effect]:

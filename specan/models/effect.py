@@ -293,7 +293,7 @@ def effect(
     needs : sequence of str
         Conditions without which it cannot be tested.
     aliases : sequence of str
-        Effects that leave the same trace in ordinary data.
+        Effects that leave the same trace in ordinary data; it is enough that one of two says so.
     separate_by : str
         The measurement that would tell it from those.
     reference : str

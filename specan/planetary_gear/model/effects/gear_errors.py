@@ -12,7 +12,7 @@ SINE = Parameter(5.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc=
     "sun-runout",
     adds_to="sun_error",
     neutral={"cosine": 0.0, "sine": 0.0},
-    aliases=("pitch-errors", "torque-ripple"),
+    aliases=("torque-ripple",),
     separate_by="the torque of the sun's shaft: a ripple is in it, a runout is not",
     reference="approach of an eccentric gear, e sin(angle against the line of action)",
 )
@@ -31,7 +31,6 @@ def sun_runout(sun_wave, pressure_angle, *, cosine=COSINE, sine=SINE):
     adds_to=("sun_error", "ring_error"),
     at="planet",
     neutral={"cosine": 0.0, "sine": 0.0},
-    aliases=("pitch-errors",),
     separate_by="the phase of its lines shows which planet",
     reference="approach of an eccentric gear, e sin(angle against the line of action), in both its meshes",
 )
@@ -82,7 +81,7 @@ def of_turn(multiple):
     "pitch-errors",
     adds_to="sun_error",
     neutral={"alternate": 0.0} | {f"{part}_{k}": 0.0 for k in range(2, 7) for part in ("cosine", "sine")},
-    aliases=("sun-runout", "tooth-crack"),
+    aliases=("sun-runout", "tooth-crack", "planet-runout"),
     separate_by="the whole comb of the sun's turn: runout has its first line only, a crack grows with load",
     reference="ISO 1328-1:2013 (cumulative pitch deviation), as a Fourier series over the turn of the sun",
 )
@@ -120,7 +119,6 @@ def pitch_errors(
 @effect(
     "tooth-crack",
     adds_to="sun_softness",
-    aliases=("pitch-errors",),
     separate_by="torque: the pulses grow with the load, those of a pitch error do not",
     reference="Chaari, Fakhfakh and Haddar, Eur. J. Mech. A 28 (2009) 461: a dip of the mesh stiffness while the tooth "
     "carries",
@@ -178,7 +176,6 @@ def planet_position_error(
     "unequal-load-sharing",
     adds_to=("load_share", "planet_position"),
     at="planet",
-    aliases=("planet-position-error",),
     separate_by="several harmonics of the mesh and several torques: a position error also shifts the phase, with h",
     reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677, section 2; IEC 61400-4 mesh load factor",
 )

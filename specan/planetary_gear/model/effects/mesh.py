@@ -11,7 +11,6 @@ HARMONICS = 3
     "mesh-damping",
     adds_to=("stiffness_change", "damping_scale"),
     neutral={"stiffness": 0.0, "damping": 0.0},
-    aliases=("housing-resonance",),
     separate_by="a run over speed: it moves a resonance of the gears",
     reference="ISO 6336-1:2019, clause 9 (mesh stiffness within 30 %); Kahraman and Singh 1990 (damping 0.01 to 0.1)",
 )
@@ -34,7 +33,7 @@ def mesh_damping(
 @effect(
     "tip-relief",
     adds_to="tip_relief",
-    aliases=("mesh-damping",),
+    aliases=("mesh-damping", "tooth-friction"),
     separate_by="torque: at one torque the first harmonic of the mesh is least",
     reference="ISO 21771:2007, 7.3; linear relief over the parts of double contact (Munro 1989)",
 )
@@ -46,7 +45,6 @@ def tip_relief(*, depth=Parameter(5.0, "um", min=0.0, max=40.0, lower=0.0, upper
 @effect(
     "tooth-friction",
     adds_to="friction_share",
-    aliases=("tip-relief",),
     separate_by="a sensor across the line of action",
     reference="mu F sign(sliding), which turns at the pitch point; Vaishya and Singh, J. Sound Vib. 243 (2001)",
 )

@@ -8,7 +8,6 @@ from specan.models import Parameter, effect
 @effect(
     "transmission-path",
     scales="transfer_path",
-    aliases=("ring-flexibility",),
     separate_by="a second sensor 60 degrees away",
     reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677: a Hann window; its power is free here",
 )

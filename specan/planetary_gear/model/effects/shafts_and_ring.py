@@ -9,7 +9,6 @@ from specan.models import Parameter, effect
     "torque-ripple",
     adds_to="torque_ripple",
     neutral={"cosine": 0.0, "sine": 0.0},
-    aliases=("sun-runout",),
     separate_by="the torque of the sun's shaft: a ripple is in it, a runout is not",
     reference="a torque T (1 + m cos(turn of the shaft))",
 )
@@ -35,7 +34,6 @@ def torque_ripple(
 @effect(
     "shaft-flexibility",
     adds_to="sun_shaft",
-    aliases=("housing-resonance",),
     separate_by="a run over speed, and the torque of the sun's shaft",
     reference="one torsional mode: c / (1 - (f/f0)^2 + 2 j z f/f0)",
 )

@@ -8,7 +8,6 @@ from specan.models import Parameter, effect
 @effect(
     "temperature",
     adds_to="air_temperature",
-    aliases=("dimension-error",),
     separate_by="a thermometer",
     reference="ISO 9613-1:1993, annex A: c = 343.2 sqrt(T / 293.15)",
     instrument=True,
@@ -23,7 +22,6 @@ def temperature(
 @effect(
     "air-absorption",
     adds_to="relative_humidity",
-    aliases=("wall-impedance",),
     separate_by="a hygrometer; the slope over frequency",
     reference="ISO 9613-1:1993, clause 6",
 )
@@ -38,7 +36,7 @@ def air_absorption(
     "dimension-error",
     scales="room_dimensions",
     at="dimension",
-    aliases=("temperature", "wall-impedance"),
+    aliases=("temperature", "wall-impedance", "leaning-wall", "scatterer"),
     separate_by="a tape measure; a thermometer",
     reference="k_x = n pi / L_x",
 )

@@ -10,7 +10,7 @@ from specan.room.model.field import Acting, WallPlace
 @effect(
     "piston-size",
     scales="piston_radius",
-    aliases=("vibrometer-gain", "piston-breakup"),
+    aliases=("vibrometer-gain",),
     separate_by="a laser scan of the cone",
     reference="volume velocity pi a^2 v; directivity 2 J1(k a sin) / (k a sin)",
 )
@@ -45,7 +45,7 @@ def piston_breakup(
     "flanking-source",
     joins="sources",
     at="face",
-    aliases=("piston-size",),
+    aliases=("piston-size", "leaning-wall"),
     separate_by="blocking the cone and measuring what is left",
     reference="superposition: + a G(x, x2) exp(-j w tau)",
 )

@@ -66,7 +66,7 @@ def helmholtz_resonator(
     "leak",
     joins="local_loads",
     at="face",
-    aliases=("helmholtz-resonator", "panel-resonance"),
+    aliases=("panel-resonance",),
     separate_by="sealing it; the lowest frequencies, where the response leaves the stiffness line",
     reference="Kinsler et al., Fundamentals of Acoustics, ch. 10 (open side branch): Z = r + j w rho l / S",
 )
@@ -97,7 +97,6 @@ def leak(
 @effect(
     "scatterer",
     joins="local_loads",
-    aliases=("dimension-error",),
     separate_by="taking it out",
     reference="Morse & Ingard, Theoretical Acoustics, ch. 8: monopole and dipole; Lamb, Hydrodynamics, 114: ellipsoid",
 )

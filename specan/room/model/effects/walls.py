@@ -9,7 +9,7 @@ from specan.models import Parameter, effect
     "wall-impedance",
     adds_to="wall_admittance",
     at="wall",
-    aliases=("porous-absorber", "panel-resonance"),
+    aliases=("panel-resonance", "air-absorption", "wall-data"),
     separate_by="a wide band: a porous layer absorbs more with frequency, a panel around its resonance only; "
     "microphones near the wall",
     reference="Kuttruff, Room Acoustics, ch. 2 (locally reacting walls); surfaces in parallel add. A matched lining "
@@ -49,7 +49,7 @@ def _at(frequency, mid_hz, value):
     "porous-absorber",
     adds_to="wall_admittance",
     at="wall",
-    aliases=("wall-impedance",),
+    aliases=("wall-impedance", "wall-data"),
     separate_by="a wide band: the layer absorbs more with frequency",
     reference="Miki 1990, J. Acoust. Soc. Jpn. (E) 11, 19-24; valid for 0.01 < f / flow resistivity < 1",
 )
@@ -77,7 +77,6 @@ def porous_absorber(
     "panel-resonance",
     adds_to="wall_admittance",
     at="wall",
-    aliases=("wall-impedance", "helmholtz-resonator"),
     separate_by="bandwidth, and a scan of the panel with an accelerometer",
     reference="Kuttruff, Room Acoustics, ch. 2 (panel absorber); Wulbusch et al. 2023, arXiv 2308.01788",
 )
@@ -114,7 +113,6 @@ ERROR = Parameter(
     adds_to="wall_data_error",
     at="known_wall",
     neutral={"conductance": 0.0, "susceptance": 0.0},
-    aliases=("wall-impedance", "porous-absorber"),
     separate_by="measuring the wall's impedance again",
     reference="errors of the stated admittance, straight between octaves over the logarithm of frequency",
 )
@@ -128,7 +126,6 @@ def wall_data(frequency, octave_hz, *, conductance=ERROR, susceptance=ERROR):
     "leaning-wall",
     adds_to="wall_lean",
     at="lean",
-    aliases=("dimension-error", "flanking-source"),
     separate_by="a spirit level or a plumb line; the room's edge measured at both ends of the wall",
     reference="Morse & Feshbach, Methods of Theoretical Physics, ch. 9.2 (perturbed boundary). Built walls are within "
     "8 mm over 1 to 3 m (DIN 18202:2019, table 2); walls of studios are splayed by some degrees",

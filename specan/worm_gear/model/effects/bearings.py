@@ -16,6 +16,7 @@ SHARE = Parameter(0.3, "1", min=0.0, max=1.0, doc="of the viscous loss without l
 @effect(
     "bearing-friction",
     adds_to=("worm_bearing_torque", "wheel_bearing_torque"),
+    aliases=("load-dependent-friction", "palmgren-bearings"),
     reference="SKF model for the frictional moment (catalogue 10000 EN 2013, pp. 97-112)",
 )
 def bearing_friction(bearing_moment, *, scale=SCALE):
@@ -33,7 +34,6 @@ def bearing_friction(bearing_moment, *, scale=SCALE):
 @effect(
     "palmgren-bearings",
     adds_to=("worm_bearing_torque", "wheel_bearing_torque"),
-    aliases=("bearing-friction",),
     separate_by="turn the shafts in their bearings without the mesh, at several speeds and loads",
     reference="Palmgren: M0 = 1e-7 f0 (nu n)^(2/3) d_m^3, M1 = f1 P1 d_m with f1 = z (P0/C0)^0.55 (Harris, Rolling "
     "Bearing Analysis; SKF General Catalogue 1989; ISO/TR 14179-2), f0 = 2 in an oil bath, z = 0.0009",
@@ -153,7 +153,6 @@ def inlet_shear_heating(
 @effect(
     "starvation",
     scales=("bearing_rolling_moment", "bearing_oil_moment", "viscous_loss"),
-    aliases=("inlet-shear-heating", "oil-heating", "shear-thinning"),
     separate_by="a series of oil levels at high speed",
     reference="SKF, The SKF model for calculating the frictional moment: kinematic replenishment/starvation "
     "factor exp(-K_rs nu n (d + D) sqrt(K_Z / (2 (D - d)))), K_rs 3e-8 in an oil bath, 6e-8 with grease",

@@ -14,6 +14,7 @@ FILM = 0.67  # power of speed and viscosity in the thickness of a film (Hamrock 
 @effect(
     "tooth-friction",
     adds_to="friction_coefficient",
+    aliases=("torque-gain-error",),
     reference="ISO/TS 14521:2020: mean coefficients of friction of 0.02 to 0.1 for bronze on steel",
 )
 def tooth_friction(*, mu=Parameter(0.05, "1", min=0.01, max=0.12, lower=0.0, upper=0.6, doc="coefficient")):
@@ -89,7 +90,6 @@ def viscosity_dependent_friction(
     "load-dependent-friction",
     adds_to="friction_coefficient",
     valid={"friction_coefficient": (0.0, 1.0, "1")},
-    aliases=("bearing-friction", "iso-bearings"),
     separate_by="torque over a decade at one speed and temperature",
     reference="exponents: 0.2 for steel gears (Schlenk, in ISO/TR 14179-2:2001); of an elastohydrodynamic film at "
     "most that of the Hertz pressure, 1.03, which is load^0.5 on a line, and less as the film heats (Xu, "
@@ -117,7 +117,6 @@ def load_dependent_friction(
 @effect(
     "mesh-starvation",
     adds_to="friction_coefficient",
-    aliases=("axial-preload", "thermal-lag", "torque-zero-error"),
     separate_by="a higher oil level, or a jet of oil on the mesh, at high speed and torque",
     reference="film of a starved contact, h = h_full / (1 + (h_full/h_supplied)^g)^(1/g) (Chevalier, Lubrecht, Cann, "
     "Dalmaz 1998, J. Tribol. 120:126), h_full ~ (nu v)^0.67, the share that lacks is carried by the flanks; "
@@ -162,6 +161,7 @@ def mesh_starvation(
     adds_to=("friction_coefficient", "no_load_loss"),
     neutral={"friction": 0.0, "drag": 0.0},
     needs=("elapsed_time",),
+    aliases=("zero-drift",),
     separate_by="randomise the order of the measurements and repeat one reference point all along",
     reference="exponential approach of a wear process to its steady state (Niemann and Winter, "
     "Maschinenelemente III, on the running-in of worm gears); sizes and time are left free here",

@@ -14,7 +14,7 @@ GAIN = Parameter(
     "torque-zero-error",
     adds_to=("indicated_input_torque", "output_torque"),
     neutral={"input": 0.0, "output": 0.0},
-    aliases=("seal-drag", "bearing-preload", "thermal-lag", "shear-thinning", "brake-drag"),
+    aliases=("seal-drag", "brake-drag", "mesh-starvation"),
     separate_by="read both sensors at standstill and unloaded before and after, exchange them, "
     "run without load in both directions",
     reference="additive error of a sensor; 0.05 % of full scale is good for strain-gauge torque sensors",
@@ -41,7 +41,6 @@ def torque_zero_error(
     "torque-gain-error",
     scales=("indicated_input_torque", "output_torque"),
     neutral={"input": 0.0, "output": 0.0},
-    aliases=("tooth-friction",),
     separate_by="exchange the two sensors, or load both with a lever arm and weights",
     reference="multiplicative error of a sensor; 0.1 % to 0.5 % is usual",
     instrument=True,
@@ -97,7 +96,6 @@ def direction(torque, elapsed_time):
 @effect(
     "zero-drift",
     adds_to="indicated_input_torque",
-    aliases=("running-in",),
     needs=("elapsed_time",),
     separate_by="read the sensor at standstill and unloaded before, during and after the campaign; "
     "randomise the order of the measurements",
@@ -120,7 +118,6 @@ def zero_drift(
 @effect(
     "temperature-bias",
     adds_to="oil_temperature",
-    aliases=("churning",),
     separate_by="a second thermometer, at another place in the sump",
     reference="additive error of a resistance thermometer and its place; 2 K is usual in a stirred sump",
     instrument=True,

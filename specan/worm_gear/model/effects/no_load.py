@@ -16,6 +16,7 @@ LEVEL_EXPONENT = Parameter(
     "churning",
     adds_to="viscous_loss",
     neutral={"power": 0.0, "constant": 0.0},
+    aliases=("exponential-churning", "temperature-bias"),
     reference="Bizon, Dziedziech, Macheta 2012, eq. 3, with a free power of the viscosity "
     "(Changenet and Velex 2007, J. Mech. Des. 129:128: 0.21 laminar, 0 turbulent)",
 )
@@ -53,7 +54,6 @@ def churning(
 @effect(
     "exponential-churning",
     adds_to="viscous_loss",
-    aliases=("churning",),
     separate_by="runs without load over a wide range of speeds with two oils",
     reference="ISO/TR 14179-2: hydraulic loss torque C_1 exp(C_2 v/v_t0) of wheels that dip in oil, whatever the oil; "
     "both constants are left free here",
@@ -81,7 +81,6 @@ def exponential_churning(
 @effect(
     "windage",
     adds_to="no_load_loss",
-    aliases=("mesh-pocketing",),
     separate_by="widen the range of speeds, and vary the oil level: windage does not follow it",
     reference="turbulent drag on a rotating disc: power with the 2.8th to 3rd power of the speed "
     "(Schlichting, Boundary-Layer Theory, ch. XXI); SKF drag losses go with n^3 as well",
@@ -125,7 +124,6 @@ def mesh_pocketing(
 @effect(
     "seal-drag",
     adds_to="no_load_loss",
-    aliases=("torque-zero-error", "bearing-preload"),
     separate_by="run without load in both directions of rotation, check the zero of the input torque sensor "
     "at standstill before and after, or take the seal out",
     reference="DIN 3996 and SKF radial shaft seals: a torque that goes with the square of the shaft diameter "
@@ -147,7 +145,6 @@ def seal_drag(
 @effect(
     "brake-drag",
     adds_to="output_torque",
-    aliases=("torque-zero-error", "thermal-lag", "axial-preload"),
     separate_by="idle runs with the brake or belt taken off beside idle runs with it",
     reference="residual torque of powder, hysteresis and eddy current brakes and of belts: one half to some percent of "
     "their rated torque, in data sheets of such brakes; left free here",

@@ -17,7 +17,7 @@ IDLE_TORQUE = Parameter(
 @effect(
     "oil-heating",
     adds_to="contact_temperature",
-    aliases=("inlet-shear-heating", "starvation", "shear-thinning"),
+    aliases=("starvation", "shear-thinning"),
     separate_by="torque varied at constant speed and sump temperature, or a thermocouple in the gear",
     reference="steady thermal network of one resistance; DIN 3996 takes the wheel's temperature above the "
     "sump's from the loss in the same way; the resistance is left free here",
@@ -39,7 +39,7 @@ def oil_heating(
     "thermal-lag",
     adds_to="contact_temperature",
     neutral={"idle_offset": 0.0, "time": 0.0},
-    aliases=("torque-zero-error", "oil-heating", "axial-preload", "brake-drag"),
+    aliases=("torque-zero-error", "oil-heating", "brake-drag", "mesh-starvation"),
     separate_by="dwell at each condition until the loss is constant, go up and down in steps, record the time",
     reference="first-order lag of a body behind its surroundings; both constants are left free here",
 )
@@ -103,7 +103,7 @@ def lag(temperature, elapsed_time, time_constant):
 @effect(
     "shear-thinning",
     scales="kinematic_viscosity",
-    aliases=("oil-heating", "churning", "starvation", "inlet-shear-heating", "torque-zero-error"),
+    aliases=("churning", "starvation", "torque-zero-error"),
     separate_by="an oil without polymers of the same viscosity, or a rheometer",
     reference="Carreau 1972, Trans. Soc. Rheol. 16: eta = eta_0 (1 + (lambda x shear rate)^2)^(-m/2) with the "
     "relaxation time lambda proportional to the viscosity, so that it sets in at a shear stress (Eyring: m = 1); "
