@@ -32,9 +32,14 @@ from specan.study.observation.frf import FrfObservation
 DB = 20 / np.log(10)  # decibels of a relative change
 
 
-@dataclass(frozen=True, eq=False)
 class FrfErrors:
     """Errors of one recording; NaN where a receiver is not in use.
+
+    Parameters
+    ----------
+    observation : FrfObservation
+    predicted : array (observation.n,)
+        What the model expects in place of `observation.measured`.
 
     Attributes
     ----------
@@ -59,23 +64,35 @@ class FrfErrors:
         Zero where a receiver is not in use.
     """
 
-    recording: str
-    channels: tuple[str, ...]
-    bands: Array
-    third: Variable
-    level_dB: Array
-    u_level_dB: Array
-    phase_deg: Array
-    u_phase_deg: Array
-    frac: Array
-    csac: Array
-    common: Complex
-    of_all: int
-    frequency_hz: Array
-    band_of_line: NDArray[np.intp]
-    measured: Complex
-    model: Complex
-    plural: str = "channels"
+    def __init__(self, observation: FrfObservation, predicted: Array) -> None:
+        kept = observation.kept
+        self.recording, self.channels, self.plural = (
+            observation.name,
+            observation.channels,
+            observation.plural,
+        )
+        self.third, self.frequency_hz = observation.variables["third_octave_hz"], observation.frequency_hz
+        self.measured: Complex = np.where(kept, observation.response, 0.0)
+        self.model = observation.lines_of(predicted)
+        labels = np.zeros(kept.shape)
+        labels[kept] = observation.labels["third_octave_hz"][: observation.n // 2]
+        self.bands: Array = np.unique(labels[kept])
+        self.band_of_line = np.searchsorted(self.bands, labels.max(axis=0))
+        self.of_all = 0 if observation.modal is None else observation.modal.shape[-1]
+        parts = np.full((4, len(kept), len(self.bands)), np.nan)
+        self.common: Complex = np.zeros(
+            (*parts.shape[1:], observation.common_at((0, 0)).shape[-1]), dtype=complex
+        )
+        for m in np.flatnonzero(kept.any(axis=1)).tolist():
+            for b, band in enumerate(self.bands):
+                lines = np.flatnonzero(labels[m] == band)
+                if lines.size:
+                    seen = self.measured[m, lines], self.model[m, lines]
+                    parts[:, m, b], self.common[m, b] = _cell(observation, m, lines, *seen)
+        self.level_dB, self.u_level_dB, self.phase_deg, self.u_phase_deg = parts
+        self.frac, by_line = (assurance(self.measured, self.model, axis=axis) for axis in (1, 0))
+        of_band = self.band_of_line == np.arange(len(self.bands))[:, None]
+        self.csac = np.array([np.nanmean(by_line[lines]) for lines in of_band])
 
     def mean(self, rows: Sequence[int], bands: Sequence[int]) -> tuple[float, float, float, float]:
         """Mean level error over some receivers and bands, dB, its uncertainty; the same of the phase, degrees."""
@@ -150,42 +167,7 @@ class FrfErrors:
         }
 
 
-def curve_errors(observation: FrfObservation, predicted: Array) -> FrfErrors:
-    """Level, phase, FRAC and CSAC of one recording.
-
-    Parameters
-    ----------
-    observation : FrfObservation
-    predicted : array (observation.n,)
-        What the model expects in place of `observation.measured`.
-    """
-    kept = observation.kept
-    measured = np.where(kept, observation.response, 0.0)
-    model = observation.lines_of(predicted)
-    labels = np.zeros(kept.shape)
-    labels[kept] = observation.labels["third_octave_hz"][: observation.n // 2]
-    bands = np.unique(labels[kept])
-    parts = np.full((4, len(kept), len(bands)), np.nan)
-    common = np.zeros((len(kept), len(bands), observation.common_at((0, 0)).shape[-1]), dtype=complex)
-    for m in np.flatnonzero(kept.any(axis=1)).tolist():
-        for b, band in enumerate(bands):
-            lines = np.flatnonzero(labels[m] == band)
-            if lines.size:
-                parts[:, m, b], common[m, b] = _cell(
-                    observation, m, lines, measured[m, lines], model[m, lines]
-                )
-    lines_of = [labels.max(axis=0) == band for band in bands]
-    by_line = assurance(measured, model, axis=0)
-    return FrfErrors(
-        observation.name, observation.channels, bands, observation.variables["third_octave_hz"],
-        parts[0], parts[1], parts[2], parts[3],
-        frac=assurance(measured, model, axis=1),
-        csac=np.array([np.nanmean(by_line[lines]) for lines in lines_of]),
-        common=common, of_all=0 if observation.modal is None else observation.modal.shape[-1],
-        frequency_hz=observation.frequency_hz,
-        band_of_line=np.searchsorted(bands, labels.max(axis=0)),
-        measured=measured, model=model, plural=observation.plural,
-    )  # fmt: skip
+curve_errors = FrfErrors  # as a kind of measurement brings it
 
 
 def _cell(
