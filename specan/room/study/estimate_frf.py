@@ -19,7 +19,7 @@ from specan.models import Model
 from specan.room.model.places import FieldReceivers, InRecording, receivers_of
 from specan.room.model.rig import left_out
 from specan.room.study.field_observation import Drift, FieldObservation
-from specan.study.data.estimated_lines import LEAST_BLOCKS, EstimatedLines, estimate_lines
+from specan.study.data.estimated_lines import LEAST_BLOCKS, EstimatedLines
 
 SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
@@ -66,8 +66,8 @@ def observe_recording(
     said = [f"{recording.label}: {own.text}"] if own.text else []
     if background:
         known = (channels, block / rate, frequency_hz, found.density)
-        noisy, text = background_noise(background, recording, *known)
-        found, said = replace(found, density=noisy), [*said, text]
+        found.density, text = background_noise(background, recording, *known)
+        said.append(text)
     f, density = power_density(driven, rate, block)
     per_velocity = np.abs(reference.correction(np.maximum(f, f[1]))) ** 2
     density = np.interp(folding.nodes, f, density * per_velocity)
@@ -150,7 +150,7 @@ def _estimated(
             f"{recording.label} lasts {reference.duration_s:.1f} s",
             expected=f"at least {least:.1f} s for lines {rate / block:.2g} Hz apart",
         )
-    found = estimate_lines(recording, reference, settings, band)
+    found = EstimatedLines(recording, reference, settings, band)
     if not np.any(np.nanmedian(found.coherence, axis=1) > 0.2):
         raise InputError(
             f"{recording.label}: microphones and vibrometer have no coherence "

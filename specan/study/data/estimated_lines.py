@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import digamma
 
 from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.dsp.welch import effective_averages, hop_of, power_density
-from specan.study.observation.window_leakage import Folding, fold
+from specan.study.observation.window_leakage import fold
 
 if TYPE_CHECKING:
     from specan.analysis.transfer_function import TransferFunction
@@ -24,9 +22,8 @@ LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
 HALF = 5  # lines of the whole record to either side; 11 equations for 8 unknowns
 
 
-@dataclass(frozen=True, eq=False)
 class EstimatedLines:
-    """Transfer functions of a recording, with what its noise and its windows do to their lines.
+    """Transfer functions of a recording by averages, with what its noise and its windows do to their lines.
 
     Attributes
     ----------
@@ -48,65 +45,54 @@ class EstimatedLines:
     notes : tuple of str
     """
 
-    frequency_hz: Real
-    numbers: NDArray[np.intp]
-    response: Complex
-    coherence: Real
-    u_common_percent: Real
-    u_common_deg: Real
-    density: Real
-    worth: Real
-    folding: Folding
-    signals: tuple[Real, ...]
-    block: int
-    start: int
-    notes: tuple[str, ...] = ()
+    def __init__(
+        self,
+        recording: Recording,
+        reference: Channel,
+        settings: TransferFunction,
+        band_hz: tuple[float, float],
+    ) -> None:
+        rate, block = reference.sampling_rate, settings.block
+        start = round((settings.start_s or 0.0) * rate)
+        # A few channels at once: each has many lines beyond the band.
+        # 1 << 21: samples of blocks that are analysed together: a second of 40 channels at 51.2 kHz
+        count = min(-(-len(settings.channels) * block // (1 << 21)), len(settings.channels))
+        few = [tuple(part.tolist()) for part in np.array_split(np.array(settings.channels), count)]
+        parts = [
+            settings.model_copy(update={"channels": names})(recording).between(*band_hz) for names in few
+        ]
+        order = [
+            [part.channels.index(name) for name in names] for part, names in zip(parts, few, strict=True)
+        ]
+
+        def all_of(name: str) -> Any:
+            return np.concatenate(
+                [getattr(part, name)[rows] for part, rows in zip(parts, order, strict=True)]
+            )
+
+        self.block, self.start = block, start
+        self.frequency_hz: Real = parts[0].frequency_hz
+        self.numbers = np.round(self.frequency_hz * block / rate).astype(int)
+        helper = [recording.by_role("generator")[0]] if settings.estimator == "H3c" else []
+        self.signals = tuple(recording.read([reference, *helper]))
+        channels = [recording.channel(name) for name in settings.channels]
+        responses = (recording.read([channel])[0] for channel in channels)
+        drive = _drive(self.signals, rate, block, start, self.frequency_hz)
+        n_blocks = (reference.n_samples - start - block) // hop_of(block, 0.5) + 1
+        averages = effective_averages(n_blocks, "hann", 0.5)
+        self.response: Complex = all_of("response")
+        self.coherence: Real = all_of("coherence")
+        self.u_common_percent: Real = all_of("u_common_percent").max(axis=1)
+        self.u_common_deg: Real = all_of("u_common_phase_deg").max(axis=1)
+        self.density = noise_density(self.signals[0], responses, rate, self.frequency_hz)
+        self.worth: Real = 1 / (2 * averages * drive)
+        self.folding = fold(self.signals[0], rate, block, start, self.numbers, *self.signals[1:])
+        self.notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
 
     @property
     def noise(self) -> Real:
         """Random uncertainty of the real part of every line: ``sqrt(G_nn / (4 n_eff G_vv))``."""
         return np.sqrt(self.density * self.worth)
-
-
-def estimate_lines(
-    recording: Recording, reference: Channel, settings: TransferFunction, band_hz: tuple[float, float]
-) -> EstimatedLines:
-    """Estimate the lines of a band by averages, a few channels at once: each has many lines beyond the band."""
-    rate, block = reference.sampling_rate, settings.block
-    start = round((settings.start_s or 0.0) * rate)
-    # 1 << 21: samples of blocks that are analysed together: a second of 40 channels at 51.2 kHz
-    count = min(-(-len(settings.channels) * block // (1 << 21)), len(settings.channels))
-    few = [tuple(part.tolist()) for part in np.array_split(np.array(settings.channels), count)]
-    parts = [settings.model_copy(update={"channels": names})(recording).between(*band_hz) for names in few]
-    order = [[part.channels.index(name) for name in names] for part, names in zip(parts, few, strict=True)]
-
-    def all_of(name: str) -> Any:
-        return np.concatenate([getattr(part, name)[rows] for part, rows in zip(parts, order, strict=True)])
-
-    frequency = parts[0].frequency_hz
-    numbers = np.round(frequency * block / rate).astype(int)
-    helper = [recording.by_role("generator")[0]] if settings.estimator == "H3c" else []
-    signals = tuple(recording.read([reference, *helper]))
-    channels = [recording.channel(name) for name in settings.channels]
-    responses = (recording.read([channel])[0] for channel in channels)
-    drive = _drive(signals, rate, block, start, frequency)
-    n_blocks = (reference.n_samples - start - block) // hop_of(block, 0.5) + 1
-    averages = effective_averages(n_blocks, "hann", 0.5)
-    return EstimatedLines(
-        frequency_hz=frequency,
-        numbers=numbers,
-        response=all_of("response"),
-        coherence=all_of("coherence"),
-        u_common_percent=all_of("u_common_percent").max(axis=1),
-        u_common_deg=all_of("u_common_phase_deg").max(axis=1),
-        density=noise_density(signals[0], responses, rate, frequency),
-        worth=1 / (2 * averages * drive),
-        folding=fold(signals[0], rate, block, start, numbers, *signals[1:]),
-        signals=signals,
-        block=block,
-        start=start,
-        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
-    )
 
 
 def _drive(signals: tuple[Real, ...], rate: float, block: int, start: int, frequency_hz: Real) -> Real:

@@ -21,7 +21,7 @@ from specan.io.open import open_recording
 from specan.models import Model, Observable
 from specan.models.quantity import KIND
 from specan.models.trial import try_model
-from specan.study.data.estimated_lines import LEAST_BLOCKS, estimate_lines
+from specan.study.data.estimated_lines import LEAST_BLOCKS, EstimatedLines
 from specan.study.data.recordings import parted
 from specan.study.data.recordings import reads as is_recording
 from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file, sigma_of
@@ -274,7 +274,7 @@ class _Opened:
         if reference.n_samples >= (1 + LEAST_BLOCKS) * settings.block:
             # What the system remembers of the time before the record dies out within a block.
             settings = settings.model_copy(update={"start_s": settings.block / rate})
-        found = estimate_lines(
+        found = EstimatedLines(
             recording, reference, settings, (self.band[0], min(self.band[1], float(seen.frequency_hz[-1])))
         )
         f, spacing = found.frequency_hz, rate / found.block
