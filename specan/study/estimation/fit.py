@@ -173,8 +173,8 @@ def fit(problem: Problem, start: Array | Mapping[str, Any] | None = None, starts
     if not problem.strategy.frugal:
         try:
             best = _exact(problem, best.theta)
-        except NotSettledError as fault:
-            best = fault.reached
+        except ComputationError as fault:  # where the descents ended is good enough
+            best = getattr(fault, "reached", best)
     return replace(describe(problem, best.theta, best.residual, best.jacobian), converged=converged)
 
 
@@ -214,41 +214,38 @@ def _exact(problem: Problem, start: Array) -> Minimum:
     data are said to be.
     """
     low, high = problem.bounds()
+    slopes = finite(problem.jacobian(start))
+    predicted = float(np.linalg.norm(problem.whiten(np.concatenate(problem.predictions(start)))))
 
     def residual(theta: Array) -> Array:
         try:
             return problem.residual(theta)
         except ComputationError:  # a loop of the model that does not converge there: the step was too long
-            return np.full(problem.n_data + problem.pseudo.order.size, np.nan)
+            return np.full(slopes.shape[0], np.nan)
 
+    def jacobian(theta: Array) -> Array:
+        """With steps that change all predictions by the same share, whatever the size of a parameter."""
+        nonlocal slopes
+        # 1e-4: that share: rounding then errs by 1e-12
+        share = 1e-4 * predicted / np.maximum(np.linalg.norm(slopes[: problem.n_data], axis=0), 1e-300)
+        # 1e-3, 1e-8: of a parameter's size, which a step does not exceed, and below which it is lost in rounding
+        most, least = (part * np.maximum(problem.scale, np.abs(theta)) for part in (1e-3, 1e-8))
+        steps = np.where(share > 0, np.clip(share, least, most), most)
+        slopes = finite(problem.jacobian(theta, steps, 4))
+        return slopes
+
+    inside = np.clip(start, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale)
+    finite(residual(inside))
+    # 1e-15: rounding ends the last steps
+    ends = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
     found = least_squares(
-        residual,
-        np.clip(start, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale),
-        lambda theta: finite(problem.jacobian(theta, _fine_steps(problem, theta), 4)),
-        bounds=(low, high),
-        x_scale=problem.scale,
-        # rounding ends the last steps
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-15,
-        max_nfev=MOST_EXACT,
+        residual, inside, jacobian, (low, high), x_scale=problem.scale, max_nfev=MOST_EXACT, **ends
     )
     minimum = Minimum(found.x, found.fun, found.jac, 2 * float(found.cost))
     promised = float(np.sum((orthonormal(found.jac).T @ found.fun) ** 2))
     if found.status == 0 and promised > STEP_TOLERANCE * unit(problem, minimum.chi2):
         raise NotSettledError(minimum, MOST_EXACT)
     return minimum
-
-
-def _fine_steps(problem: Problem, theta: Array) -> Array:
-    """Steps of derivatives that change all predictions by the same share, whatever the size of a parameter."""
-    columns = np.linalg.norm(problem.jacobian(theta)[: problem.n_data], axis=0)
-    predicted = np.linalg.norm(problem.whiten(np.concatenate(problem.predictions(theta))))
-    # 1e-4: that share: rounding then errs by 1e-12
-    share = 1e-4 * predicted / np.maximum(columns, 1e-300)
-    # 1e-3, 1e-8: of a parameter's size, which a step does not exceed, and below which it is lost in rounding
-    most, least = (part * np.maximum(problem.scale, np.abs(theta)) for part in (1e-3, 1e-8))
-    return np.where(share > 0, np.clip(share, least, most), most)
 
 
 def _from_nearer(problem: Problem, theta0: Array) -> Minimum:
