@@ -153,14 +153,14 @@ def test_a_fit_that_does_not_settle_is_a_remark(tmp_path, monkeypatch) -> None:
     x = np.repeat(np.linspace(1, 10, 10), 3)
     asked = problem(tmp_path, model(offset), x, 2 * x + 1.5)
     monkeypatch.setattr(fitting, "descend", given_up)
-    monkeypatch.setattr(fitting, "_trust_region", given_up)
+    monkeypatch.setattr(fitting, "_exact", given_up)
     base = fit(asked)
     assert not base.converged
     found = diagnose(asked, base=base)
     assert found.effects == ("offset",)
     assert any("did not converge" in remark for remark in found.remarks)
     monkeypatch.setattr(fitting, "descend", lambda *given: (_ for _ in ()).throw(ComputationError("nowhere")))
-    monkeypatch.setattr(fitting, "_trust_region", fitting.descend)
+    monkeypatch.setattr(fitting, "_exact", fitting.descend)
     with pytest.raises(ComputationError, match="nowhere"):
         fit(asked)
 
