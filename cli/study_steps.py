@@ -108,7 +108,7 @@ def _print_comparison(study: Study, found: Comparison) -> None:
 
 
 def _print_fit(study: Study, best: Fit) -> None:
-    from specan.report.study_words import allowed_for
+    from specan.report.study_sheets import allowed_for
 
     spent = " excluding those of the repeats" if study.problem.pure_error_dof else ""
     chi2 = (

@@ -32,10 +32,10 @@ FIGURES = {
     "DecayTimes": "specan.report.figures_bands:figure_decay",
     "Calibration": "specan.report.figures_calibration:figure_calibration",
     "Comparison": "specan.report.figures_study:figure_comparison",
-    "NextMeasurements": "specan.report.figures_diagnosis:figure_next",
-    "Change": "specan.report.figures_change:figure_change",
-    "History": "specan.report.figures_change:figure_history",
-    "Diagnosis": "specan.report.figures_diagnosis:figure_diagnosis",
+    "NextMeasurements": "specan.report.figures_steps:figure_next",
+    "Change": "specan.report.figures_steps:figure_change",
+    "History": "specan.report.figures_steps:figure_history",
+    "Diagnosis": "specan.report.figures_steps:figure_diagnosis",
 }
 
 

@@ -21,7 +21,7 @@ from specan.report.figure_style import (
     with_gaps,
 )
 from specan.report.panels import Curve, Drawing, Panel, draw_panels, joined
-from specan.report.study_words import state_of
+from specan.report.study_sheets import state_of
 from specan.study.observation.frf import FrfObservation
 from specan.study.study import Study
 from specan.units import printed_unit

@@ -15,12 +15,11 @@ from typing import Any
 from specan import __version__
 from specan.io.output_file import check_directory, text_file
 from specan.report import study_sheets
-from specan.report.figures_change import figure_history
-from specan.report.figures_diagnosis import figure_diagnosis
+from specan.report.figures_steps import figure_diagnosis, figure_history
 from specan.report.figures_study import figure_comparison
 from specan.report.html_page import bullets, page, picture, shown, table
 from specan.report.residual_map import failing_map, residual_map
-from specan.report.study_words import allowed_for, fall_text
+from specan.report.study_sheets import allowed_for, fall_text
 from specan.study.comparison import Comparison
 from specan.study.history import History, Step, error_pairs
 from specan.study.study import Study

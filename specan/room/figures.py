@@ -18,7 +18,7 @@ from specan.report.figure_style import (
 from specan.report.figures_study_frf import measured_transfer, response_drawing
 from specan.report.panels import draw_panels
 from specan.report.residual_map import axis_text
-from specan.report.study_words import state_of
+from specan.report.study_sheets import state_of
 from specan.room.model.field_map import FieldMap
 from specan.room.model.places import receivers_of
 from specan.room.wall_impedance.surface_impedance import ALL, Impedance

@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from specan.report.figures_change import figure_change, figure_history
-from specan.report.figures_diagnosis import figure_diagnosis
+from specan.report.figures_steps import figure_change, figure_diagnosis, figure_history
 from specan.report.figures_study import _curve, _panels
 from specan.report.study_report import study_report
 from specan.study.create import begin

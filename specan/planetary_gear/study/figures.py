@@ -10,7 +10,7 @@ import numpy as np
 from specan.errors import require_known
 from specan.planetary_gear.study.order_lines import OrderLinesObservation
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
-from specan.report.study_words import state_of
+from specan.report.study_sheets import state_of
 from specan.study.observation import Array
 from specan.units import axis_label
 
