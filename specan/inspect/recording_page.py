@@ -35,7 +35,6 @@ from specan.report.figures import figure_of
 from specan.report.html_page import table
 from specan.report.panels import Panel
 from specan.report.waveform import read_overviews
-from specan.result import RecordingResult
 
 FIRST_CHANNELS = 4  # on screen when nothing else is said
 _LEFT, _RIGHT = 214, 270  # px
@@ -275,19 +274,15 @@ class RecordingPage(Page):
             raise RequestError("there is nothing to save on this tab", remedy="choose another tab")
         contents = []
         for number, found in self.found:
-            result = stated(getattr(found, "numbers", found), self.opened.recordings[number])
-            if kind != "txt":
-                content = image(figure_of(result, tab.figure_view), kind)
-            elif isinstance(result, RecordingResult):
-                content = text_of(result)
-            else:
-                raise RequestError(f"there are no numbers of {tab.title} to save", remedy="save the figure")
+            result = stated(found, self.opened.recordings[number])
+            drawn = kind != "txt"
+            content = image(figure_of(result, tab.figure_view), kind) if drawn else text_of(result)
             contents.append((number, content))
         return contents
 
 
 def _notes(found: Found) -> tuple[str, str]:
-    results: list[Any] = [getattr(r, "numbers", r) for _, r in found]
+    results: list[Any] = [r for _, r in found]
     notes = dict.fromkeys(note for r in results for note in getattr(r, "notes", ()))
     warned = [
         f"{name}: {', '.join(words)}"

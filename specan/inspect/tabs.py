@@ -34,11 +34,10 @@ from specan.units import printed_unit
 _READINGS = 2000  # readings of a history
 
 
-@dataclass(frozen=True)
-class _Found:
-    """Numbers of the section, and the level over the whole recording."""
+@dataclass(frozen=True, kw_only=True, repr=False)
+class _Levels(SignalLevels):
+    """Of the section, and the level over the whole recording."""
 
-    numbers: SignalLevels
     history: BandLevels
 
 
@@ -57,18 +56,18 @@ class LevelsTab(Tab):
         self.body = [*self.body, below]
         self._kept: dict[tuple[Any, ...], BandLevels] = {}
 
-    def analyse(self, view: View, chosen: Chosen, recording: Recording) -> _Found:
+    def analyse(self, view: View, chosen: Chosen, recording: Recording) -> _Levels:
         """Numbers of the section, and the level against time."""
         averaging = view.settings.get("averaging", "fast")
         key = (chosen.number, chosen.patterns, averaging)
         if key not in self._kept:
             kept = list(self._kept.items())[-20:]
             self._kept = {**dict(kept), key: _history(chosen, recording, averaging)}
-        return _Found(super().analyse(view, chosen, recording), self._kept[key])
+        return _Levels(**vars(super().analyse(view, chosen, recording)), history=self._kept[key])
 
-    def drawing(self, result: _Found, view: View) -> Drawing:
+    def drawing(self, result: _Levels, view: View) -> Drawing:
         """The level against time."""
-        return history_panels(result.history, result.numbers.weighting)
+        return history_panels(result.history, result.weighting)
 
     def draw(self, found: Found, view: View) -> None:
         """Level against time, and the tables."""
@@ -77,7 +76,7 @@ class LevelsTab(Tab):
             f"<p>{one.title}</p>"
             + table(one.header, [[self.opened.text(number, row[0]), *row[1:]] for row in one.rows])
             for number, result in found
-            for one in result.numbers.sheets()
+            for one in result.sheets()
         )
 
 
