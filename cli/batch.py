@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -129,15 +130,7 @@ def progress_line() -> Callable[[int, int, float], None] | None:
         return None
 
     def show(count: int, total: int, remaining_s: float) -> None:
-        end = "\n" if count == total else ""
-        click.echo(
-            f"\r{count}/{total} files, about {_duration(remaining_s)} left   {end}", err=True, nl=False
-        )
+        left = timedelta(seconds=round(remaining_s))
+        click.echo(f"\r{count}/{total} files, about {left} left   ", err=True, nl=count == total)
 
     return show
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

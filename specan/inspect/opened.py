@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from threading import Lock
 
 from specan.arrays import Real
 from specan.data.channel import Channel
@@ -30,7 +29,6 @@ class WatchedSource:
     source: SampleSource
     path: Path
     stamp: tuple[int, int]
-    lock: Lock = field(default_factory=Lock, repr=False)
 
     def read(self, indices: Sequence[int], start: int, stop: int) -> Real:
         """Samples of the chosen channels; see `SampleSource`.
@@ -40,14 +38,13 @@ class WatchedSource:
         InputError
             The file has vanished or changed since it was opened.
         """
-        with self.lock:
-            if stamp_of(self.path) != self.stamp:
-                raise InputError(
-                    f"{self.path.name} has changed since it was opened",
-                    expected="the file as it was",
-                    remedy="start specan inspect again",
-                )
-            return self.source.read(indices, start, stop)
+        if stamp_of(self.path) != self.stamp:
+            raise InputError(
+                f"{self.path.name} has changed since it was opened",
+                expected="the file as it was",
+                remedy="start specan inspect again",
+            )
+        return self.source.read(indices, start, stop)
 
 
 def stamp_of(path: Path) -> tuple[int, int]:
