@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from specan.models.catalogue import load_model
-from specan.room.model.places import receivers_of
+from specan.room.model.places import receivers_of, shifts_of
 from specan.room.study.mistaken_set_up import _rings_elsewhere, undeclared_shifts
 from specan.study.create import begin
 from specan.study.estimation.fit import describe
@@ -51,7 +51,7 @@ def test_modes_that_ring_elsewhere_are_no_effect_where_they_are_declared(uneven,
     assert study.errors[0].rms < 0.7 * before.errors[0].rms  # places of microphones are in both
 
     shifts = receivers_of(study.problem.assembly.model).shifts
-    found = shifts.of(study.problem.values)[: shifts.size]
+    found = shifts_of(study.problem.values, shifts)[:shifts]
     orders = study.problem.assembly.model.quantities["modes_apart"]()
     true = {one.orders: np.sqrt(1 + one.stiffer) - 1 for one in uneven.truth.room.uneven}
     drawn = np.array([true[tuple(n)] / 1e-3 for n in orders.tolist()])

@@ -105,7 +105,7 @@ def build(rig: Mapping[str, Any]) -> Model:
                 errors_of(settings),
                 partial(in_recording, settings, log),
                 settings.room.dims_m,
-                mode_shifts.mode_shifts(modes),
+                len(modes),
             )
         },
         settings={"rig": settings.model_dump(), "face_areas_m2": shape.areas_m2},

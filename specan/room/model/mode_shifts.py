@@ -17,7 +17,7 @@ from specan.arrays import Complex
 from specan.models.effect import Parameter
 from specan.models.model import Model
 from specan.models.quantity import Quantity, constant, quantity
-from specan.room.model.places import ModeShifts, receivers_of
+from specan.room.model.places import receivers_of
 from specan.room.model.port import Port, point
 from specan.room.model.rig import Rig
 
@@ -64,7 +64,7 @@ def with_usual_shifts(model: Model) -> Model | None:
     """The model with what built rooms usually have; None where shifts are declared, or the modes have no numbers."""
     receivers = receivers_of(model)
     rig = receivers.rig
-    if receivers.shifts is not None or rig.room.dims_m is None:
+    if receivers.shifts or rig.room.dims_m is None:
         return None
     usual = {"mode_frequency_percent": USUAL_PERCENT}
     declared = rig.model_copy(update={"uncertainty": rig.uncertainty.model_copy(update=usual)})
@@ -73,7 +73,7 @@ def with_usual_shifts(model: Model) -> Model | None:
         model,
         quantities={**model.quantities, **{q.name: q for q in quantities(declared, apart)}},
         axes={**model.axes, **axes(apart)},
-        for_kinds={"frf": replace(receivers, shifts=mode_shifts(apart))},
+        for_kinds={"frf": replace(receivers, shifts=len(apart))},
     )
 
 
@@ -102,11 +102,6 @@ def columns(known: Mapping[str, Any]) -> Iterator[tuple[Complex, tuple[complex, 
 
 COLUMNS_READ = ("frequency", "room_modes", "pistons", "modes_apart", "mode_shift_sd", "density", "receiver_position",
                 "indicated_frf", "field")  # fmt: skip
-
-
-def mode_shifts(modes: NDArray[np.intp]) -> ModeShifts | None:
-    """The shifts of all modes that a fit may find; None where none may be shifted."""
-    return ModeShifts(len(modes)) if len(modes) else None
 
 
 _SUFFIXES = {1: "st", 2: "nd", 3: "rd"}

@@ -56,31 +56,19 @@ class ReceiverErrors:
     common_dB: float = 0.0
 
 
-@dataclass(frozen=True)
-class ModeShifts:
-    """Shifts of single modes, of which only a standard uncertainty is known: a fit finds them beside everything else.
+# Shifts of single modes, of which only a standard uncertainty is known: parameters of the model that no one names,
+# vectors over the modes, in standard uncertainties. A fit finds them beside everything else.
+SHIFTS = ("mode_shift.frequency", "mode_shift.damping")
 
-    They are parameters of the model that no one names, vectors over the modes, in standard uncertainties.
 
-    Attributes
-    ----------
-    size : int
-        Number of modes.
-    """
+def shifts_of(values: Mapping[str, Any], modes: int) -> Real:
+    """Shifts out of the values of parameters, natural frequencies before dampings, array (2 modes,)."""
+    return np.concatenate([np.broadcast_to(np.asarray(values.get(n, 0.0), float), modes) for n in SHIFTS])
 
-    size: int
 
-    def of(self, values: Mapping[str, Any]) -> Real:
-        """Shifts out of the values of parameters, natural frequencies before dampings, array (2 modes,)."""
-        names = ("mode_shift.frequency", "mode_shift.damping")
-        return np.concatenate(
-            [np.broadcast_to(np.asarray(values.get(n, 0.0), float), (self.size,)) for n in names]
-        )
-
-    def named(self, shifts: Real) -> dict[str, Real]:
-        """The parameters, from shifts (2 modes,)."""
-        frequency, damping = np.split(shifts, 2)
-        return {"mode_shift.frequency": frequency, "mode_shift.damping": damping}
+def named_shifts(shifts: Real) -> dict[str, Real]:
+    """The parameters, from shifts (2 modes,)."""
+    return dict(zip(SHIFTS, np.split(shifts, 2), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +110,8 @@ class FieldReceivers:
         tells.
     box : tuple of float, optional
         Edges of a rectangular room: then modes have names, and places near walls and on them are known.
-    shifts : ModeShifts, optional
-        Shifts of single modes, if any are declared.
+    shifts : int
+        How many modes have shifts of their own.
     """
 
     rig: Rig
@@ -132,7 +120,7 @@ class FieldReceivers:
     errors: ReceiverErrors
     in_recording: Callable[[str, Any, float], InRecording]
     box: tuple[float, float, float] | None
-    shifts: ModeShifts | None
+    shifts: int
 
 
 def receivers_of(model: Model) -> FieldReceivers:

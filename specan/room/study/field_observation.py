@@ -10,7 +10,7 @@ import numpy as np
 
 from specan.models import Assembly
 from specan.room.model.mode_shifts import COLUMNS_READ, columns
-from specan.room.model.places import FieldReceivers
+from specan.room.model.places import FieldReceivers, shifts_of
 from specan.study.observation import Array, Strategy
 from specan.study.observation.frf import Complex, FrfObservation, piecewise_linear_basis
 
@@ -138,11 +138,11 @@ class FieldObservation(FrfObservation):
         if self.declared is None:
             return self
         found = self.about_unshifted(assembly, values, seen, placed)
-        if self.declared.shifts is None or found.modal is None:
+        if not self.declared.shifts or found.modal is None:
             return found
         own = found.shift_columns(assembly, values)
         modal = np.concatenate([found.modal, own], axis=-1)
-        back = own @ self.declared.shifts.of(values)
+        back = own @ shifts_of(values, self.declared.shifts)
         return replace(found, modal=modal, offset=found.offset - back, shifts=own.shape[-1])
 
     def about_unshifted(
@@ -182,10 +182,9 @@ class FieldObservation(FrfObservation):
     def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Prediction as it is shown: shifts of modes that were found are not taken back."""
         predicted = super().plain(assembly, values)
-        shifts = self.declared.shifts if self.declared else None
-        if not self.shifts or shifts is None or self.modal is None:
+        if not self.shifts or self.modal is None:
             return predicted
-        return predicted + self.stack(self.modal[..., -self.shifts :] @ shifts.of(values))
+        return predicted + self.stack(self.modal[..., -self.shifts :] @ shifts_of(values, self.shifts // 2))
 
     def knowing_shifts(self, root: Array) -> FieldObservation:
         """The same where other data tell the shifts that the model holds: `root` is that of their covariance."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from specan.models import Assembly
-from specan.room.model.places import receivers_of
+from specan.room.model.places import named_shifts, receivers_of, shifts_of
 from specan.room.study.field_observation import FieldObservation, field_observations
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
@@ -39,14 +39,14 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
         SI values where the search begins, shifts included.
     """
     shifts, own = receivers_of(assembly.model).shifts, set(problem.assembly.uses)
-    if shifts is None or not problem.strategy.linearised_covariance:
+    if not shifts or not problem.strategy.linearised_covariance:
         return values
     whole = problem.with_uses(use for use in assembly.uses if use not in own)
-    theta, z = whole.start(values), shifts.of(values)
+    theta, z = whole.start(values), shifts_of(values, shifts)
     low, high = whole.bounds()
 
     def at(over: Problem, z: Array) -> Problem:
-        return replace(over, values={**whole.values, **shifts.named(z)})
+        return replace(over, values={**whole.values, **named_shifts(z)})
 
     here, held = whole, None
     # 10: of Gauss-Newton steps; from shifts that are known two
@@ -87,7 +87,7 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
         # 0.003: part of chi-square that a round must gain for another to follow
         if not cost < (1 - 0.003) * before:
             break
-    return {**values, **whole.values_at(theta), **shifts.named(z)}
+    return {**values, **whole.values_at(theta), **named_shifts(z)}
 
 
 def knowing_shifts(problem: Problem, unseen: Sequence[Observation]) -> list[Observation]:
@@ -107,4 +107,4 @@ def knowing_shifts(problem: Problem, unseen: Sequence[Observation]) -> list[Obse
 def mode_shifts(assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Array]:
     """The shifts among values, which the model holds as constants; none where none may shift."""
     shifts = receivers_of(assembly.model).shifts
-    return shifts.named(shifts.of(values)) if shifts else {}
+    return named_shifts(shifts_of(values, shifts)) if shifts else {}
