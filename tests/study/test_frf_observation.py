@@ -8,7 +8,7 @@ from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
 from specan.models.catalogue import load_model
 from specan.room.study.estimate_frf import observe_recording
-from specan.study.data.estimated_lines import estimate_lines, noise_density
+from specan.study.data.estimated_lines import EstimatedLines, noise_density
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
 from specan.study.observation.window_leakage import fold
 
@@ -55,7 +55,7 @@ def test_blocks_of_an_odd_number_of_samples_are_folded_as_they_are_averaged():
     settings = TransferFunction(
         reference="Laser", channels=("Mic 1",), lines=781, overlap=0.5, align=False, start_s=0.5
     )
-    found = estimate_lines(recording, recording.channel("Laser"), settings, (20.0, 700.0))
+    found = EstimatedLines(recording, recording.channel("Laser"), settings, (20.0, 700.0))
     assert found.block == 1999
     gap = found.folding(response(found.folding.nodes)[None])[0] - found.response[0]
     assert np.sqrt(np.mean(np.abs(gap) ** 2)) < 1e-3 * np.sqrt(np.mean(np.abs(found.response) ** 2))
