@@ -148,7 +148,7 @@ def _estimated(
         least = settle + LEAST_BLOCKS * block / rate
         raise InputError(
             f"{recording.label} lasts {reference.duration_s:.1f} s",
-            expected=f"at least {least:.1f} s for lines {rate / block:.2g} Hz apart",
+            expected=f"at least {np.ceil(10 * least) / 10:g} s for lines {rate / block:.2g} Hz apart",
         )
     found = EstimatedLines(recording, reference, settings, band)
     if not np.any(np.nanmedian(found.coherence, axis=1) > 0.2):

@@ -18,8 +18,8 @@ from specan.arrays import Complex, Real
 from specan.dsp.welch import hop_of
 
 REACH = 25  # lines to either side from which a window lets energy through: Hann has fallen by 90 dB
-NODES_PER_LINE = 2  # for responses of up to a block
-_ORDER = 12  # points of the Lagrange interpolation between nodes
+NODES_PER_LINE = 4  # for responses that ring for two blocks: 1e-4 of them is left, with 2 it were 2e-3
+_ORDER = 8  # points of the Lagrange interpolation between nodes
 _LAGRANGE = np.array([np.prod([i - j for j in range(_ORDER) if j != i]) for i in range(_ORDER)], dtype=float)
 
 
