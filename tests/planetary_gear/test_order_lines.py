@@ -290,6 +290,17 @@ def test_errors_are_the_measurement_less_the_model_with_its_gains() -> None:
     assert held_out_error(problem, best, made[1:]).errors[0].rms == pytest.approx(2 * error.rms, rel=0.01)
 
 
+def test_lines_that_a_model_has_by_rounding_only_are_none() -> None:
+    """Recordings teach how strongly a machine answers: of nothing but rounding, nothing is made."""
+    rounding = 1e-16 * np.exp(1j * np.arange(8))
+    model = np.where(BEYOND, rounding, TRUTH)
+    both = joined([replace(observed(TRUTH, 0.01), name=n, of_row=(n,) * 2) for n in ("a", "b")])
+    problem = base_problem(comb(np.tile(model, 2)), [both])
+    (shown,) = problem.plain(problem.start())
+    assert np.all(both.lines_of(shown)[both.beyond] == 0)
+    assert both.lines_of(shown)[~both.beyond] == pytest.approx(np.tile(TRUTH, (2, 1))[~both.beyond], rel=1e-9)
+
+
 def test_unseen_lines_teach_nothing_where_their_path_was_heard_before() -> None:
     """Gains come from fitted recordings at the same speed; a level that changes with the load stays in the error."""
     fitted, louder = observed(2j * TRUTH, 0.01), observed(3j * TRUTH, 0.01)

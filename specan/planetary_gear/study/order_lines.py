@@ -200,6 +200,7 @@ class OrderLinesObservation(KeptLines):
     ) -> Complex:
         """The model's lines (rows, lines) with gains that they tell themselves, or those that were fitted do."""
         lines = self.model_lines(assembly, values)
+        lines = np.where(np.abs(lines) > ROUNDING * strongest(lines, self.known.harmonic), lines, 0.0)
         mine = self.of_row_and_harmonic
         gains = self._shown_gains(lines, mine)[mine]
         if seen is not None:
