@@ -47,33 +47,18 @@ class OverlappedBlocks:
 
         A block is a view wherever possible: use it before the next one is asked for.
         """
-        held = 0 if self._held is None else self._held.shape[1]
-        if held == 0:
-            yield from self._whole(samples)
-            return
-        # Blocks that begin in what was held need at most span - 1 samples of the new piece.
-        assert self._held is not None
-        joint = np.concatenate([self._held, samples[:, : self._span - 1]], axis=1)
-        start = 0
-        while start < held and start + self._span <= joint.shape[1]:
-            yield self._cut(joint, start)
-            start += self.hop
-        if start < held:
-            self._held = joint[:, start:]
-        else:
-            yield from self._whole(samples[:, start - held :])
-
-    @property
-    def rest(self) -> Real | None:
-        """The samples after the last complete block of those that follow each other; None before the first sample."""
-        return self._held
-
-    def _whole(self, samples: Real) -> Iterator[Real]:
+        if self._held is not None and self._held.shape[1]:
+            samples = np.concatenate([self._held, samples], axis=1)
         start = 0
         while start + self._span <= samples.shape[1]:
             yield self._cut(samples, start)
             start += self.hop
         self._held = samples[:, start:].copy()
+
+    @property
+    def rest(self) -> Real | None:
+        """The samples after the last complete block of those that follow each other; None before the first sample."""
+        return self._held
 
     def _cut(self, samples: Real, start: int) -> Real:
         if not self._shifts:
