@@ -10,12 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from specan.arrays import Complex, Flags, Real
 from specan.dsp.motion import convert
-from specan.dsp.multirate import Memory
+from specan.dsp.multirate import keep_freed_memory
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.windows import WindowName, window, window_correlation
 
 Averaging = Literal["linear", "exponential", "max", "min"]
-_REAL, _COMPLEX = np.dtype(np.float64), np.dtype(np.complex128)
 
 
 class SpectralMatrix(NamedTuple):
@@ -141,6 +140,7 @@ class CrossSpectra:
     ) -> None:
         if averaging in ("max", "min") and references:
             raise ValueError("a hold has no cross spectra")
+        keep_freed_memory()
         self.rate, self.block, self.window_name = rate, block, window_name
         self.hop = hop_of(block, overlap)
         self.references = tuple(references)
@@ -152,7 +152,6 @@ class CrossSpectra:
         self._window = window(window_name, block)
         self._grid = OverlappedBlocks(block, self.hop, shifts)
         kept = (n_channels, self._lines + 1)
-        self._memory = Memory()
         self._auto = np.zeros(kept)
         self._cross = np.zeros((len(self.references), *kept), dtype=complex)
 
@@ -169,28 +168,17 @@ class CrossSpectra:
 
     def add_block(self, block: Real) -> None:
         """Take one block (channels, block)."""
-        channels, kept = len(block), self._lines + 1
-        windowed = self._memory.take("windowed", channels, self.block, _REAL)
-        transformed = self._memory.take("transformed", channels, self.block // 2 + 1, _COMPLEX)
-        power, square = (self._memory.take(name, channels, kept, _REAL) for name in ("power", "square"))
-        if self.detrend:
-            mean = np.add.reduce(block, axis=-1, keepdims=True) / self.block
-            np.subtract(block, mean, out=windowed)
-        else:
-            np.copyto(windowed, block)
+        windowed = block - (
+            np.add.reduce(block, axis=-1, keepdims=True) / self.block if self.detrend else 0.0
+        )
         for row, times in self._derivatives:
             convert(windowed[row], times)
         windowed *= self._window
-        spectra = np.fft.rfft(windowed, axis=-1, out=transformed)[:, : self._lines + 1]
+        spectra = np.fft.rfft(windowed)[:, : self._lines + 1]
         self.n_blocks += 1
-        np.multiply(spectra.real, spectra.real, out=power)
-        np.multiply(spectra.imag, spectra.imag, out=square)
-        power += square
-        self._take(self._auto, power)
+        self._take(self._auto, np.square(spectra.real) + np.square(spectra.imag))
         for reference, total in zip(self.references, self._cross, strict=True):
-            product = self._memory.take("product", channels, kept, _COMPLEX)
-            np.multiply(spectra, np.conj(spectra[reference]), out=product)
-            self._take(total, product)
+            self._take(total, spectra * np.conj(spectra[reference]))
 
     def _take(self, total: NDArray[Any], new: NDArray[Any]) -> None:
         if self.averaging == "linear":
@@ -208,7 +196,6 @@ class CrossSpectra:
 
     def result(self) -> SpectralMatrix:
         """The average so far; NaN if no block was complete."""
-        self._memory = Memory()  # let go of
         lines = np.arange(self._lines + 1)
         frequency = np.asarray(lines * (self.rate / self.block), dtype=np.float64)
         scale = np.where(has_mirror(lines.size, self.block), 2.0, 1.0) / (self.rate * np.sum(self._window**2))
