@@ -19,7 +19,6 @@ from specan.dsp.multirate import (
     LOWEST_PART,
     ROWS,
     Decimator,
-    Memory,
     Stage,
     fast_length,
     keep_freed_memory,
@@ -156,56 +155,42 @@ class LagSpectrum:
     --------
     >>> x = np.array([[1.0, 2.0, 0.0, -1.0]])
     >>> spectrum = LagSpectrum(1, 4)
-    >>> spectrum.add(np.fft.rfft(x, 8), 0)
+    >>> spectrum.add(np.fft.rfft(x, 8))
     >>> float(spectrum.finish()[0][0, 0].round(9)), float(x.sum()) ** 2
     (4.0, 4.0)
     """
 
     def __init__(self, rows: int, length: int = LENGTH) -> None:
         self.length, self._sum = length, np.zeros((rows, length + 1), dtype=complex)
+        # Transforms of the previous block, and of what a fade takes away from it.
         self._previous: Complex | None = None
-        # What a fade takes away from the samples of the previous block.
-        self._taken: Real | None = None
-        self._half = 0
+        self._end: Complex | None = None
 
-    def add(
-        self, transform: Complex, half: int, taken: Real | None = None, end: Complex | None = None
-    ) -> Real | None:
+    def add(self, transform: Complex, end: Complex | None = None) -> Real | None:
         """Take the next block; what `finish` is more for a record that is faded here.
 
-        `transform` is that of 2 L samples, shape (rows, L + 1), of which the block fills the half that `half` says.
-        `taken` is what a fade takes away from the block, `end` the transform of that. Successive blocks are in
-        alternate halves of the 2 L samples. That puts X_{b+1} after X_b without a factor, since the correlation is
-        circular.
+        `transform` is that of 2 L samples, shape (rows, L + 1), of which the block fills a half, and `end` that of what
+        a fade takes away from it. Successive blocks are in alternate halves of the 2 L samples. That puts X_{b+1} after
+        X_b without a factor, since the correlation is circular.
         """
-        if self._previous is None:
-            self._previous, more = np.empty_like(self._sum), None
-        else:
-            more = self._correlate(transform, end)
-        self._previous[...] = transform
-        self._taken, self._half = None if taken is None else taken.copy(), half
+        more = None if self._previous is None else self._correlate(transform, end)
+        self._previous, self._end = transform, end
         return more
 
-    def _correlate(self, following: Complex | None, following_end: Complex | None) -> Real | None:
+    def _correlate(
+        self, following: Complex | None = None, following_end: Complex | None = None
+    ) -> Real | None:
         """Add conj(X_b) (X_b + X_{b+1}); what the same of faded blocks is more."""
-        previous = self._previous
+        previous, end = self._previous, self._end
         assert previous is not None
-        rows, lines = previous.shape
-        product, conjugate = (_memory.take(name, rows, lines, _COMPLEX) for name in ("product", "conjugate"))
-        np.conjugate(previous, out=conjugate)
-        if following is None:
-            product[...] = previous
-        else:
-            np.add(previous, following, out=product)
-        end = None if self._taken is None else transformed("gone", self._taken, self._half, self.length)
-        faded = None
-        if end is not None or following_end is not None:
-            own = previous if end is None else previous - end
-            faded = product - sum(one for one in (end, following_end) if one is not None)
-            faded *= np.conjugate(own)
-        product *= conjugate
+        both = previous if following is None else previous + following
+        product = np.conjugate(previous) * both
         self._sum += product
-        return None if faded is None else self._energy_of(faded - product)
+        if end is None and following_end is None:
+            return None
+        own = previous if end is None else previous - end
+        both = both - sum(one for one in (end, following_end) if one is not None)
+        return self._energy_of(np.conjugate(own) * both - product)
 
     def finish(self) -> tuple[Real, Real | None]:
         """Energy spectrum, shape (rows, L + 1), at m / (2 L) cycles a sample, and what it is more with the last fade.
@@ -213,7 +198,7 @@ class LagSpectrum:
         The sum over all 2 L lines, divided by 2 L, is the energy. Call it once, after the last block. Rounding leaves
         some 1e-17 of the energy in every band; where there is nothing else a line may be negative.
         """
-        more = self._correlate(None, None)
+        more = self._correlate()
         return self._energy_of(self._sum), more
 
     def _energy_of(self, cross: Complex) -> Real:
@@ -223,16 +208,12 @@ class LagSpectrum:
         return np.asarray(np.fft.rfft(symmetric).real)
 
 
-def transformed(name: str, block: Real, half: int, length: int = LENGTH) -> Complex:
-    """Transform of 2 `length` samples, of which a block fills a half; the next call of this name writes over it."""
-    samples = _memory.take("padded", len(block), 2 * length, _REAL)
-    samples[...] = 0.0
-    samples[:, half * length : half * length + block.shape[1]] = block
-    return np.fft.rfft(samples, out=_memory.take(f"{name} lines", len(block), length + 1, _COMPLEX))
-
-
-_REAL, _COMPLEX = np.dtype(np.float64), np.dtype(np.complex128)
-_memory = Memory()
+def transformed(samples: Real, points: int, first: int = 0) -> Complex:
+    """Transform of so many points, zero but for samples from the number `first` on (faster than padding by rfft)."""
+    padded, stop = np.empty((len(samples), points)), first + samples.shape[1]
+    padded[:, :first] = padded[:, stop:] = 0.0
+    padded[:, first:stop] = samples
+    return np.fft.rfft(padded, out=np.empty((len(samples), points // 2 + 1), dtype=complex))
 
 
 @lru_cache(maxsize=4)
@@ -332,18 +313,10 @@ def add_energy(
         for stage in stages_of(sampling_rate):
             count = stream.shape[1]
             points = _UNIT * fast_length(-(-(count + _settling(fraction)) // _UNIT))
-            padded = _memory.take("padded", len(stream), points, _REAL)
-            if factors is None or stage.number > 0:
-                padded[:, :count] = stream
-            else:
-                np.multiply(stream, factors, out=padded[:, :count])
-            padded[:, count:] = 0.0
-            transform = np.fft.rfft(
-                padded, out=_memory.take("transform", len(stream), points // 2 + 1, _COMPLEX)
-            )
-            lines = _memory.take("lines", len(stream), points // 2 + 1, _REAL)
-            np.multiply(transform.real, transform.real, out=lines)
-            lines += np.multiply(transform.imag, transform.imag, out=padded[:, : points // 2 + 1])
+            faded = stream if factors is None or stage.number > 0 else stream * factors
+            transform = transformed(faded, points)
+            lines = np.square(transform.real)
+            lines += np.square(transform.imag)
             if stage.number == 0:
                 energy[rows] = total_energy(lines)
             _spread(stage, points, first).add(nodes[rows], lines)
@@ -540,13 +513,14 @@ class BandEnergy:
         if number == 0 and self._fade.touches(self._position, count):
             taken = block * (1.0 - self._fade.weights(self._position, count))
         half, at.half = at.half, 1 - at.half
-        lines = transformed("block", block, half)
-        end = None if taken is None else transformed("end", taken, half)
+        place = 2 * LENGTH, half * LENGTH
+        lines = transformed(block, *place)
+        end = None if taken is None else transformed(taken, *place)
         if number == 0:
             self._position += count
             self.total += lines[:, 0].real
         assert at.lags is not None
-        if (more := at.lags.add(lines, half, taken, end)) is not None:
+        if (more := at.lags.add(lines, end)) is not None:
             at.place.add(self._inner, more)
         if at.thinned is not None:
             self._pass_on(number + 1, at.thinned[0].add(lines, half), at.thinned[1].add(end, half))

@@ -17,7 +17,6 @@ from specan.dsp.multirate import (
     LATE,
     LENGTH,
     PASS,
-    Memory,
     Sections,
     Shape,
     Stage,
@@ -268,35 +267,18 @@ class FilterAtWork:
 
     def _real(self, part: NDArray[np.complex128], size: int) -> NDArray[np.float64]:
         """`size` samples of the filter's output."""
-        product = _scratch.take("lines", len(part), size // 2 + 1, part.dtype)
+        product = np.zeros((len(part), size // 2 + 1), dtype=complex)
         lines = slice(self.low, self.low + self.values.size)
-        product[:, : lines.start] = 0.0
-        product[:, lines.stop :] = 0.0
         np.multiply(part[:, lines], self.values, out=product[:, lines])
-        return np.fft.irfft(product, size, out=_output(part, size))
+        return np.fft.irfft(product, size)
 
     def _envelope(self, part: NDArray[np.complex128], size: int) -> NDArray[np.float64]:
         """`size` complex samples of the filter's output, each as two real numbers."""
-        product = _scratch.take("lines", len(part), size, part.dtype)
-        product[:, self.values.size :] = 0.0
+        product = np.zeros((len(part), size), dtype=complex)
         for begin in range(0, self.values.size, size):
             some = self.values[begin : begin + size]
-            lines = part[:, self.low + begin : self.low + begin + some.size]
-            if begin == 0:
-                np.multiply(lines, some, out=product[:, : some.size])
-            else:
-                product[:, : some.size] += lines * some
-        output = _output(part, 2 * size)
-        np.fft.ifft(product, out=output.view(part.dtype))
-        return output
-
-
-_scratch = Memory()
-
-
-def _output(part: NDArray[np.complex128], size: int) -> NDArray[Any]:
-    """Memory for real numbers."""
-    return _scratch.take("output", len(part), size, np.dtype(float))
+            product[:, : some.size] += part[:, self.low + begin : self.low + begin + some.size] * some
+        return np.fft.ifft(product).view(float)
 
 
 def stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> Stage:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.arrays import Complex, Real
 from specan.dsp.windows import falling_step
@@ -49,20 +47,6 @@ def thinned(lines: Complex) -> Real:
     """Samples at the next rate, of a transform whose number of points is a multiple of twice the factor."""
     low = (lines.shape[1] - 1) // FACTOR
     return np.fft.irfft(lines[:, : low + 1] * low_pass(low), 2 * low)
-
-
-class Memory(threading.local):
-    """Arrays that are used again: on fresh memory, a transform takes twice the time."""
-
-    def __init__(self) -> None:
-        self._kept: dict[str, NDArray[np.uint8]] = {}
-
-    def take(self, name: str, rows: int, count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-        """An array of that shape, which holds anything."""
-        size = rows * count * dtype.itemsize
-        if name not in self._kept or self._kept[name].size < size:
-            self._kept[name] = np.empty(size, dtype=np.uint8)
-        return self._kept[name][:size].view(dtype).reshape(rows, count)
 
 
 class Decimator:
@@ -209,9 +193,6 @@ def fast_length(count: int) -> int:
         count += 1
 
 
-_memory = Memory()
-
-
 class Sections:
     """Transforms of the sections of a stream.
 
@@ -230,7 +211,7 @@ class Sections:
     Attributes
     ----------
     spectrum : complex array, shape (rows, points / 2 + 1)
-        Transform of the section, in memory that the next one of any stream uses again.
+        Transform of the section.
     low : ndarray, shape (rows, hop / 8)
         The thinned stream, `LATE` samples behind the section's new ones.
 
@@ -301,8 +282,7 @@ class Sections:
     def _transform(self) -> None:
         if not (self._filtered or self._thinned):
             return
-        rows, lines = self._known.shape[0], self.shape.points // 2 + 1
-        self.spectrum = np.fft.rfft(self._known, out=_memory.take("spectrum", rows, lines, np.dtype(complex)))
+        self.spectrum = np.fft.rfft(self._known)
         if self._thinned:
             first = (self.shape.before - LATE) // FACTOR
             self.low = thinned(self.spectrum)[:, first : first + self.shape.hop // FACTOR]

@@ -143,7 +143,7 @@ def test_a_record_has_the_spectrum_of_its_correlation(counts: list[int]) -> None
             np.fft.rfft(np.pad(part, ((0, 0), (half * length, 2 * length - half * length - count))))
             for part in (block, end)
         )
-        ends.append(spectrum.add(lines, half, *((end, lines_end) if end.any() else (None, None))))
+        ends.append(spectrum.add(lines, lines_end if end.any() else None))
     found, last = spectrum.finish()
     for more, signal in ((0.0, x), (sum(e for e in [*ends, last] if e is not None), x - taken)):
         lags = np.stack([np.correlate(row, row, "full")[n - 1 :] for row in signal])
