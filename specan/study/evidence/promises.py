@@ -165,7 +165,8 @@ class Catalogue:
         own, tangent = self.signatures.get(candidate.use), where.tangent
         if not own:
             return None
-        name, column, one_step = own[0].names[0], own[0].columns[:, 0], float(abs(own[0].size[0]))
+        name, one_step = own[0].names[0], float(abs(own[0].size[0]))
+        column = self._columns(where, candidate, own[0])[:, 0]
         low, high = candidate.extended.domain(name.whole)
         most = max(high - candidate.neutral(name), candidate.neutral(name) - low)
         width = float(np.ptp(candidate.plausible(name))) / np.sqrt(12) / one_step
@@ -204,7 +205,7 @@ class Catalogue:
             width = np.array([np.ptp(candidate.plausible(name)) for name in one.names]) / np.sqrt(12)
             # An amplitude that the signature leaves at nothing has no column of its own.
             width = np.divide(width, np.abs(one.size), out=np.zeros(width.size), where=one.size != 0)
-            (gain,), (found,) = beside.beside(one.columns * width, np.ones(1))
+            (gain,), (found,) = beside.beside(self._columns(beside, candidate, one) * width, np.ones(1))
             found = found * width
             inside = np.clip(found, *one.multiplier_bounds)
             # The other sign is not allowed: as good as nothing.
@@ -218,9 +219,18 @@ class Catalogue:
         origin = beside.tangent.problem.values_at(beside.tangent.theta)
         return Promise(candidate.use, tried[0][0], tuple(starts), origin)
 
+    def _columns(self, where: Marginal, candidate: Candidate, one: Signature) -> Array:
+        """Columns of a signature; of what a fit has under a prior they are its own, which elsewhere are others."""
+        columns, names = one.columns.copy(), where.tangent.problem.names
+        for k, name in enumerate(one.names):
+            if name in candidate.without_prior and name in names:
+                columns[:, k] = where.tangent.jacobian[:, names.index(name)] * one.size[k]
+        return columns
+
     def _start(self, beside: Marginal, candidate: Candidate, one: Signature, found: Array) -> dict[str, Any]:
         """Values after a linear step of everything along a signature."""
-        problem, moved = beside.tangent.problem, beside.shifted(one.columns, found)
+        problem = beside.tangent.problem
+        moved = beside.shifted(self._columns(beside, candidate, one), found)
         values = one.moved(problem, moved, found)
         return dict(problem.values_at(moved)) | candidate.extended.of_elements(values)
 
