@@ -38,6 +38,7 @@ SHOWN = 20  # failures named on the screen
 @weighting_option("Weighting of the band levels of sound pressure [default: Z].")
 @decimal_option("the tables")
 @opt("--jobs", int, "Number of processes [default: chosen from the amount of data].")
+@opt("--cluster", None, "Work on a dask cluster: tcp://host:8786.", "ADDRESS")
 @opt("--report with_report", bool, "Write report.html to print: a list, and a page for each recording.")
 @opt("--json as_json", bool, "Print a summary as JSON.")
 def command(
@@ -69,7 +70,7 @@ def command(
     if with_report:
         check_own(output / REPORT, output / STORE)
     try:
-        report = run_batch(directories, output, chosen, **how, progress=progress_line())
+        report = run_batch(directories, output, chosen, **how, progress=progress_line(), warn=say)
     except KeyboardInterrupt:
         say("Finished results are kept; repeat the command to resume.")
         raise

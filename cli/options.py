@@ -106,7 +106,7 @@ GROUPS = {
         "output", "decimal", "plot", "history", "unwrap", "as_json", "at_hz", "peaks", "force", "with_report", "as_map",
         "budget", "show_all",
     },
-    "How it runs": {"jobs", "quiet", "verbose", "help", "debug"},
+    "How it runs": {"jobs", "cluster", "quiet", "verbose", "help", "debug"},
 }  # fmt: skip
 
 

@@ -115,19 +115,33 @@ class Means:
     ----------
     jobs : int
         Number of processes; by default one for each core, but no more than the recordings are worth.
+    cluster : str
+        Address of a dask scheduler whose workers analyse the files in place of processes here.
     progress : callable
         Called with the number of files done, of all files, and an estimate of the seconds that remain.
+    warn : callable
+        Called with what the user should know while the work goes on.
     """
 
     jobs: int | None = None
+    cluster: str | None = None
     progress: Callable[[int, int, float], None] | None = None
+    warn: Callable[[str], None] = lambda _: None
 
     def __post_init__(self) -> None:
         if self.jobs is not None and self.jobs < 1:
             raise RequestError(f"the number of processes is {self.jobs}", expected="1 or more")
+        if self.jobs is not None and self.cluster is not None:
+            raise RequestError(
+                "--jobs and --cluster are both given", expected="--jobs or --cluster, not both"
+            )
 
     def results(self, tasks: Sequence[Task]) -> Iterator[tuple[int, FileResult]]:
         """Position and result of every file, in the order in which they are ready."""
+        if self.cluster is not None:
+            from specan.analysis.batch.cluster import spread_over_cluster
+
+            return spread_over_cluster(self.cluster, tasks, self.warn)
         worth = sum(task.entry.size for task in tasks) // WORTH_A_PROCESS
         return spread(tasks, _one, self.jobs or max(1, min(os.cpu_count() or 1, worth)), _lost)
 
