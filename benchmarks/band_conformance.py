@@ -15,6 +15,7 @@ import numpy as np
 
 from specan.divisions import FRACTIONS
 from specan.dsp import bands
+from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio
 
 TEST = Path(__file__).parents[1] / "tests" / "reference" / "test_iec_61260_1.py"
 
@@ -38,7 +39,7 @@ def main() -> None:
         for fraction in FRACTIONS:
             index = bands.band_range(check.LOW, check.HIGH, fraction)
             mid = bands.mid_frequencies(index, fraction)[:, None]
-            ratio = check.breakpoint_ratio(check.BREAKPOINTS, fraction)
+            ratio = breakpoint_ratio(BREAKPOINTS, fraction)
             tones = np.concatenate([mid * ratio, mid / ratio[1:]], axis=1)
             bandwidth = np.broadcast_to(mid * check.RELATIVE_WIDTH[fraction], tones.shape)
             measurable = tones < 0.49 * rate

@@ -268,6 +268,7 @@ COMMANDS = {
     "info": (("--levels", "--json"), ("--all",)),
     "export": tuple(("-o", f"{{out}}.{form}") for form in ("csv", "wav", "uff")),
 }
+RATES = ("nan", "inf", "-inf", "0", "-51200", "1", "44099", "1e300", "5e-324", "x", "")
 
 
 def good_channels(signal: str) -> dict[str, tuple[np.ndarray, str, str]]:
@@ -446,6 +447,10 @@ def main() -> int:
                 for text in through_verbs(files, Path(place) / str(number)):
                     wrong += 1
                     print(f"{kind} mutant {number}: {text}", file=sys.stderr)
+    for rate in RATES:
+        for text in by_command("conformance", "--sampling-rate", rate):
+            wrong += 1
+            print(text, file=sys.stderr)
     for verb in VERBS:
         for text in beside_bad_channels(verb, bad_channels()):
             wrong += 1

@@ -164,6 +164,7 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
         f"study {verb}": ("s",) for verb in ("compare", "diagnose", "propose", "history", "next", "impedance")
     },
     "study report": ("s", "-o", "r.html"),
+    "conformance": (),
     "demo": ("samples",),
 }
 SERVES = {"inspect"}  # a page until somebody stops it

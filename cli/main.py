@@ -38,6 +38,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
     "simulate": ("simulate", "Predictions of a model as a table, a look-up map, a recording or a figure."),
     "study": ("study", "Compare a model with measurements: where it fails, what is missing, what to add."),
+    "conformance": ("conformance", "Test against IEC 61260-1, IEC 61672-1 and IEEE 1057."),
     "demo": ("demo", "The sample data of the examples, written to a directory."),
 }
 

@@ -68,6 +68,12 @@ def power_weighting(frequency: ArrayLike, weighting: Weighting) -> Real:
     return np.asarray(found / _shape(np.asarray(1e6), 2, weighting))
 
 
+def weighting_level(frequency: ArrayLike, weighting: Weighting) -> Real:
+    """The same in dB; minus infinity at 0 Hz for A, B and C."""
+    with np.errstate(divide="ignore"):
+        return 10.0 * np.log10(power_weighting(frequency, weighting))
+
+
 def complex_weighting(frequency: ArrayLike, weighting: Weighting) -> Complex:
     """Complex response of the analogue network, exp(+j w t); its squared magnitude is `power_weighting`.
 

@@ -36,6 +36,11 @@ def test_every_verb_answers_or_says_what_is_wrong(tmp_path) -> None:
             assert fuzz.through_verbs(files, tmp_path / f"{kind}{number}") == []
 
 
+@pytest.mark.parametrize("rate", fuzz.RATES)
+def test_conformance_says_which_rates_it_takes(rate) -> None:
+    assert fuzz.by_command("conformance", "--sampling-rate", rate) == []
+
+
 def test_the_fuzz_sees_a_batch_that_ends(tmp_path, monkeypatch) -> None:
     from specan.analysis.batch import run
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from specan.analysis.octave import Octave, OctaveAccumulator
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.divisions import FRACTIONS
 from specan.dsp import bands
-from specan.dsp.bands import OCTAVE_RATIO
+from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio, class_1_limits
 
 LOW, HIGH = 20.0, 20000.0
 RATES = (51200.0, 102400.0)
@@ -21,30 +19,6 @@ FADE = 3.0
 # Of fewer cycles it would be no tone.
 CYCLES = 25
 RELATIVE_WIDTH = {b: np.log(bands.OCTAVE_RATIO) / b for b in FRACTIONS}
-
-
-# IEC 61260-1:2014, table 1, class 1. Breakpoints of octave bands are G^x. The maximum holds inside the
-# band edges (x = 1/2), the minimum of the stop band outside; inside, the minimum is -0.4 dB.
-PASS_MAXIMUM, PASS_MINIMUM = np.array([0.4, 0.5, 0.7, 1.4, 5.3]), -0.4
-STOP_MINIMUM = np.array([1.2, 16.6, 40.5, 60.0, 70.0])
-BREAKPOINTS = (0.0, 1 / 8, 1 / 4, 3 / 8, 1 / 2, 1.0, 2.0, 3.0, 4.0)
-
-
-def breakpoint_ratio(exponent, fraction: int) -> np.ndarray:
-    """Ratio f/f_m >= 1 of a 1/b octave band that stands for G^x of an octave band; formula (9)."""
-    scale = (OCTAVE_RATIO ** (0.5 / fraction) - 1.0) / (OCTAVE_RATIO**0.5 - 1.0)
-    return 1.0 + scale * (OCTAVE_RATIO ** np.asarray(exponent, dtype=np.float64) - 1.0)
-
-
-def class_1_limits(ratio, fraction: int) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest relative attenuation in dB at f/f_m, linear in lg(f/f_m) between breakpoints."""
-    log_ratio = np.abs(np.log(np.asarray(ratio, dtype=np.float64)))
-    edge, slack = np.log(OCTAVE_RATIO) / (2 * fraction), 1e-9  # a frequency computed to be an edge is one
-    breakpoints = np.log(breakpoint_ratio(BREAKPOINTS, fraction))
-    stop = np.interp(log_ratio, breakpoints[4:], STOP_MINIMUM)
-    passed = np.interp(log_ratio, breakpoints[:5], PASS_MAXIMUM)
-    minimum = np.where(log_ratio >= edge - slack, stop, PASS_MINIMUM)
-    return minimum, np.where(log_ratio <= edge + slack, passed, np.inf)
 
 
 def faded_tones(frequencies: np.ndarray, seconds: float, rate: float) -> Recording:
@@ -134,46 +108,6 @@ def test_the_effective_bandwidth_is_that_of_the_band(fraction: int, rate: float)
     low = found.upper_hz < 0.2 * rate
     assert np.abs(found.level_dB[0] - expected)[low].max() < 0.002
     assert np.abs(found.level_dB[0] - expected).max() < 0.12
-
-
-def relative_levels(tones: np.ndarray, seconds: float, fraction: int, gains=1.0, **settings) -> np.ndarray:
-    """Levels in the bands, re 1 Pa, of faded tones with a mean square of 1."""
-    source = faded_tones(tones, seconds, 51200.0)
-    samples = source.read(source.channels)
-    samples *= (gains / np.sqrt(np.mean(samples**2, axis=1)))[:, None]
-    found = Octave(fraction=fraction, **settings)(replace(source, source=ArraySource(list(samples))))
-    return found.level_dB - 10 * np.log10(1 / 4e-10)
-
-
-@pytest.mark.parametrize("fraction", FRACTIONS)
-def test_bands_sum_to_the_energy_of_a_tone(fraction: int) -> None:  # 5.16
-    index = bands.band_at(1000.0, fraction)
-    mid, (_, upper) = bands.mid_frequencies(index, fraction), bands.band_edges(index, fraction)
-    tones = np.geomspace(float(mid), float(upper), 5)
-    levels = relative_levels(tones, 2 * FADE / (1000.0 * RELATIVE_WIDTH[fraction]), fraction)
-    total = 10 * np.log10(np.sum(10 ** (0.1 * levels), axis=1))
-    assert (total > -1.8).all()
-    assert (total < 0.8).all()
-
-
-def test_levels_are_linear_over_120_decibels() -> None:  # 5.13
-    levels = np.arange(0.0, 121.0, 10.0)
-    found = relative_levels(np.full(levels.size, 1000.0), 0.5, 3, 2e-5 * 10 ** (levels / 20), band=1000.0)[
-        :, 0
-    ]
-    np.testing.assert_allclose(found - found[-1], levels - 120.0, atol=0.001)
-
-
-@pytest.mark.parametrize("fraction", FRACTIONS)
-def test_a_sweep_has_the_same_energy_in_every_band(fraction: int) -> None:  # 5.14
-    rate, seconds, low, high = 51200.0, 20.0, 20.0, 20480.0
-    pace = np.log(high / low) / seconds
-    t = np.arange(round(seconds * rate)) / rate
-    sweep = np.sqrt(2) * np.sin(2 * np.pi * low / pace * (np.exp(pace * t) - 1))
-    recording = Recording.from_arrays({"sweep": sweep}, rate, units={"sweep": "Pa"})
-    found = Octave(fraction=fraction, fmin=100.0, fmax=5000.0)(recording)
-    expected = 10 * np.log10(np.log(found.upper_hz / found.lower_hz) / pace / seconds / 4e-10)
-    assert np.abs(found.level_dB[0] - expected).max() < 0.4
 
 
 @pytest.mark.parametrize("fraction", FRACTIONS)

@@ -7,7 +7,7 @@ import pytest
 
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
-from specan.dsp.weighting import F_1, F_2, F_3, F_4, F_5, power_weighting
+from specan.dsp.weighting import F_1, F_2, F_3, F_4, F_5, weighting_level
 
 NOMINAL = 10 ** (np.arange(10, 44) / 10)
 # ANSI S1.4-1983, table IV, column B (the curve of IEC 60651), at 10 Hz to 20 kHz; rounded to 0.1 dB.
@@ -43,9 +43,7 @@ def test_the_poles_are_those_that_the_standards_print() -> None:
 
 @pytest.mark.parametrize("name", ["A", "B", "C", "Z"])
 def test_the_curves_are_those_of_the_networks(name: str) -> None:
-    np.testing.assert_allclose(
-        10 * np.log10(power_weighting(NOMINAL, name)), by_poles(NOMINAL, name), atol=1e-9
-    )
+    np.testing.assert_allclose(weighting_level(NOMINAL, name), by_poles(NOMINAL, name), atol=1e-9)
 
 
 def test_a_and_c_are_those_of_two_other_libraries() -> None:
@@ -57,16 +55,14 @@ def test_a_and_c_are_those_of_two_other_libraries() -> None:
         ("C", acoustics.weighting_function_c(NOMINAL)),
     ):
         # Their poles are rounded as in E.4.1, and their gain to 0.001 dB.
-        np.testing.assert_allclose(10 * np.log10(power_weighting(NOMINAL, name)), theirs, atol=0.006)
+        np.testing.assert_allclose(weighting_level(NOMINAL, name), theirs, atol=0.006)
         np.testing.assert_allclose(
-            10 * np.log10(power_weighting(NOMINAL, name)),
-            frequency_weighting_curve(name, NOMINAL),
-            atol=0.0005,
+            weighting_level(NOMINAL, name), frequency_weighting_curve(name, NOMINAL), atol=0.0005
         )
 
 
 def test_b_is_that_of_the_table() -> None:
-    np.testing.assert_allclose(10 * np.log10(power_weighting(NOMINAL, "B")), TABLE_B, atol=0.0501)
+    np.testing.assert_allclose(weighting_level(NOMINAL, "B"), TABLE_B, atol=0.0501)
 
 
 @pytest.mark.parametrize(
