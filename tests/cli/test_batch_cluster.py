@@ -144,9 +144,7 @@ def test_a_worker_without_the_path_is_named_and_others_do_its_files(
     _, messages = batch.communicate(timeout=100)
     assert batch.returncode == 2
     path = re.escape(str(campaign)) + r"/\w+\.tdms"
-    assert re.search(
-        rf"the worker tcp://127\.0\.0\.1:\d+ cannot read {path}", messages
-    )
+    assert re.search(rf"the worker tcp://127\.0\.0\.1:\d+ cannot read {path}", messages)
     assert tables(tmp_path / "alone") == {}
     cluster.worker()
     cluster.wait_for_workers(2)
