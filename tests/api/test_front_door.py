@@ -292,6 +292,7 @@ def drawn(study, path):
     return path.read_bytes()
 
 
+@pytest.mark.long
 def test_a_study_does_what_the_verbs_do(tmp_path, monkeypatch):
     """The stretched spring of the tests of own models: its missing effect is known."""
     monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "config"))

@@ -39,6 +39,7 @@ def test_no_option_of_any_command_has_a_victim(good) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.long
 def test_damaged_studies_are_answered_or_refused(good) -> None:
     assert list(fuzz_commands.studies(good, 6, 4)) == []
 

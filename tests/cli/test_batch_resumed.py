@@ -142,6 +142,7 @@ run()
 
 @posix
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_interrupted_by_the_user(campaign: Path, whole: dict[str, bytes], tmp_path: Path, jobs: int) -> None:
     out = tmp_path / "out"
     arguments = command(campaign, out, "--jobs", str(jobs))[3:]

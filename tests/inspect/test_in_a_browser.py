@@ -23,6 +23,7 @@ def bands(*options: str) -> dict:
     return json.loads(result.stdout)
 
 
+@pytest.mark.long
 def test_a_band_level_is_that_of_the_command(browser, open_page, serve):
     page = open_page(serve(str(NOISE)))
     page.type("cursor", "1010")

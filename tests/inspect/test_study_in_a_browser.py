@@ -34,6 +34,7 @@ def study(begun, tmp_path) -> Path:
     return Path(shutil.copytree(begun, tmp_path / "gear"))
 
 
+@pytest.mark.long
 def test_candidates_are_ranked_as_the_command_ranks_them(open_page, serve, study):
     found = json.loads(CliRunner().invoke(study_diagnose, [str(study), "--json"]).stdout)
     page = open_page(serve(str(study)))

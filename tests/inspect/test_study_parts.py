@@ -51,6 +51,7 @@ def directory(begun, tmp_path) -> Path:
 # --- trying ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_trying_is_what_adding_finds_and_writes_nothing(directory):
     study = Study(directory)
     before = {p.name: p.read_bytes() for p in directory.iterdir() if p.is_file()}

@@ -97,6 +97,7 @@ def test_what_no_fit_finds_in_long_pieces_is_no_noise(tmp_path: Path) -> None:
     assert specan.Study(tmp_path / "s").diagnose().verdict in ("effect", "unknown-effect")
 
 
+@pytest.mark.long
 def test_a_chaotic_run_is_followed_to_its_end_or_refused_as_a_whole(tmp_path: Path) -> None:
     """A fit that grows with the recording keeps in step; over a longer one no number is exact enough."""
     seen = []

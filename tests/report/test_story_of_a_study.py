@@ -28,6 +28,7 @@ def story(tmp_path_factory):
     return study, found, add_effect(study, "windage")
 
 
+@pytest.mark.long
 def test_bars_of_a_diagnosis_are_the_errors_that_are_left(story):
     _, found, _ = story
     axes = figure_diagnosis(found).axes[0]

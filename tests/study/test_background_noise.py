@@ -87,6 +87,7 @@ def test_the_background_is_part_of_the_rig(tmp_path):
     assert rig_files(rig) == (rig, tmp_path / "night.tdms")
 
 
+@pytest.mark.long
 def test_the_calibrators_level_is_common_and_the_rest_of_each(room, tmp_path):
     model, files = with_background(room, None)
     file = tmp_path / "calibration.toml"

@@ -329,6 +329,8 @@ def test_a_certificate_that_a_lining_contradicts_is_part_of_the_verdict(model):
     assert found.at == {"wall-impedance": ("y1",)}
     offset = found.ranking[0].parameters["temperature.offset"]
     assert offset["low"] - 0.1 < warmer < offset["high"] + 0.1
+    # what a thermometer of 0.5 K leaves open is no effect, wherever the fit is
+    assert found.smallest_visible["temperature"]["value"] > 0.5
 
 
 @pytest.mark.long

@@ -57,6 +57,7 @@ def kept_diagnosis(directory: Path) -> Path:
     return found
 
 
+@pytest.mark.long
 def test_the_same_state_is_computed_once(diagnosed, study, computed):
     found = Study(study).diagnose()
     assert computed == []

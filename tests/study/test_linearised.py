@@ -70,6 +70,7 @@ def test_microphones_are_found_where_they_stand(model, measured):
     assert np.abs(seen.moved - AWAY).max() < 3e-4
 
 
+@pytest.mark.long
 def test_a_fit_about_them_leaves_noise(model, measured):
     """Beside temperature and edges, which may take a part of a displacement."""
     assert fit(linearised(base_problem(model, [measured]))).reduced_chi2 == pytest.approx(1.0, abs=0.15)

@@ -217,6 +217,7 @@ def test_a_shaken_stand_adds_its_resonance_to_its_microphones_alone(cache):
     )
 
 
+@pytest.mark.long
 def test_hidden_noise_of_the_vibrometer_is_a_bias_where_noise_is_left_out(cache):
     """H1 with noise, averaged over many recordings, is the transfer function of the recording without noise."""
     effects = {"vibrometer-noise": 0.3}
