@@ -329,8 +329,9 @@ def test_a_certificate_that_a_lining_contradicts_is_part_of_the_verdict(model):
     assert found.at == {"wall-impedance": ("y1",)}
     offset = found.ranking[0].parameters["temperature.offset"]
     assert offset["low"] - 0.1 < warmer < offset["high"] + 0.1
-    # what a thermometer of 0.5 K leaves open is no effect, wherever the fit is
-    assert found.smallest_visible["temperature"]["value"] > 0.5
+    # what certificates of 0.1 % and 10 us leave open is no effect, wherever the fit is
+    assert found.smallest_visible["dimension-error"]["value"] > 1e-3
+    assert found.smallest_visible["vibrometer-delay"]["value"] > 1e-5
 
 
 @pytest.mark.long
