@@ -139,7 +139,7 @@ GRAIN = 1024
 # what is left of it there.
 _AFTER = 1024
 # The thinned stream is this much behind the section, which gives its low-pass room to ring ahead. Its slope is
-# exp(-(12 f / w)^2) with w = 1/80 of the rate (`decimator.PASS`, `STOP`): after 1912 samples it is below 1e-17.
+# exp(-(12 f / w)^2) with w = 1/80 of the rate (`PASS`, `STOP`): after 1912 samples it is below 1e-17.
 LATE, _RINGS = 2048, 2048
 # With ten times the ringing nine tenths of a transform are results. On lower rates, with fewer samples, memory counts.
 _TIMES, _LONGEST, _LONGEST_BELOW = 10, 160 * GRAIN, 80 * GRAIN
