@@ -175,7 +175,7 @@ def run_task(task: Task, wanted: tuple[int, int] | None, program: str) -> FileRe
     if mine != program:
         return Refusal(worker, f"the worker {worker} runs {mine}, and this is {program}", everywhere=True)
     seen = state_of(task.entry.path)
-    if wanted != seen:
+    if wanted is not None and wanted != seen:
         what = "cannot read" if seen is None else "sees another file at"
         return Refusal(worker, f"the worker {worker} {what} {task.entry.path}")
     return analyse_unchanged(task)

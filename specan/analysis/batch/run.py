@@ -157,8 +157,8 @@ def run_batch(
 ) -> BatchReport:
     """Analyse every recording below `directories` and write the tables into `out`.
 
-    Files are analysed independently, each with its samples read once (once more for orders), by `jobs` processes.
-    The result of each is kept in `out` as soon as it is there, and the tables are put
+    Files are analysed independently, each with its samples read once (once more for orders), by `jobs` processes
+    or the workers of a cluster. The result of each is kept in `out` as soon as it is there, and the tables are put
     together at the end in the order of the labels: a batch that is interrupted goes on where it was when it is run
     again, and its tables are those of one that was not.
 
@@ -172,7 +172,8 @@ def run_batch(
     Raises
     ------
     RequestError
-        A directory does not exist, `out` cannot be written to or is in use, or the calibration is not valid.
+        A directory does not exist, `out` cannot be written to or is in use, the calibration is not valid, or the
+        cluster does not answer.
     InputError
         There is no recording.
     """
