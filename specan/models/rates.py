@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -232,22 +232,24 @@ class Rates:
 
     def trajectories(
         self, assembly: Any, conditions: Mapping[str, Any], many: Sequence[Mapping[str, Any]]
-    ) -> list[dict[str, Any]]:
+    ) -> Iterator[dict[str, Any]]:
         """States over the times of a recording, for several sets of parameter values."""
         shape, solver = np.shape(conditions[TIME]), assembly.model.solver
-        names = solver.program(assembly).states
-        try:
-            found = solver.march(assembly, conditions, many)
-        except Exception as fault:  # of a formula, where it is not compiled
-            for frame, _ in traceback.walk_tb(fault.__traceback__):
-                code, module = frame.f_code, frame.f_globals.get("__name__", "")
-                of = SimpleNamespace(__code__=code, __module__=module)
-                if mistake := users_mistake(fault, of, code.co_name):
-                    raise mistake from fault
-            raise
-        return [
-            {name: found[i, :, k].reshape(shape) for i, name in enumerate(names)} for k in range(len(many))
-        ]
+        program = solver.program(assembly)
+        # sets whose states are held at a time: compiled, they march one after the other, and as columns if not
+        size = 8 if program.switched else 128
+        for first in range(0, len(many), size):
+            try:
+                found = solver.march(assembly, conditions, many[first : first + size])
+            except Exception as fault:  # of a formula, where it is not compiled
+                for frame, _ in traceback.walk_tb(fault.__traceback__):
+                    code, module = frame.f_code, frame.f_globals.get("__name__", "")
+                    of = SimpleNamespace(__code__=code, __module__=module)
+                    if mistake := users_mistake(fault, of, code.co_name):
+                        raise mistake from fault
+                raise
+            for states in np.moveaxis(found, 2, 0):
+                yield {name: one.reshape(shape) for name, one in zip(program.states, states, strict=True)}
 
 
 def _usual_size(parts: Sequence[Any]) -> float:

@@ -310,7 +310,7 @@ class _Telling:
         found = [one for one in self.judged.stated if one.kind == "effects" and one.best.fitted]
         if not found:
             return ""
-        best = max(found, key=lambda one: one.best.ln_evidence)
+        best = max(found, key=lambda one: one.best.ln_joint)
         before, after = errors(self.given)[0], errors(self.refit(best.best))[0]
         if after.rms > 0.8 * before.rms:
             return ""
