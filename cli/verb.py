@@ -218,7 +218,7 @@ class Delivery:
         if self.as_json:
             content = {**found.to_dict(), **(more or {}), **({"limits": limits} if kept else {})}
         self.put_out(content, show)
-        say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
+        say_notes(found.notes, dict(zip(found.channels, found.flags)))
         return 0 if all(one.passed for one in kept) else EXCEEDED
 
 

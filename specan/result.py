@@ -139,7 +139,7 @@ class Result:
             if unit := next((u for end, u in _UNITS.items() if str(name).endswith(end)), ""):
                 variable.attrs["units"] = unit
         units = getattr(self, "value_units", getattr(self, "units", None))
-        if units is not None and "channel" in self.dimensions:
+        if units and "channel" in self.dimensions:
             found = found.assign_coords(unit=("channel", list(units)))
         settings = dict(getattr(self, "settings", {}))
         calibration = {"calibration": settings.pop("calibration")} if "calibration" in settings else {}
@@ -161,7 +161,11 @@ class RecordingResult(Result):
     ----------
     label : str
         Which recording.
-    channels : tuple of str
+    channels, groups : tuple of str
+    units : tuple of str
+        Of the values of each channel.
+    flags : tuple of tuples of str
+        Words for each channel.
     notes : tuple of str
         Sentences about the whole.
     settings : mapping
@@ -178,6 +182,9 @@ class RecordingResult(Result):
 
     label: str
     channels: tuple[str, ...]
+    groups: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    flags: tuple[tuple[str, ...], ...] = ()
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
 

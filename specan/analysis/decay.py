@@ -97,15 +97,14 @@ class Decay(SectionSettings):
         }
         without = [f"{c.label} {_REASONS[why]}: no decay times" for c, why in zip(chosen, reasons) if why]
         return DecayTimes(
-            **self.origin(recording, chosen, (*notes, *without)),
-            groups=tuple(c.group for c in chosen),
+            **self.origin(recording, chosen, (*notes, *without), units=()),
             fraction=self.fraction,
             exact_hz=found.mid,
             nominal_hz=found.nominal,
             bandwidth_hz=width,
             **results,
             start_s=np.array([v.get("start_s", np.nan) for v in values]),
-            words=tuple((why,) if why else () for why in reasons),
+            flags=tuple((why,) if why else () for why in reasons),
         )
 
     def _bands(self, rate: float, top: float) -> bands.Bands:
@@ -287,9 +286,9 @@ class ImpulseResponse(SectionSettings):
         method = self.method or ("H1" if recognise(recording).kind == "noise" else "deconvolution")
         how = _averaged if method == "H1" else _deconvolved
         samples, upper, remarks = how(self, recording, reference, responses)
-        origin = {**self.origin(recording, responses, (*notes, *remarks)), "channels": responses}
         return ImpulseResponses(
-            **origin,
+            **self.origin(recording, responses, (*notes, *remarks), [c.unit for c in responses]),
+            sources=responses,
             reference=reference.label,
             reference_unit=reference.target_unit,
             method=method,

@@ -140,9 +140,9 @@ class LevelsAccumulator:
         nothing = np.full(len(self.channels), np.nan)
         percentile = exceeded(level(found.readings[row, column], zero[:, None]), self.settings.percentiles)
         return SignalLevels(
-            **self.settings.origin(self.recording, self.channels, self.notes),
-            groups=tuple(channel.group for channel in self.channels),
-            units=tuple(channel.unit for channel in self.channels),
+            **self.settings.origin(
+                self.recording, self.channels, self.notes, [c.unit for c in self.channels]
+            ),
             references=references,
             mean=self._constant,
             minimum=low,

@@ -368,13 +368,10 @@ class OctaveAccumulator:
     def _result(self, **found: Any) -> BandLevels:
         return BandLevels(
             **self.settings.origin(self.recording, self.channels, self.notes),
-            groups=tuple(channel.group for channel in self.channels),
-            units=tuple(channel.target_unit for channel in self.channels),
             references=self.references,
             **picked(self.bands, "exact_hz=mid nominal_hz=nominal lower_hz=lower upper_hz=upper"),
             **picked(self.settings, "fraction weighting averaging=averaging_name hold start_s"),
             sampling_rate=self.sampling_rate,
-            flags=((),) * len(self.channels),
             **found,
         )
 

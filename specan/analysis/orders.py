@@ -336,7 +336,6 @@ class OrderAccumulator:
         first = self.first_turn + self.block_turns / 2 - step / (2 * self.per_column)
         return OrderSpectrum(
             **self.settings.origin(self.recording, self.channels, notes),
-            units=tuple(c.target_unit for c in self.channels),
             order=self.order,
             amplitude=np.sqrt(mean),
             speed_hz=speed,

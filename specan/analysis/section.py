@@ -27,12 +27,18 @@ class SectionSettings(Settings):
     stop_s: float | None = Field(default=None, gt=0.0)
 
     def origin(
-        self, recording: Recording, channels: Sequence[Channel], notes: Iterable[str]
+        self,
+        recording: Recording,
+        channels: Sequence[Channel],
+        notes: Iterable[str],
+        units: Sequence[str] | None = None,
     ) -> dict[str, Any]:
-        """What every result says of where it comes from."""
+        """What every result says of where it comes from; units are those of the channels if nothing else is said."""
         return {
             "label": recording.label,
             "channels": tuple(c.label for c in channels),
+            "groups": tuple(c.group for c in channels),
+            "units": tuple(c.target_unit for c in channels) if units is None else tuple(units),
             "notes": tuple(notes),
             "settings": self.model_dump(mode="json"),
         }

@@ -106,8 +106,12 @@ class ShockSettings(SectionSettings):
                 found = lfilter(b, a, samples[: counts[k]])
                 positive[row, k], negative[row, k] = np.maximum([found.max(), -found.min()], 0.0)
         return ShockResponse(
-            **self.origin(recording, channels, (*notes, *self._remarks(mean, seen, frequency[-1], rate))),
-            units=(MOTION[2 - _INTEGRALS[self.response]],) * len(channels),
+            **self.origin(
+                recording,
+                channels,
+                (*notes, *self._remarks(mean, seen, frequency[-1], rate)),
+                (MOTION[2 - _INTEGRALS[self.response]],) * len(channels),
+            ),
             frequency_hz=frequency,
             positive=positive,
             negative=negative,

@@ -289,7 +289,6 @@ def spectrum_of(
     return Spectrum(
         **settings.origin(cut.recording, channels, notes),
         frequency_hz=frequency_hz,
-        units=tuple(c.target_unit for c in channels),
         density=density,
         has_mirror=has_mirror(kept.size, block)[kept],
         scale=scale_of(settings, block, rate),
@@ -374,7 +373,6 @@ class SpectrogramSettings(BlockSettings):
             **self.origin(recording, channels, (*notes, *integrated(channels, self.window, block))),
             time_s=time + (start / rate + width / 2),
             frequency_hz=frequency[kept],
-            units=tuple(c.target_unit for c in channels),
             density=density,
             has_mirror=has_mirror(len(frequency), block)[kept],
             scale=scale_of(self, block, rate),

@@ -183,7 +183,6 @@ class ToneAccumulator:
             leader=self.leader.label,
             reference=self.reference.label if self.reference else None,
             roles=tuple(c.role for c in channels),
-            units=tuple(c.target_unit for c in channels),
             rms=rms,
             tone_rms=harmonics[:, 0],
             harmonics_rms=harmonics,

@@ -250,10 +250,10 @@ class TransferFunctionAccumulator:
         u_relative = np.hypot(found.u_relative, u_leakage)
         step = self.reference.sampling_rate / settings.block
         notes = (*self.notes, *self._remarks(found, lost, cut, spectra.auto[0]))
+        units = [quotient(c.target_unit, self.reference.target_unit) for c in self.responses]
         shown = FrequencyResponse(
-            **settings.origin(self.recording, self.responses, notes),
+            **settings.origin(self.recording, self.responses, notes, units),
             frequency_hz=f,
-            units=tuple(quotient(c.target_unit, self.reference.target_unit) for c in self.responses),
             reference=self.reference.label,
             response=response,
             coherence=found.coherence,
@@ -270,7 +270,6 @@ class TransferFunctionAccumulator:
             delay_s=np.array(shifts) / self.reference.sampling_rate,
             reference_rms=float(np.sqrt(np.sum(spectra.auto[0] * np.abs(base) ** 2) * step)),
             reference_unit=self.reference.target_unit,
-            flags=((),) * len(self.responses),
         )
         words = (_flags(spectra, shown, row, first) for row in range(len(self.responses)))
         return replace(shown, flags=tuple((*self.recording.flags, *own) for own in words))

@@ -50,8 +50,8 @@ class BandLevels(RecordingResult):
 
     Attributes
     ----------
-    groups, units : tuple of str
-        Units after the differentiations that a channel's quantity needs (a vibrometer's velocity).
+    units : tuple of str
+        After the differentiations that a channel's quantity needs (a vibrometer's velocity).
     references : tuple of LevelReference
         What 0 dB is, for each channel.
     fraction : int or str
@@ -95,8 +95,6 @@ class BandLevels(RecordingResult):
 
     verb = "octave"
 
-    groups: tuple[str, ...]
-    units: tuple[str, ...]
     references: tuple[LevelReference, ...]
     fraction: int | str
     weighting: str
@@ -113,7 +111,6 @@ class BandLevels(RecordingResult):
     duration_s: float
     sampling_rate: float
     settling: str
-    flags: tuple[tuple[str, ...], ...]
     history: LevelHistory | None = None
     unsettled: Flags | None = None
     low_snr: Flags | None = None

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from specan.arrays import Real
 from specan.data.band_levels import all_flags, flag_words
 from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording
-from specan.result import RecordingResult, Result, Sheet, cell, counted, crossed, explained, picked
+from specan.result import RecordingResult, Sheet, cell, counted, explained, picked, records
 
 NOT_LINEAR_PERMILLE, CURVED_PERCENT = 10.0, 10.0
 """Above these a decay is far from a straight line: ISO 3382-2:2008, B.2 and B.3."""
@@ -56,14 +56,13 @@ class DecayTimes(RecordingResult):
         Clarity, definition and centre time (ISO 3382-1:2009, A.2).
     start_s : array (channels,)
         Arrival of the direct sound: where the response first comes within 20 dB of its maximum.
-    words : tuple of tuples of str
+    flags : tuple of tuples of str
         For each channel why it has no result: ``dead``, ``not-finite``, ``short``.
     """
 
     verb = "decay"
     common = "fraction nominal_hz exact_hz"
 
-    groups: tuple[str, ...]
     fraction: int
     exact_hz: Real
     nominal_hz: Real
@@ -80,7 +79,6 @@ class DecayTimes(RecordingResult):
     d50_percent: Real
     centre_time_s: Real
     start_s: Real
-    words: tuple[tuple[str, ...], ...] = ()
 
     dimensions = ("channel", "nominal_hz")
 
@@ -98,8 +96,7 @@ class DecayTimes(RecordingResult):
             "low-range": not np.isfinite(best),
             "not-linear": self.nonlinearity_permille[row, band] > NOT_LINEAR_PERMILLE,
         }
-        own = self.words[row] if self.words else ()
-        return own or tuple(word for word, holds in words.items() if holds)
+        return self.flags[row] or tuple(word for word, holds in words.items() if holds)
 
     def summary(self) -> str:
         """What it is, on one line."""
@@ -158,15 +155,13 @@ class DecayTimes(RecordingResult):
 
 
 @dataclass(frozen=True, repr=False)
-class ImpulseResponses(Result):
+class ImpulseResponses(RecordingResult):
     """Responses to a unit impulse of the reference, time zero first.
 
     Attributes
     ----------
-    label : str
-        Which recording.
-    channels : tuple of Channel
-        As they were recorded.
+    sources : tuple of Channel
+        The channels as they were recorded.
     reference, reference_unit : str
     method : {"H1", "deconvolution"}
     sampling_rate : float
@@ -175,20 +170,15 @@ class ImpulseResponses(Result):
         of the reference, for one sample.
     upper_hz : float
         Up to which frequency the responses hold.
-    notes : tuple of str
-    settings : mapping
     """
 
-    label: str
-    channels: tuple[Channel, ...]
+    sources: tuple[Channel, ...]
     reference: str
     reference_unit: str
     method: str
     sampling_rate: float
     samples: Real
     upper_hz: float
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
 
     dimensions = ("channel", "time_s")
 
@@ -204,10 +194,9 @@ class ImpulseResponses(Result):
             f"{self.samples.shape[1] / self.sampling_rate:.4g} s ({self.method})"
         )
 
-    def columns(self) -> dict[str, Any]:
-        """One row for each channel and instant."""
-        names = [c.label for c in self.channels]
-        return {**crossed(channel=names, time_s=self.time_s), "response": self.samples.ravel()}
+    def values_over(self) -> dict[str, Any]:
+        """Arrays over `dimensions`."""
+        return {"response": self.samples}
 
     def content(self) -> dict[str, Any]:
         """What `to_dict` gives, with arrays in it."""
@@ -215,7 +204,7 @@ class ImpulseResponses(Result):
             **picked(self, "reference method"),
             "samples": self.samples.shape[1],
             "sampling_rate_hz": self.sampling_rate,
-            "channels": [picked(c, "name=label unit") for c in self.channels],
+            "channels": records(name=self.channels, unit=self.units),
             **picked(self, "notes settings"),
         }
 
@@ -223,5 +212,5 @@ class ImpulseResponses(Result):
         """The responses as a recording, to be analysed or exported."""
         kept = "name group unit role shares_name"
         about = {"sampling_rate": self.sampling_rate, "n_samples": self.samples.shape[1]}
-        channels = tuple(Channel(**picked(c, kept), **about) for c in self.channels)
+        channels = tuple(Channel(**picked(c, kept), **about) for c in self.sources)
         return Recording(self.label, channels, ArraySource(list(self.samples)), notes=self.notes)

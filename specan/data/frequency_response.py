@@ -75,7 +75,6 @@ class FrequencyResponse(RecordingResult):
     verb = "frf"
 
     frequency_hz: Real
-    units: tuple[str, ...]
     reference: str
     response: Complex
     coherence: Real
@@ -92,7 +91,6 @@ class FrequencyResponse(RecordingResult):
     delay_s: Real
     reference_rms: float
     reference_unit: str
-    flags: tuple[tuple[str, ...], ...]
 
     dimensions = ("channel", "frequency_hz")
     over = f"magnitude phase_deg {LINES} {COMMON}"

@@ -65,7 +65,6 @@ class SignalLevels(RecordingResult):
 
     Attributes
     ----------
-    groups, units : tuple of str
     references : tuple of LevelReference
         What 0 dB is, for each channel.
     mean, minimum, maximum : arrays (channels,)
@@ -85,14 +84,11 @@ class SignalLevels(RecordingResult):
     sampling_rate : float
     settling : str
         How the percentiles were taken, in a sentence.
-    flags : tuple of tuples of str
     """
 
     verb = "rms"
     common = "start_s duration_s sampling_rate_hz=sampling_rate settling"
 
-    groups: tuple[str, ...]
-    units: tuple[str, ...]
     references: tuple[LevelReference, ...]
     mean: Real
     minimum: Real
@@ -109,7 +105,6 @@ class SignalLevels(RecordingResult):
     duration_s: float
     sampling_rate: float
     settling: str
-    flags: tuple[tuple[str, ...], ...]
 
     @property
     def peak(self) -> Real:

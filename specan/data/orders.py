@@ -106,7 +106,6 @@ class OrderSpectrum(RecordingResult):
 
     verb = "orders"
 
-    units: tuple[str, ...]
     order: Real
     amplitude: Real
     speed_hz: Real

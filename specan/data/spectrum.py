@@ -96,7 +96,6 @@ class _Lines(RecordingResult):
     title: ClassVar[str]
 
     frequency_hz: Real
-    units: tuple[str, ...]
     density: Real
     has_mirror: Flags
     scale: SpectrumScale
@@ -215,7 +214,6 @@ class Spectrum(_Lines):
     phase_deg: Real | None
     phase_reference: str | None
     rms: Real
-    flags: tuple[tuple[str, ...], ...]
 
     dimensions = ("channel", "frequency_hz")
 
@@ -358,12 +356,10 @@ class ShockResponse(RecordingResult):
     each = f"unit=units {over} flags"
 
     frequency_hz: Real
-    units: tuple[str, ...]
     positive: Real
     negative: Real
     response: str
     quality: float
-    flags: tuple[tuple[str, ...], ...]
 
     @property
     def maximax(self) -> Real:

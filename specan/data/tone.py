@@ -63,7 +63,6 @@ class ToneTable(RecordingResult):
     leader: str
     reference: str | None
     roles: tuple[str, ...]
-    units: tuple[str, ...]
     rms: Real
     tone_rms: Real
     phase_deg: Real
@@ -79,7 +78,6 @@ class ToneTable(RecordingResult):
     thd_percent: Real
     noise_rms: Real
     mean: Real
-    flags: tuple[tuple[str, ...], ...]
     n_blocks: int
     stated: bool = True
 

@@ -285,9 +285,6 @@ def _notes(found: Found) -> tuple[str, str]:
     results: list[Any] = [r for _, r in found]
     notes = dict.fromkeys(note for r in results for note in getattr(r, "notes", ()))
     warned = [
-        f"{name}: {', '.join(words)}"
-        for r in results
-        for name, words in zip(r.channels, getattr(r, "flags", ()))
-        if words
+        f"{name}: {', '.join(words)}" for r in results for name, words in zip(r.channels, r.flags) if words
     ]
     return "; ".join([*notes, *warned]), "error" if warned else ""

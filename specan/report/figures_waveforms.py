@@ -86,8 +86,7 @@ def figure_impulse_responses(found: ImpulseResponses) -> Drawing:
     highest = np.maximum.reduceat(np.abs(found.samples), np.arange(0, found.time_s.size, size), axis=1)
     with np.errstate(divide="ignore"):
         level = 20 * np.log10(highest)
-    labels = [printed_unit(f"Level / dB re 1 {c.unit}/{found.reference_unit}") for c in found.channels]
-    names = [c.label for c in found.channels]
-    panels = level_panels(labels, names, found.time_s[::size], level, _DYNAMICS_DB)
+    labels = [printed_unit(f"Level / dB re 1 {unit}/{found.reference_unit}") for unit in found.units]
+    panels = level_panels(labels, found.channels, found.time_s[::size], level, _DYNAMICS_DB)
     facts = (f"{found.method} over {found.reference}",)
     return Drawing(found.label or "Impulse responses", facts, "Time / s", tuple(panels))

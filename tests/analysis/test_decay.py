@@ -104,7 +104,7 @@ def test_a_record_that_ends_at_its_arrival_has_no_decay_and_costs_no_other_chann
     alone, beside = Decay()(recording(good)), Decay()(recording(late, good))
     assert beside.t20_s[1] == pytest.approx(alone.t20_s[0], nan_ok=True)
     assert np.isnan(beside.t20_s[0][alone.bandwidth_hz < RATE / 100]).all()
-    assert left > 3 or beside.words[0] == ("short",)
+    assert left > 3 or beside.flags[0] == ("short",)
 
 
 def test_a_definition_is_a_percentage_or_left_out():
