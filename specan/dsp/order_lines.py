@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -174,30 +174,23 @@ def departure(
     (0.58, 0.002, True)
     >>> departure(np.cos(2 * np.pi * 10 * u), 64, 10.0, 10.0)
     """
-    alone = _departure_of([(order, 1.0)], x, per_turn, order, highest, sloped)
-    if len(beside) < 2:
-        return alone
-    together = _departure_of(beside, x, per_turn, order, highest, sloped)
-    return max((one for one in (alone, together) if one), key=lambda one: one.loss_dB, default=None)
+    ways = ([(order, 1.0)], beside) if len(beside) > 1 else ([(order, 1.0)],)
+    every = [one for lines in ways for one in _departures(lines, x, per_turn, order, sloped)]
+    told = (one for one in every if one.loss_dB > LOSS_DB * (order / highest) ** 2)
+    return max(told, key=lambda one: one.loss_dB, default=None)
 
 
-def _departure_of(
-    lines: Sequence[tuple[float, complex]],
-    x: Real,
-    per_turn: int,
-    order: float,
-    highest: float,
-    sloped: bool,
-) -> Departure | None:
-    """The same of lines whose amplitudes have known ratios, given as that of one of them."""
+def _departures(
+    lines: Sequence[tuple[float, complex]], x: Real, per_turn: int, order: float, sloped: bool
+) -> Iterator[Departure]:
+    """By pieces of each length, of lines whose amplitudes have known ratios: given as that of one of them."""
     orders, amplitudes = np.array([o for o, _ in lines]), np.array([a for _, a in lines])
     of_turn = np.exp(2j * np.pi * np.outer(orders, np.arange(-(-x.size // per_turn))))
     in_turn = np.exp(2j * np.pi * np.outer(orders, np.arange(per_turn) / per_turn))
     shape = ((amplitudes[:, None] * of_turn).T @ in_turn).ravel()[: x.size]
-    turned, weight, found = x * np.conj(shape), np.abs(shape) ** 2, None
+    turned, weight = x * np.conj(shape), np.abs(shape) ** 2
     middle = np.sqrt(np.average(orders**2, weights=np.abs(amplitudes) ** 2))
     as_one = (order / middle) ** 2  # the loss in dB goes with the order squared
-    least_dB = LOSS_DB * (order / highest) ** 2
     for part in (1, 2, 4, 8):
         q = _pieces(weight, per_turn // part)
         if order < part or q.size < FEWEST:
@@ -211,12 +204,10 @@ def _departure_of(
         left, levelled = np.abs(z.mean()) ** 2, np.abs(level.mean()) ** 2
         left = max(left, levelled) if sloped else left
         loss_dB = float(as_one * 10 * np.log10(size / max(left, 1e-30 * size))) if size else 0.0
-        of_angle = power - size < OTHERS * (power - left)
-        if of_angle and loss_dB > max(least_dB, found.loss_dB if found else 0.0):
+        if loss_dB > 0 and power - size < OTHERS * (power - left):  # it is of the angle
             steady = size < levelled * min(10 ** (LOSS_DB / 10), np.sqrt(size / left))
             cycles = slope / (2 * np.pi) * part * order / middle
-            found = Departure(order, loss_dB, float(cycles), bool(steady))
-    return found
+            yield Departure(order, loss_dB, float(cycles), bool(steady))
 
 
 def _pieces(x: NDArray, length: int) -> NDArray:

@@ -125,8 +125,22 @@ def estimate(
         ]
         return Estimate(*map(np.stack, zip(*found, strict=True)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        coherence = np.minimum(np.abs(cross) ** 2 / (auto_reference * auto_response), 1.0)
-        response, left, gain = _response(estimator, auto_reference, auto_response, cross, instrument)
+        strength, size = np.abs(cross) ** 2, np.sqrt(auto_response / auto_reference)
+        coherence = np.minimum(strength / (auto_reference * auto_response), 1.0)
+        left, gain = (1 - coherence) * auto_response, auto_reference / strength
+        if estimator == "H1":
+            response = cross / auto_reference
+        elif estimator == "H2":
+            response = np.asarray(auto_response / np.conj(cross), dtype=complex)
+        elif estimator == "Hv":
+            response = size * (cross / np.abs(cross))
+        elif instrument is None:
+            raise ValueError("H3c needs the spectra of an instrument")
+        else:
+            response = instrument.response / instrument.reference
+            both = np.real(np.conj(response) * cross)
+            left = auto_response + np.abs(response) ** 2 * auto_reference - 2 * both
+            gain = instrument.auto / np.abs(instrument.response) ** 2
         if n_effective <= 1:  # one block says nothing about its own scatter
             nothing = np.full(coherence.shape, np.nan)
             return Estimate(response, coherence, nothing, np.zeros(coherence.shape))
@@ -136,31 +150,6 @@ def estimate(
         degrees = noise_freedom(left, noise, freedom, line_correlation)
         relative = np.sqrt(noise * gain / (2 * freedom)) * student_factor(degrees)
     return Estimate(response, coherence, relative, degrees)
-
-
-def _response(
-    estimator: Estimator,
-    auto_reference: Real,
-    auto_response: Real,
-    cross: Complex,
-    instrument: Instrument | None,
-) -> tuple[Complex, Real, Real]:
-    """Transfer function, what it leaves of the response, and the factor from that to a relative error."""
-    if estimator == "H3c":
-        if instrument is None:
-            raise ValueError("H3c needs the spectra of an instrument")
-        response = instrument.response / instrument.reference
-        left = auto_response + np.abs(response) ** 2 * auto_reference - 2 * np.real(np.conj(response) * cross)
-        return response, left, instrument.auto / np.abs(instrument.response) ** 2
-    strength = np.abs(cross) ** 2
-    coherence = np.minimum(strength / (auto_reference * auto_response), 1.0)
-    left, gain = (1 - coherence) * auto_response, auto_reference / strength
-    if estimator == "H1":
-        return cross / auto_reference, left, gain
-    if estimator == "H2":
-        return np.asarray(auto_response / np.conj(cross), dtype=complex), left, gain
-    size = np.sqrt(auto_response / auto_reference)
-    return np.asarray(size * (cross / np.abs(cross)), dtype=complex), left, gain
 
 
 def smoothed_noise(noise: Real, freedom: float) -> Real:
