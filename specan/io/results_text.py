@@ -6,8 +6,9 @@ import csv
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from itertools import takewhile
+from itertools import chain, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,33 +63,46 @@ def read_table(path: Path) -> pd.DataFrame:
     return pd.read_csv(path, sep="\t", skiprows=len(header), encoding="utf-8", decimal=decimal)
 
 
-def fixed(values: ArrayLike, decimals: int) -> list[str]:
+@dataclass(frozen=True)
+class Numbers:
+    """A column of a table: values, and the form in which each is printed."""
+
+    form: str
+    values: Sequence[Any]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def texts(self) -> list[str]:
+        """The cells."""
+        return [self.form % value for value in self.values]
+
+
+def fixed(values: ArrayLike, decimals: int) -> Numbers:
     """Numbers with a fixed number of decimals; empty where not finite, no negative zero.
 
     Examples
     --------
-    >>> fixed([1.23456, -0.0001, float("nan")], 3)
+    >>> fixed([1.23456, -0.0001, float("nan")], 3).texts
     ['1.235', '0.000', '']
     """
-    rounded = np.round(np.atleast_1d(np.asarray(values, dtype=float)), decimals) + 0.0
-    return _printed(rounded, f"%.{decimals}f")
+    return _numbers(np.round(np.atleast_1d(np.asarray(values, dtype=float)), decimals), f"%.{decimals}f")
 
 
-def _printed(values: Real, form: str) -> list[str]:
-    """Each number in one form, all at once; empty where not finite."""
-    if not values.size:
-        return []
-    finite = np.isfinite(values)
-    texts = ("\t".join([form] * len(values)) % tuple(values.tolist())).split("\t")
-    return texts if finite.all() else [t if ok else "" for t, ok in zip(texts, finite.tolist())]
+def _numbers(values: Real, form: str) -> Numbers:
+    finite, numbers = np.isfinite(values), (values + 0.0).tolist()
+    if finite.all():
+        return Numbers(form, numbers)
+    return Numbers("%s", [form % v if ok else "" for v, ok in zip(numbers, finite.tolist(), strict=True)])
 
 
-def phases(values: ArrayLike) -> list[str]:
+def phases(values: ArrayLike) -> Numbers:
     """Angles in degrees, to 0.01 degree, in (-180, 180] after rounding.
 
     Examples
     --------
-    >>> phases([-180.0, 179.999, 180.004, 359.999, -0.001, float("nan")])
+    >>> phases([-180.0, 179.999, 180.004, 359.999, -0.001, float("nan")]).texts
     ['180.00', '180.00', '180.00', '0.00', '0.00', '']
     """
     given = np.atleast_1d(np.asarray(values, dtype=float))
@@ -98,39 +112,33 @@ def phases(values: ArrayLike) -> list[str]:
     return fixed(np.where(usable, hundredths / 100.0, np.nan), 2)
 
 
-def significant(values: ArrayLike, digits: int = 6) -> list[str]:
+def significant(values: ArrayLike, digits: int = 6) -> Numbers:
     """Numbers to some significant digits; empty where not finite.
 
     Examples
     --------
-    >>> significant([0.123456789, 1e-9, 0.0, -0.0, float("inf")])
+    >>> significant([0.123456789, 1e-9, 0.0, -0.0, float("inf")]).texts
     ['0.123457', '1e-09', '0', '0', '']
     """
-    return _printed(np.atleast_1d(np.asarray(values, dtype=float)) + 0.0, f"%.{digits}g")
+    return _numbers(np.atleast_1d(np.asarray(values, dtype=float)), f"%.{digits}g")
 
 
-def frequencies(values: ArrayLike) -> list[str]:
+def frequencies(values: ArrayLike) -> Numbers:
     """Frequencies to 0.1 mHz, without trailing zeros.
 
     Examples
     --------
-    >>> frequencies([1000.0, 0.9765625, 203.70001])
+    >>> frequencies([1000.0, 0.9765625, 203.70001]).texts
     ['1000', '0.9766', '203.7']
     """
-    return list(_frequencies(np.atleast_1d(np.asarray(values, dtype=float)).tobytes()))
+    return Numbers("%s", _frequencies(np.atleast_1d(np.asarray(values, dtype=float)).tobytes()))
 
 
 @lru_cache(maxsize=4)
 def _frequencies(values: bytes) -> tuple[str, ...]:
     """Many files of a batch have the same lines."""
-    texts = fixed(np.frombuffer(values), 4)
+    texts = fixed(np.frombuffer(values), 4).texts
     return tuple(text.rstrip("0").rstrip(".") if "." in text else text for text in texts)
-
-
-def rows(columns: Sequence[Sequence[str]]) -> str:
-    """Columns of equal length as lines of a table, each ended by a line feed."""
-    lines = "\n".join(map("\t".join, zip(*columns, strict=True)))
-    return f"{lines}\n" if lines else ""
 
 
 def table_lines(columns: Mapping[str, Any], names: Sequence[str] = ()) -> str:
@@ -150,22 +158,25 @@ def table_lines(columns: Mapping[str, Any], names: Sequence[str] = ()) -> str:
     'Mic 1\\t1\\t180.00\\nMic 1\\t2.5\\t3.14\\n'
     """
     count = next(len(v) for v in columns.values() if not np.isscalar(v))
-
-    def cells_of(name: str) -> list[str]:
+    forms, filled = [], []
+    for name in names or columns:
         values = columns.get(name, "")
         if np.isscalar(values):
-            return _cells(name, [word(values) if isinstance(values, str) else values]) * count
-        return _cells(name, values)
+            same = _cells(name, [word(values) if isinstance(values, str) else values])
+            forms.append(same.texts[0].replace("%", "%%"))
+        else:
+            own = _cells(name, values)
+            forms.append(own.form)
+            filled.append(own.values)
+    return ("\t".join(forms) + "\n") * count % tuple(chain.from_iterable(zip(*filled, strict=True)))
 
-    return rows([cells_of(name) for name in names or columns])
 
-
-def _cells(name: str, values: Any) -> list[str]:
+def _cells(name: str, values: Any) -> Numbers:
+    if isinstance(values, Numbers):
+        return values
     first = values[0] if len(values) else ""
-    if isinstance(first, str):
-        return list(values)
-    if isinstance(first, (tuple, list)):
-        return [" ".join(words) for words in values]
+    if isinstance(first, (str, tuple, list)):
+        return Numbers("%s", [text if isinstance(text, str) else " ".join(text) for text in values])
     if name in ("frequency_hz", "order"):
         return frequencies(values)
     if name == "phase_deg":

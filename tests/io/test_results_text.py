@@ -8,14 +8,14 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from specan.errors import RequestError
-from specan.io.results_text import fixed, frequencies, phases, rows, significant, word, write_table
+from specan.io.results_text import fixed, frequencies, phases, significant, table_lines, word, write_table
 
 
 @given(st.floats(-1e6, 1e6))
 @example(180.01)
 @example(-180.0)
 def test_phase_is_in_the_half_open_turn_after_rounding(angle: float) -> None:
-    (text,) = phases(angle)
+    (text,) = phases(angle).texts
     value = float(text)
     assert -180.0 < value <= 180.0
     assert text != "-0.00"
@@ -25,7 +25,7 @@ def test_phase_is_in_the_half_open_turn_after_rounding(angle: float) -> None:
 
 @given(st.floats(-1e3, 1e3))
 def test_level_is_rounded_to_a_thousandth_without_negative_zero(level: float) -> None:
-    (text,) = fixed(level, 3)
+    (text,) = fixed(level, 3).texts
     assert abs(float(text) - level) <= 0.0005 + 1e-9
     assert text.split(".")[1].isdigit()
     assert len(text.split(".")[1]) == 3
@@ -35,12 +35,12 @@ def test_level_is_rounded_to_a_thousandth_without_negative_zero(level: float) ->
 def test_nothing_to_say_is_empty() -> None:
     nothing = [np.nan, np.inf, -np.inf]
     for form in (partial(fixed, decimals=3), phases, significant, frequencies):
-        assert form(nothing) == ["", "", ""]
-    assert fixed(np.array([1.0]), 0) == ["1"]
+        assert list(form(nothing).texts) == ["", "", ""]
+    assert fixed(np.array([1.0]), 0).texts == ["1"]
 
 
 def test_a_name_cannot_break_the_table() -> None:
-    assert rows([[word("Mic\t1")], [word("a\nb")]]) == "Mic\\t1\ta\\nb\n"
+    assert table_lines({"channel": "Mic\t1", "unit": [word("a\nb")]}) == "Mic\\t1\ta\\nb\n"
 
 
 def test_table_has_header_columns_and_line_feeds(tmp_path) -> None:

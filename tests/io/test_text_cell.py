@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.io.export_file import Excerpt, write_csv
-from specan.io.results_text import cells, harmless, rows, word, write_table
+from specan.io.results_text import cells, harmless, table_lines, word, write_table
 
 HOSTILE = [
     "Mic #1", "Mic #2", '"quoted', 'a "b" c', "Mic\t1", "Mic 1", "Mic  1", " lead", "trail ", "#2 run.tdms",
@@ -39,7 +39,9 @@ def test_pandas_as_the_readme_says_and_csv_readers_give_every_name_back(
     tmp_path_factory, given_names
 ) -> None:
     path = tmp_path_factory.mktemp("t") / "t.txt"
-    block = rows([[word(n) for n in given_names], [str(k) for k in range(len(given_names))]])
+    block = table_lines(
+        {"name": [word(n) for n in given_names], "number": [str(k) for k in range(len(given_names))]}
+    )
     write_table(path, [f"specan 1.0 {given_names[0]}"], ("file", "number"), [block])
     # As the README says; names such as "NA" and "1" need what pandas wants for them.
     found = pd.read_csv(path, sep="\t", comment="#", keep_default_na=False, dtype={"file": str})

@@ -275,8 +275,7 @@ def _skipped(results: Sequence[FileResult], reasons: Sequence[tuple[str, str]]) 
             rows.append((result.label, "", result.kind, result.reason))
         rows += [(result.label, channel, "aside", reason) for channel, reason in result.set_aside]
     rows += [(label, "", "aside", reason) for label, reason in reasons]
-    columns = zip(*sorted(rows, key=lambda row: row[0]), strict=True)
-    return text.rows([list(map(text.word, column)) for column in columns])
+    return "".join("\t".join(map(text.word, row)) + "\n" for row in sorted(rows, key=lambda row: row[0]))
 
 
 def _stepped_sines(results: Sequence[FileResult]) -> tuple[list[tuple[str, str]], dict[str, str]]:
