@@ -228,6 +228,12 @@ class FilterAtWork:
         values = values * (math.sqrt(2.0) * part)
         return cls(shape, intervals, kept, True, low, values)
 
+    def analogue_phases(self, response: Response, rate: float) -> NDArray[np.complex128]:
+        """Factors that make of what comes out of a sampled weighting what comes out of the analogue one."""
+        lines = np.arange(1, GRAIN // 2 + 1)
+        factors = response(lines * rate / GRAIN) / self.values[lines * (self.shape.points // GRAIN)]
+        return np.concatenate([[1.0], factors])
+
     def squares(
         self,
         spectrum: NDArray[np.complex128],
@@ -520,52 +526,71 @@ class RunningLevel:
 _PIECE = 1 << 15
 
 
-# Samples this far below the largest so far may have the largest value beside them: at a fifth of the sampling rate,
-# the nearest sample of a sine is at least cos(36 degrees) = 0.81 of its peak.
-_NEAR = 0.8
+# A peak may lie beside samples that are this part of the largest so far, and beside no more of them in a piece.
+_NEAR, _MOST = 0.5, 64
+# So many values to a sample are computed from so many samples on either side, under a Kaiser window.
+_BETWEEN, _AROUND, _KAISER = 8, 64, 5.0
+# Values nearer to an end are those of the samples: the cut is worth 1 / (2 pi 32) of what is cut, or 0.04 dB, there.
+_ENDS = 32
 
 
 class Peaks:
     """Peak of |p_C(t)| and the like (IEC 61672-1:2013, 3.11), of signals that come in pieces.
 
-    Between samples, a parabola goes through the largest sample and its neighbours.
+    Between samples is what signals have that end below half the rate: a sum of sin(x) / x. Of the first and the last
+    samples only themselves count.
 
     Parameters
     ----------
     channels : int
-
-    Attributes
-    ----------
-    largest : ndarray, shape (channels,)
+    factors : complex array, shape (513,), optional
+        On the lines up to half the rate, before the peak is looked for; they delay by half a sample at most.
 
     Examples
     --------
     >>> peaks = Peaks(1)
-    >>> peaks.look(slice(0, 1), np.sin(2 * np.pi * np.arange(20) / 7.3)[None])
-    >>> peaks.largest.round(2).tolist()
+    >>> peaks.look(slice(0, 1), np.sin(2 * np.pi * np.arange(80) / 2.9)[None])
+    >>> peaks.largest().round(2).tolist()
     [1.0]
     """
 
-    def __init__(self, channels: int) -> None:
-        self.largest = np.zeros(channels)
-        # Samples of the piece before, beside which a peak may lie; before the first piece there are none.
-        self._last = np.full((channels, 2), np.nan)
+    def __init__(self, channels: int, factors: NDArray[np.complex128] | None = None) -> None:
+        lines = np.ones(GRAIN // 2 + 1, dtype=complex) if factors is None else factors.copy()
+        lines[-1] *= 0.5
+        fine = _BETWEEN * np.fft.irfft(lines, _BETWEEN * GRAIN)
+        # From one sample before the largest to two after it.
+        at = np.arange(-_BETWEEN, 2 * _BETWEEN + 1) - _BETWEEN * np.arange(-_AROUND, _AROUND + 1)[:, None]
+        window = np.kaiser(2 * np.max(np.abs(at)) + 1, _KAISER)
+        parts = fine[at] * window[at + window.size // 2]
+        self._parts = parts / np.add.reduce(parts)
+        self._largest, self._last = np.zeros(channels), [np.zeros(_AROUND - _ENDS)] * channels
 
     def look(self, rows: slice, samples: NDArray[np.float64]) -> None:
         """Take the next samples of some channels."""
-        y = np.abs(np.concatenate([self._last[rows], samples], axis=1))
-        self._last[rows] = y[:, -2:]
-        largest = self.largest[rows]
-        with np.errstate(invalid="ignore"):  # a channel may hold NaN
-            np.maximum(largest, y[:, 2:].max(axis=1), out=largest)
-            for row, values in enumerate(y):
-                at = 1 + np.flatnonzero(values[1:-1] >= _NEAR * largest[row])
-                a, b, c = values[at - 1], values[at], values[at + 1]
-                high = (b >= a) & (b > c)
-                a, b, c = a[high], b[high], c[high]
-                tops = b + (a - c) ** 2 / (8.0 * (2.0 * b - a - c))
-                if tops.size:
-                    largest[row] = max(largest[row], float(tops.max()))
+        for row, new in enumerate(samples, rows.start):
+            if self._last[row].size < 2 * _AROUND:
+                self._count(row, new[:_ENDS])
+            y = np.concatenate([self._last[row], new])
+            self._last[row] = y[-2 * _AROUND :]
+            sizes = np.abs(y[_AROUND - 1 : 1 - _AROUND])
+            top = sizes.max(initial=0.0)
+            at = np.flatnonzero(sizes[1:-1] >= _NEAR * max(top, self._largest[row]))
+            at = at[(sizes[at + 1] >= sizes[at]) & (sizes[at + 1] >= sizes[at + 2])]
+            if at.size > _MOST:
+                at = at[np.argpartition(sizes[at + 1], -_MOST)[-_MOST:]]
+            around = y[at[:, None] + np.arange(2 * _AROUND + 1)]
+            self._count(row, np.einsum("ij,jk->ik", around, self._parts))
+            self._count(row, 0.0 * np.array([top]))  # NaN of a channel that has it
+
+    def _count(self, row: int, values: NDArray[np.float64]) -> None:
+        self._largest[row] = np.maximum(self._largest[row], np.abs(values).max(initial=0.0))
+
+    def largest(self) -> NDArray[np.float64]:
+        """Of each channel, after its last samples."""
+        for row, last in enumerate(self._last):
+            self._count(row, last[-_ENDS:])
+        self.look(slice(0, len(self._last)), np.zeros((len(self._last), _AROUND - _ENDS)))
+        return self._largest
 
 
 @dataclass(frozen=True)
@@ -681,6 +706,9 @@ class BandHistoryAccumulator:
         ways = {k: FilterAtWork.of(one, stage, shape, tau) for k, one in filters.items()}
         for k, way in ways.items():
             self._levels[k] = RunningLevel(filters[k], stage, way, record, average, k < self._read)
+            if k == self._peak_of:
+                phases = way.analogue_phases(filters[k].response, stage.rate)
+                self._peaks, self._peaks_with_cut = Peaks(record.rows, phases), Peaks(record.rows, phases)
         lead = round(stage.lead)
         return _AtStage(section, slice(lead, lead + math.ceil(count)), ways)
 
@@ -759,8 +787,9 @@ class BandHistoryAccumulator:
             highest_with[:, k] = np.fmax(highest[:, k], running.highest_with_cut)
             if k < self._read:
                 readings[:, k] = found
-        with_cut = highest_with, mean_with, np.maximum(self._peaks.largest, self._peaks_with_cut.largest)
-        return Histories(readings, highest, lowest, later, self._settled, mean, self._peaks.largest, with_cut)
+        peak = self._peaks.largest()
+        with_cut = highest_with, mean_with, np.maximum(peak, self._peaks_with_cut.largest())
+        return Histories(readings, highest, lowest, later, self._settled, mean, peak, with_cut)
 
 
 def _differentiation(derivatives: NDArray[np.int64], rate: float, points: int) -> NDArray[np.complex128]:
