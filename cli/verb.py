@@ -416,8 +416,6 @@ _LONG_SAMPLES = 50_000_000  # some seconds of work
 
 def shown(recording: Recording) -> Recording:
     """The same, with a bar on a terminal where reading takes some time, and a line under ``--verbose``."""
-    from specan.data.recording import Watched
-
     said = set[str]()
 
     def watch(blocks: Iterator[Real], channels: Sequence[Channel], length: int) -> Iterator[Real]:
@@ -432,4 +430,4 @@ def shown(recording: Recording) -> Recording:
                 yield samples
                 bar.update(samples.shape[1])
 
-    return Watched(**vars(recording), watch=watch)
+    return replace(recording, watch=watch)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
 from typing import Any, Literal
 
 import numpy as np
@@ -22,7 +21,7 @@ from specan.analysis.section import (
 from specan.analysis.transfer_function import TransferFunction
 from specan.arrays import Complex, Real
 from specan.data.channel import Channel
-from specan.data.decay import DecayTimes, ImpulseResponses
+from specan.data.decay import VALUES, DecayTimes, ImpulseResponses
 from specan.data.recording import Recording
 from specan.dsp import bands
 from specan.dsp.energy_decay import decay_line, energy_decay, noise_floor
@@ -158,11 +157,7 @@ _REASONS = {
     "not-finite": "has samples that are not finite",
     "short": "is too short",
 }
-_RESULTS = tuple(
-    f.name
-    for f in fields(DecayTimes)
-    if f.name.endswith(("_s", "_dB", "_percent", "_permille")) and f.name != "start_s"
-)
+_RESULTS = [name for name in VALUES if name != "curvature_percent"]  # which follows from others
 
 
 def _band_energy(spectrum: Complex, length: int, n: int, mid: float, fraction: int) -> tuple[Real, float]:

@@ -266,18 +266,12 @@ class BandLevels(RecordingResult):
 
     def _percentiles(self, row: int) -> Sheet:
         """A row a band and a column a percentage, of one channel."""
-        bands, totals = self.percentile_dB or {}, self.percentile_overall_dB or {}
-        lines = [
-            [f"{nominal:g}", *(cell(values[row, band]) for values in bands.values())]
-            for band, nominal in enumerate(self.nominal_hz)
-        ]
-        lines += [
-            [f"overall {weighting}", *(cell(total[weighting][row]) for total in totals.values())]
-            for weighting, levels in self.overall_dB.items()
-            if levels[row] == levels[row]
-        ]
+        names = [percentile_name(n) for n in self.percentile_dB or {}]
+        own = list(self.tables())[row]
+        columns = zip(own["band_hz"], *(map(cell, own[f"{name}_dB"]) for name in names), strict=True)
+        lines = [[band.replace("total-", "overall "), *levels] for band, *levels in columns]
         title = f"{self.channels[row]} / dB re {self.references[row].text}"
-        return Sheet(title, ["Hz", *map(percentile_name, bands)], lines)
+        return Sheet(title, ["Hz", *names], lines)
 
     def keeps(self, limits: LimitCurve) -> list[Kept]:
         """How each channel keeps to limits."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,6 +43,9 @@ class ArraySource:
         return np.stack([np.asarray(self.samples[i][start:stop], dtype=np.float64) for i in indices])
 
 
+Watch: TypeAlias = Callable[[Iterator[Real], Sequence[Channel], int], Iterator[Real]]
+
+
 @dataclass(frozen=True, repr=False)
 class Recording(Result):
     """Channels, properties and a source of samples.
@@ -63,6 +66,8 @@ class Recording(Result):
         Sentences for the reader about what was found and decided.
     set_aside : mapping
         ``group/name`` of channels that are no time signals, and why.
+    watch : callable, optional
+        ``watch(blocks, channels, length)`` hands on the blocks of a section of so many samples.
     """
 
     label: str
@@ -73,6 +78,7 @@ class Recording(Result):
     flags: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     set_aside: Mapping[str, str] = field(default_factory=dict)
+    watch: Watch | None = None
 
     def __post_init__(self) -> None:
         """Tell every channel its place in the source, and whether another one has its name."""
@@ -476,31 +482,11 @@ class Recording(Result):
         start, stop : int
             First sample, and the one after the last; to the end by default.
 
-        Yields
-        ------
-        array, shape (channels, samples)
+        Returns
+        -------
+        iterator of array, shape (channels, samples)
             In the units of the channels.
         """
         stop = min(c.n_samples for c in channels) if stop is None else stop
-        for first in range(start, stop, size):
-            yield self.read(channels, first, min(first + size, stop))
-
-
-@dataclass(frozen=True, repr=False, kw_only=True)
-class Watched(Recording):
-    """A recording that is watched while it is read.
-
-    Attributes
-    ----------
-    watch : callable
-        ``watch(blocks, channels, length)`` hands on the blocks of a section of so many samples.
-    """
-
-    watch: Callable[[Iterator[Real], Sequence[Channel], int], Iterator[Real]]
-
-    def blocks(
-        self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None
-    ) -> Iterator[Real]:
-        """Consecutive blocks, as of any recording."""
-        stop = min(c.n_samples for c in channels) if stop is None else stop
-        return self.watch(super().blocks(channels, size, start, stop), channels, stop - start)
+        found = (self.read(channels, first, min(first + size, stop)) for first in range(start, stop, size))
+        return found if self.watch is None else self.watch(found, channels, stop - start)

@@ -6,13 +6,14 @@ import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 from bokeh.document import Document
 
 from specan.arrays import Real
 from specan.data.channel import Channel
-from specan.data.recording import Recording, Watched
+from specan.data.recording import Recording
 from specan.errors import SpecanError, reason_of
 
 _TELL_S = 0.25
@@ -104,4 +105,4 @@ def heard(recording: Recording, tell: Tell) -> Recording:
             if not tell(done / length):
                 raise Superseded
 
-    return Watched(**vars(recording), watch=watch)
+    return replace(recording, watch=watch)

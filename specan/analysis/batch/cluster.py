@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from specan.analysis.batch.inputs import Input
@@ -111,11 +110,13 @@ def _results(
         room = 2 * sum(client.nthreads().values()) - len(running)
         for _ in range(min(max(room, 0 if running else 1), len(waiting))):
             position = waiting.pop()
-            to_send = _with_full_paths(tasks[position])
+            task = tasks[position]
             others = [worker for worker in client.nthreads() if worker not in refused[position]]
             allowed = others if refused[position] else None
-            task = client.submit(run_task, *to_send, program_identity(), pure=False, workers=allowed)
-            running[task] = position
+            sent = client.submit(
+                run_task, task, state_of(task.entry.path), program_identity(), pure=False, workers=allowed
+            )
+            running[sent] = position
         for future in _ready(client, running):
             position = running.pop(future)
             found = _result(future, tasks[position].entry)
@@ -142,13 +143,6 @@ def _wait_for_workers(client: Client) -> None:
             f"the scheduler {client.scheduler.address} has no worker",  # type: ignore[union-attr]
             remedy="start some with 'dask worker ADDRESS'; finished results are kept",
         ) from None
-
-
-def _with_full_paths(task: Task) -> tuple[Task, tuple[int, int] | None]:
-    """The task for another computer, and size and time of the file that should be there."""
-    path = os.path.abspath(task.entry.path)
-    entry = replace(task.entry, path=path, root=os.path.abspath(task.entry.root))
-    return task._replace(entry=entry), state_of(path)
 
 
 def _result(future: Future, entry: Input) -> FileResult | Refusal:
