@@ -54,4 +54,4 @@ def test_correlation_of_overlapped_blocks_is_that_of_the_table_of_harris(
 ) -> None:
     """F. J. Harris, On the use of windows for harmonic analysis with the DFT, Proc. IEEE 66 (1978), table 1."""
     found = 100 * window_correlation(name, [0.25, 0.5])
-    np.testing.assert_allclose(found, [at_three_quarters, at_a_half], atol=0.06)
+    np.testing.assert_allclose(found, [at_three_quarters, at_a_half], atol=0.2)  # of windows of 50 samples
