@@ -33,6 +33,7 @@ from specan.dsp.band_history import (
 from specan.dsp.bands import Bands
 from specan.dsp.multirate import LOWEST_BAND
 from specan.dsp.record_edges import Fade
+from specan.dsp.statistics import exceeded
 from specan.dsp.weighting import FAST, IMPULSE, IMPULSE_DECAY, SLOW, WEIGHTINGS, Weighting
 from specan.errors import RequestError
 from specan.result import picked
@@ -426,14 +427,9 @@ def _exceeded(
     """
     if not percentiles:
         return {}
-    found = {0.0: highest}
-    for percent in sorted(set(percentiles)):
-        found[percent] = np.full(highest.shape, np.nan)
-        for number, settled in enumerate(histories.settled_s):
-            readings = histories.readings[:, number, :-1][:, elapsed >= settled]
-            if readings.shape[1]:
-                found[percent][:, number] = np.quantile(readings, 1.0 - percent / 100.0, axis=1)
-    return {**found, 100.0: histories.minimum}
+    chosen, readings = sorted(set(percentiles)), histories.readings[:, :, :-1]
+    each = [exceeded(readings[:, k, elapsed >= s], chosen) for k, s in enumerate(histories.settled_s)]
+    return {0.0: highest, **dict(zip(chosen, np.stack(each, axis=-1))), 100.0: histories.minimum}
 
 
 def scatter_of_noise(bandwidth: Real, duration: float | Real) -> Real:
