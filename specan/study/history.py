@@ -33,7 +33,7 @@ from typing_extensions import TypedDict  # of pydantic, which takes no other bef
 
 import specan
 from specan.errors import RequestError
-from specan.io.output_file import locked
+from specan.io.output_file import locked, text_file
 from specan.models.catalogue import ENTRY_POINTS, MODEL_ENTRY_POINTS
 from specan.result import Result, counted, finite
 from specan.study.study_file import NAME as STUDY_FILE
@@ -232,7 +232,8 @@ def commit(directory: Path, study_text: str | None, history_lines: str) -> None:
     if size and not history.read_bytes().endswith(b"\n"):  # half a line, which stays a line of its own
         history_lines = "\n" + history_lines
     pending = {"study": study_text, "history_size": size, "history": history_lines}
-    _write_whole(directory / PENDING, json.dumps(pending))
+    with text_file(directory / PENDING) as file:
+        file.write(json.dumps(pending))
     _finish(directory)
 
 
@@ -268,18 +269,9 @@ def _finish(directory: Path) -> None:
         stream.flush()
         os.fsync(stream.fileno())
     if pending["study"] is not None:
-        _write_whole(directory / STUDY_FILE, pending["study"])
+        with text_file(directory / STUDY_FILE) as file:
+            file.write(pending["study"])
     (directory / PENDING).unlink()
-
-
-def _write_whole(path: Path, text: str) -> None:
-    """Replace a file in one step, on the disk before its name changes."""
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(text)
-        stream.flush()
-        os.fsync(stream.fileno())
-    temporary.replace(path)
 
 
 class KeptResults:
@@ -320,11 +312,10 @@ class KeptResults:
         path, key = self._place(name)
         content = to_json(result, inf_nan_mode="constants", fallback=_plain).decode()
         text = json.dumps({"key": key, "sha256": _sha256(content), "content": content})
-        part = path.with_name(f"{path.name}.{os.getpid()}.part")
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, RequestError):
             self._folder.mkdir(exist_ok=True)
-            part.write_text(text, encoding="utf-8")
-            part.replace(path)
+            with text_file(path, durable=False) as file:
+                file.write(text)
             for old in sorted(self._folder.iterdir(), key=lambda p: p.stat().st_mtime)[:-MOST_FILES]:
                 old.unlink()
         return result

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.dsp.bands import nominal_frequency
 from specan.models import Assembly, Evaluation
 from specan.study.observation import Array, Observation, Strategy, Variable
 from specan.study.observation.window_leakage import Folding
@@ -211,7 +212,7 @@ class FrfObservation(KeptLines):
     def labels(self) -> Mapping[str, NDArray[Any]]:
         """Third octave and receiver of every row."""
         band = np.round(10 * np.log10(self.frequency_hz / 1000.0)).astype(int)
-        thirds = np.array([nominal_third(b) for b in band])
+        thirds = np.array([nominal_frequency(b, 3) for b in band])
         return {"third_octave_hz": self.rows(thirds), "channel": self.channel_of_row}
 
     @property
@@ -229,7 +230,7 @@ class FrfObservation(KeptLines):
         for frequency, side in ((used[0], -0.5), (used[-1], 0.5)):
             number = round(10 * np.log10(frequency / 1000.0))
             if abs(1000.0 * 10 ** ((number + side) / 10) - frequency) > step:
-                found.add(nominal_third(number))
+                found.add(nominal_frequency(number, 3))
         return frozenset(found)
 
     @property
@@ -422,18 +423,6 @@ def widened(columns: Array) -> tuple[Array, Array]:
     left, size, _ = np.linalg.svd(columns, full_matrices=False)
     seen = size > 1e-6
     return left[:, seen], 1 - 1 / np.sqrt(1 + size[seen] ** 2)
-
-
-def nominal_third(number: int) -> float:
-    """Nominal mid-band frequency of the third octave `number` bands above 1 kHz (ISO 266, R10).
-
-    Examples
-    --------
-    >>> nominal_third(-6), nominal_third(0), nominal_third(2)
-    (250.0, 1000.0, 1600.0)
-    """
-    series = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
-    return float(f"{series[number % 10] * 10.0 ** (3 + number // 10):.4g}")
 
 
 def piecewise_linear_basis(frequency_hz: Array) -> Array:
