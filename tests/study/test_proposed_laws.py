@@ -9,8 +9,7 @@ from click.testing import CliRunner
 from specan.errors import RequestError
 from specan.models import Model
 from specan.study.estimation.fit import fit
-from specan.study.evidence.law_grammar import Spread, formulas
-from specan.study.evidence.law_search import search_laws
+from specan.study.evidence.law_search import Spread, formulas, search_laws
 from specan.study.history import History
 from specan.study.observation.table import TableObservation
 from specan.study.propose import source_of

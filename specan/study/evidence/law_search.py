@@ -1,4 +1,8 @@
-"""Laws of the grammar that explain what a model leaves, and how probable each is.
+"""Laws that a missing effect may follow, and how probable each is beside what a model leaves.
+
+A law is an amplitude times a power, an exponential or a saturation of one variable, or times such a factor and a power
+of another variable. It is added to a quantity of the model or scales it (1 + amplitude times factor). Shapes (a width,
+an exponent) are scanned over ranges that the data span.
 
 Of every law the evidence is that of `specan.study.evidence.marginal`, the model's own parameters free: over a scan of
 its shapes first, then, of the likeliest, about its fitted shapes. Its amplitude may make it as large as the quantity
@@ -8,9 +12,10 @@ that it acts on; widths are known over a ratio, exponents over a range. See docs
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.special import softmax
@@ -21,13 +26,196 @@ from specan.models import Effect, Parameter, effect
 from specan.study.estimation.linear import Projection
 from specan.study.evidence.explanations import NOTHING, OF_THE_BEST, SURE
 from specan.study.evidence.faults import ln_mean
-from specan.study.evidence.law_grammar import Formula, Spread, formulas
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
+from specan.units import spoken
 
 MOST_LAWS = 4  # that are proposed
 LEAST_ROWS = 12  # below which no law is looked for
 NAME = "proposed-shift"
+
+# Exponents at which a power is scanned, and those of a second factor: the simple ones of physics.
+EXPONENTS = (-3.0, -2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0)
+SECOND = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)
+RANGE = (-4.0, 5.0)  # of a fitted exponent
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """How an operating variable lies in the data.
+
+    Attributes
+    ----------
+    name, unit : str
+    middle : float
+        Root mean square, three digits: what powers are relative to.
+    smallest : float
+        Of its magnitudes above zero.
+    low, high : float
+        Of its values.
+    zero : bool
+        Whether some values are zero.
+    """
+
+    name: str
+    unit: str
+    middle: float
+    smallest: float
+    low: float
+    high: float
+    zero: bool
+
+    @classmethod
+    def of(cls, name: str, unit: str, values: Real) -> Spread | None:
+        """The spread of a variable; None where it does not vary."""
+        size = np.abs(values)
+        positive = size[size > 0]
+        # a variable that varies by less says nothing
+        if not positive.size or np.ptp(values) <= 0.05 * positive.max():
+            return None
+        middle = float(f"{np.sqrt(np.mean(values**2)):.3g}")
+        low, high = float(values.min()), float(values.max())
+        return cls(name, unit, middle, float(positive.min()), low, high, bool(np.any(size == 0)))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The parameter of a factor: a width or an exponent."""
+
+    name: str
+    unit: str
+    scan: tuple[float, ...]
+    low: float
+    high: float
+
+    def deviation(self, value: float) -> float:
+        """Standard deviation of what is known beforehand: an exponent over its range, a width over a ratio."""
+        known = (
+            self.high - self.low if self.name.endswith("_exponent") else value * np.log(self.high / self.low)
+        )
+        return float(known / np.sqrt(12))
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """A function of one operating variable with its shape.
+
+    Attributes
+    ----------
+    family : str
+        What it is called: ``power``, ``exponential`` ...
+    variable : str
+    shape : Shape
+    value : callable
+        (values of the variable, shape) to values.
+    code : str
+        The same in Python, of the variable and the name of the shape.
+    text : str
+        The same for a reader.
+    """
+
+    family: str
+    variable: str
+    shape: Shape
+    value: Callable[[Real, float], Real]
+    code: str
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """An amplitude times one factor or two, added to a quantity or scaling it."""
+
+    factors: tuple[Factor, ...]
+    scales: bool
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Shapes of all factors."""
+        return tuple(f.shape for f in self.factors)
+
+    @property
+    def family(self) -> tuple[str, ...]:
+        """Families with their variables: formulas of one family differ in numbers only."""
+        return tuple(sorted(f"{f.family} of {f.variable}" for f in self.factors))
+
+    def value(self, variables: Mapping[str, Real], shapes: Sequence[float]) -> Real:
+        """The product of the factors."""
+        parts = [f.value(variables[f.variable], x) for f, x in zip(self.factors, shapes, strict=True)]
+        return np.asarray(np.prod(parts, axis=0))
+
+    def scan(self) -> Iterator[tuple[float, ...]]:
+        """Shapes at which it is tried."""
+        return product(*(s.scan for s in self.shapes))
+
+
+def formulas(spreads: Sequence[Spread], relative: bool) -> list[Formula]:
+    """All laws of the grammar over some variables; with `relative`, those that scale the quantity as well."""
+    powers = {s.name: list(_both_signs(s, _power(s, EXPONENTS))) for s in spreads}
+    seconds = {s.name: list(_both_signs(s, _power(s, SECOND))) for s in spreads}
+    others = {s.name: [f for one in _exponentials(s) for f in _both_signs(s, one)] for s in spreads}
+    found: list[tuple[Factor, ...]] = [(f,) for s in spreads for f in powers[s.name] + others[s.name]]
+    for first, second in product(powers, powers):
+        if first != second:
+            # The product of two powers is the same in either order.
+            own = others[first] + (powers[first] if first < second else [])
+            found += list(product(own, seconds[second]))
+    return [
+        Formula(factors, scales) for factors in found for scales in ([False, True] if relative else [False])
+    ]
+
+
+def _size(s: Spread) -> tuple[str, str]:
+    """The magnitude of a variable, in Python and for a reader."""
+    return (f"np.abs({s.name})", f"|{s.name}|") if s.low < 0 else (s.name, s.name)
+
+
+def _power(s: Spread, exponents: Sequence[float]) -> Factor:
+    """A power of the magnitude; no negative one where it is zero."""
+    usable = tuple(e for e in exponents if e > 0 or not s.zero)
+    shape = Shape(f"{s.name}_exponent", "1", usable, 0.05 if s.zero else RANGE[0], RANGE[1])
+    size, shown = _size(s)
+    return Factor(
+        "power", s.name, shape, lambda x, e: (np.abs(x) / s.middle) ** e,
+        f"({size} / {s.middle:.6g}) ** {shape.name}",
+        f"({shown} / {spoken(s.middle, unit=s.unit, digits=6)})^{shape.name}",
+    )  # fmt: skip
+
+
+def _exponentials(s: Spread) -> Iterator[Factor]:
+    """Decay, saturation and growth."""
+    size, shown = _size(s)
+    largest, span = max(s.high, -s.low), s.high - s.low
+    least = max(s.smallest, 1e-3 * largest) / 2
+    # 12: in a scan, in equal ratios
+    scan = tuple(float(w) for w in np.geomspace(least, 3 * largest, 12))
+    width = Shape(f"{s.name}_width", s.unit, scan, least / 5, 15 * largest)
+    growth = Shape(f"{s.name}_growth", s.unit, tuple(np.geomspace(0.15, 3, 8) * span), 0.05 * span, 30 * span)
+    yield Factor(
+        "exponential", s.name, width, lambda x, w: np.exp(-np.abs(x) / w),
+        f"np.exp(-{size} / {width.name})", f"exp(-{shown} / {width.name})",
+    )  # fmt: skip
+    yield Factor(
+        "saturation", s.name, width, lambda x, w: np.abs(x) / (np.abs(x) + w),
+        f"{size} / ({size} + {width.name})", f"{shown} / ({shown} + {width.name})",
+    )  # fmt: skip
+    yield Factor(
+        "exponential growth", s.name, growth, lambda x, w: np.expm1(np.clip((x - s.low) / w, None, 50.0)),
+        f"np.expm1(({s.name} - {s.low:.6g}) / {growth.name})", f"exp(({s.name} - {s.low:.4g}) / {growth.name}) - 1",
+    )  # fmt: skip
+
+
+def _both_signs(s: Spread, factor: Factor) -> Iterator[Factor]:
+    """A factor; of a variable of both signs also with the sign of the variable, the sign alone included."""
+    yield factor
+    if s.low < 0:
+        shape = factor.shape
+        if factor.family == "power":
+            shape = replace(shape, scan=(0.0, *shape.scan), low=min(shape.low, 0.0))
+        yield Factor(
+            f"signed {factor.family}", s.name, shape, lambda x, e: np.sign(x) * factor.value(x, e),
+            f"np.sign({s.name}) * {factor.code}", f"sign({s.name}) {factor.text}",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,23 +302,21 @@ def search_laws(start: Refit) -> LawSearch:
         The data are no table, or too few rows.
     """
     variables, spreads = _variables(start)
-    scans = [
-        (target, formula)
+    rest = start.linear.project_out(start.linear.residual)
+    trials = [
+        _Trial(start, target, formula, variables, rest)
         for target in _targets(start)
         for formula in formulas(
             spreads, relative=bool(np.ptp(target.value) > 1e-6 * np.abs(target.value).max())
         )
     ]
     # Half beforehand that there is no law; the other half is shared by laws of one factor and of two.
-    alike = Counter(len(formula.factors) for _, formula in scans)
-    prior = [0.5 * NOTHING / alike[len(formula.factors)] for _, formula in scans]
-    rest = start.linear.project_out(start.linear.residual)
-    scanned = [_scanned(start, *scan, variables, rest) for scan in scans]
+    alike = Counter(len(trial.formula.factors) for trial in trials)
+    prior = [0.5 * NOTHING / alike[len(trial.formula.factors)] for trial in trials]
+    scanned = [trial.scanned() for trial in trials]
     # 40: formulas whose shapes are fitted after the scan
-    order = sorted(range(len(scans)), key=lambda k: -scanned[k][0] - np.log(prior[k]))[:40]
-    fitted = {
-        k: one for k in order if (one := _Refined(start, *scans[k], variables, rest).fitted(scanned[k][1]))
-    }
+    order = sorted(range(len(trials)), key=lambda k: -scanned[k][0] - np.log(prior[k]))[:40]
+    fitted = {k: one for k in order if (one := trials[k].fitted(scanned[k][1]))}
     # What no law describes makes the scatter larger: chi-squares are in units of what the best one leaves.
     least = min((one.law.chi2 for one in fitted.values()), default=0.0)
     dispersion = max(1.0, least / max(start.dof - 2, 1.0))
@@ -142,7 +328,7 @@ def search_laws(start: Refit) -> LawSearch:
     laws = _group([replace(one.law, probability=p) for one, p in zip(fitted.values(), own, strict=True)])
     if noise > 1 - SURE:
         laws = []
-    return LawSearch(tuple(laws[:MOST_LAWS]), noise, len(scans), max(0, len(laws) - MOST_LAWS))
+    return LawSearch(tuple(laws[:MOST_LAWS]), noise, len(trials), max(0, len(laws) - MOST_LAWS))
 
 
 def gain_of(linear: Projection, columns: Real, dispersion: float = 1.0) -> float:
@@ -244,34 +430,6 @@ def _shifted(start: Refit, name: str, unit: str, size: float) -> list[Real]:
     return [o.predict(problem.assembly, problem.seen_by(o, values)) for o in problem.observations]
 
 
-def _columns(
-    target: Target, formula: Formula, variables: dict[str, Real], places: Sequence[Sequence[float]]
-) -> tuple[Real, Real]:
-    """What laws of amplitude one do to the whitened residual, one a column, and deviations of their amplitudes.
-
-    Beforehand an amplitude is what makes a law as large as the quantity, over the root of 3.
-    """
-    with np.errstate(all="ignore"):
-        each = [np.broadcast_to(formula.value(variables, shapes), target.value.shape) for shapes in places]
-        values = np.where(np.isfinite(each), each, 0.0).T
-        rms = np.sqrt(np.mean(values**2, axis=0))
-        whole = 1.0 if formula.scales else np.sqrt(np.mean(target.value**2))
-        sizes = np.where(rms > 0, whole / rms / np.sqrt(3), 0.0)
-    return target.effect @ (values * target.value[:, None] if formula.scales else values), sizes
-
-
-def _scanned(
-    start: Refit, target: Target, formula: Formula, variables: dict[str, Real], rest: Real
-) -> tuple[float, tuple[float, ...]]:
-    """ln of the evidence that a formula gains over all places of its scan, and the likeliest of these."""
-    places = list(formula.scan())
-    plain, sizes = _columns(target, formula, variables, places)
-    columns = start.linear.project_out(plain * sizes)
-    square = np.sum(columns**2, axis=0)
-    gains = ((columns.T @ rest) ** 2 / (1 + square) - np.log1p(square)) / 2
-    return float(ln_mean(gains)), places[int(np.argmax(gains))]
-
-
 @dataclass(frozen=True, eq=False)
 class _Fitted:
     """A law about its fitted shapes: what it does per deviation of its amplitude and shapes, and what it leaves."""
@@ -281,19 +439,42 @@ class _Fitted:
     price: float
 
 
-class _Refined:
-    """A law with its shapes fitted (variable projection)."""
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A formula beside a fit: over its scan, and with its shapes fitted (variable projection)."""
 
-    def __init__(
-        self, start: Refit, target: Target, formula: Formula, variables: dict[str, Real], rest: Real
-    ) -> None:
-        self.start, self.target, self.formula = start, target, formula
-        self.variables, self.rest = variables, rest
+    start: Refit
+    target: Target
+    formula: Formula
+    variables: dict[str, Real]
+    rest: Real
+
+    def columns(self, places: Sequence[Sequence[float]]) -> tuple[Real, Real]:
+        """What laws of amplitude one do to the whitened residual, one a column, and deviations of their amplitudes.
+
+        Beforehand an amplitude is what makes a law as large as the quantity, over the root of 3.
+        """
+        formula, value = self.formula, self.target.value
+        with np.errstate(all="ignore"):
+            each = [np.broadcast_to(formula.value(self.variables, shapes), value.shape) for shapes in places]
+            values = np.where(np.isfinite(each), each, 0.0).T
+            rms = np.sqrt(np.mean(values**2, axis=0))
+            whole = 1.0 if formula.scales else np.sqrt(np.mean(value**2))
+            sizes = np.where(rms > 0, whole / rms / np.sqrt(3), 0.0)
+        return self.target.effect @ (values * value[:, None] if formula.scales else values), sizes
+
+    def scanned(self) -> tuple[float, tuple[float, ...]]:
+        """ln of the evidence that it gains over all places of its scan, and the likeliest of these."""
+        places = list(self.formula.scan())
+        plain, sizes = self.columns(places)
+        columns = self.start.linear.project_out(plain * sizes)
+        square = np.sum(columns**2, axis=0)
+        gains = ((columns.T @ self.rest) ** 2 / (1 + square) - np.log1p(square)) / 2
+        return float(ln_mean(gains)), places[int(np.argmax(gains))]
 
     def column(self, x: Real) -> Real:
         """What the law of amplitude one does that the model's own parameters cannot."""
-        columns, _ = _columns(self.target, self.formula, self.variables, [x.tolist()])
-        return np.asarray(self.start.linear.project_out(columns[:, 0]))
+        return np.asarray(self.start.linear.project_out(self.columns([x.tolist()])[0][:, 0]))
 
     def left(self, x: Real) -> Real:
         """The residual beside the best amplitude."""
@@ -332,7 +513,7 @@ class _Refined:
             return None
         steps = np.eye(x.size) * 1e-4 * np.maximum(np.abs(x), 1e-6)[:, None]
         places = [x.tolist(), *(x + steps).tolist()]
-        own, sizes = _columns(target, formula, self.variables, places)
+        own, sizes = self.columns(places)
         simple = [
             "power" in f.family and not 2 * value % 1 for f, value in zip(formula.factors, x, strict=True)
         ]
