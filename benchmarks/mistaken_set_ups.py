@@ -25,8 +25,8 @@ import numpy as np
 from room_search import drawn
 
 from specan.models.catalogue import load_model
+from specan.room.study.of_field import initial_fit, mistake_beside
 from specan.room.study.open_recordings import open_data
-from specan.study.diagnose import mistake_beside
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
@@ -34,7 +34,6 @@ from specan.study.observation import DataFile, MeasuredFiles
 from specan.study.progress import unheard
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refit
-from specan.study.selection.starting_values import initial_fit
 from truth.room import RoomCase, simulate, write
 from truth.room.box import WALLS
 

@@ -15,6 +15,7 @@ from specan.errors import ComputationError
 from specan.io.open import open_recording
 from specan.models import Use
 from specan.room.study.estimate_frf import observe_recording
+from specan.room.study.of_field import initial_fit
 from specan.study.create import begin
 from specan.study.edit import add_effect
 from specan.study.estimation.fit import fit
@@ -25,7 +26,6 @@ from specan.study.evidence.promises import Promise
 from specan.study.observation.frf import FrfObservation
 from specan.study.progress import unheard
 from specan.study.selection.refits import Refit, Refits
-from specan.study.selection.starting_values import initial_fit
 from specan.study.study import Study
 from truth.room import EFFECTS, RoomCase
 

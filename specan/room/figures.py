@@ -15,7 +15,7 @@ from specan.report.figure_style import (
     octave_axis,
     styled,
 )
-from specan.report.figures_study_frf import measured_transfer, response_drawing
+from specan.report.figures_study import measured_transfer, response_drawing
 from specan.report.panels import draw_panels
 from specan.report.residual_map import axis_text
 from specan.report.study_sheets import state_of

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from specan.models.catalogue import load_model
+from specan.room.study.of_field import InitialFit, OfField
 from specan.study.estimation.fit import describe, fit
 from specan.study.evidence.diagnosis import told
-from specan.study.evidence.of_responses import OfResponses
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refit
-from specan.study.selection.starting_values import InitialFit
 from tests.study.few import beside
 from tests.study.test_coarse import RIG, recorded
 
@@ -39,8 +38,8 @@ def test_each_explanation_is_counted_once_where_the_model_is_far_off(promising, 
     assert start.poor_fit
     assert start.problem.strategy.linearised_covariance
     if not promising:
-        monkeypatch.setattr(OfResponses, "_promises", lambda self, one: iter(()))
-    seen = OfResponses(InitialFit(start))
+        monkeypatch.setattr(OfField, "_promises", lambda self, one: iter(()))
+    seen = OfField(InitialFit(start))
     assert any(one.kind == "effects" for one in seen.found) == promising
     counts = Counter((one.kind, one.uses, one.noise) for one in seen.found)
     assert set(counts.values()) == {1}
@@ -51,11 +50,11 @@ def test_each_explanation_is_counted_once_where_the_model_is_far_off(promising, 
 @pytest.mark.long
 def test_what_is_said_of_the_model_is_said_of_the_fit_that_is_shown(monkeypatch):
     """A search may begin from another fit than that of the study: errors and misfit told are the study's."""
-    monkeypatch.setattr(OfResponses, "_promises", lambda self, one: iter(()))
+    monkeypatch.setattr(OfField, "_promises", lambda self, one: iter(()))
     start = lined()
     theta = start.fit.theta + 0.1 * start.problem.scale
     elsewhere = replace(start, fit=describe(start.problem, theta))
-    verdict = told(OfResponses(InitialFit(elsewhere)), start)
+    verdict = told(OfField(InitialFit(elsewhere)), start)
     assert elsewhere.fit.reduced_chi2 != pytest.approx(start.fit.reduced_chi2, rel=0.01)
     assert verdict.verdict == "unknown-effect"
     assert verdict.lack_of_fit.reduced_chi2 == start.fit.reduced_chi2
@@ -67,5 +66,5 @@ def test_what_is_said_of_the_model_is_said_of_the_fit_that_is_shown(monkeypatch)
 def test_an_effect_that_only_repairs_the_form_of_another_is_not_named():
     """A line of a lining that is off by 1 % at one microphone is no error of that microphone."""
     start = lined(wrong=0.01)
-    verdict = told(OfResponses(InitialFit(start)), start)
+    verdict = told(OfField(InitialFit(start)), start)
     assert verdict.alternatives == (("wall-impedance",),)

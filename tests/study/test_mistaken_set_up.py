@@ -8,12 +8,12 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
+from specan.room.study.of_field import InitialFit, mistake_beside
 from specan.room.study.open_recordings import open_data
-from specan.study.diagnose import diagnose, mistake_beside
+from specan.study.diagnose import diagnose
 from specan.study.localisation.localise import mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles
 from specan.study.selection.candidates import base_problem
-from specan.study.selection.starting_values import InitialFit
 from truth.room import simulate, write
 
 SEED = 41

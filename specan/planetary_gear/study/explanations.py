@@ -12,6 +12,7 @@ import numpy as np
 from specan.models import Use
 from specan.planetary_gear.study.evidence import LineEvidence, Pattern
 from specan.study.estimation.problem import Problem
+from specan.study.evidence.diagnosis import told
 from specan.study.evidence.explanations import (
     NOTHING,
     OF_THE_BEST,
@@ -23,7 +24,11 @@ from specan.study.evidence.explanations import (
 from specan.study.evidence.faults import ln_mean
 from specan.study.evidence.marginal import Tangent
 from specan.study.evidence.promises import together
+from specan.study.localisation.localise import MistakenSetUp
+from specan.study.progress import Progress
 from specan.study.selection.candidates import Candidate, candidates, confounded_with, without
+from specan.study.selection.refits import Refit
+from specan.study.verdict import Diagnosis
 
 PAIRED = 3, 6  # likeliest effects that are looked at with others, and with how many of these
 
@@ -161,6 +166,11 @@ class OfOrderLines(Explanations):
             value = float(candidate.parameter(name).from_si(size)) if inside else None
             found[candidate.use.name][candidate.use.at] = value
         return {name: together(places, units[name]) for name, places in sorted(found.items())}
+
+
+def diagnosed(start: Refit, set_up: MistakenSetUp | None, progress: Progress) -> Diagnosis:
+    """The verdict on order lines, as `specan.study.diagnose.diagnose` asks for it."""
+    return told(OfOrderLines(start.problem, start.fit, progress))
 
 
 def near_the_data(problem: Problem) -> dict[str, float]:

@@ -22,8 +22,7 @@ from specan.io.open import open_recording
 from specan.models import Model
 from specan.planetary_gear.model.kinematics import OrderLines
 from specan.planetary_gear.study.by_order_family import localise  # noqa: F401  where a model of lines fails
-from specan.planetary_gear.study.explanations import OfOrderLines as explanations  # noqa: F401
-from specan.planetary_gear.study.explanations import near_the_data  # noqa: F401  sizes that lines tell
+from specan.planetary_gear.study.explanations import diagnosed, near_the_data  # noqa: F401  see `brought`
 from specan.planetary_gear.study.order_lines import OrderLinesObservation, joined, strongest
 from specan.planetary_gear.study.teeth import check_teeth
 from specan.study.data.recordings import parted, reads  # noqa: F401  a recording is one by its content

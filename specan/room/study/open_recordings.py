@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +20,7 @@ from specan.room.model.places import FieldReceivers, ReceiverErrors, near_walls,
 from specan.room.study.estimate_frf import observe_recording, settling_s
 from specan.room.study.field_observation import FieldObservation
 from specan.room.study.matched_field import likely_places  # noqa: F401
-from specan.room.study.mistaken_set_up import (  # noqa: F401  see `brought`
-    mistaken_set_up,
-    undeclared_shifts,
-    while_recorded,
-)
+from specan.room.study.mistaken_set_up import mistaken_set_up, undeclared_shifts  # noqa: F401  see `brought`
 from specan.room.study.mode_shifts import knowing_shifts, mode_shifts, with_mode_shifts  # noqa: F401
 from specan.room.study.receiver_places import explore_places, propose_places  # noqa: F401
 from specan.study.data.recordings import doubts, off_the_mains, parted, reads  # noqa: F401  a recording is one by its content
@@ -35,6 +32,13 @@ from specan.study.localisation.localise import Localisation
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData
 
 TITLE = "a recording"
+
+
+def diagnosed(*given: Any) -> Any:
+    """See `of_field.diagnosed`, which loads much that no other step needs."""
+    from specan.room.study import of_field
+
+    return of_field.diagnosed(*given)
 
 
 def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:

@@ -27,7 +27,7 @@ from specan.errors import require_known
 from specan.models import Assembly, Use, varying
 from specan.models.effect import ParameterName
 from specan.study.estimation.linear import STEP, stencil
-from specan.study.observation import Array, Observation, Strategy, joined
+from specan.study.observation import Array, Observation, Strategy
 
 SHARE = 0.25  # standard deviation of a tail over the range
 
@@ -175,8 +175,13 @@ class Problem:
 
     @cached_property
     def strategy(self) -> Strategy:
-        """How it is fitted and searched."""
-        return joined([o.strategy for o in self.observations], self.n_data)
+        """How it is fitted and searched: frugally where rows are many."""
+        own = [o.strategy for o in self.observations]
+        frugal = self.n_data > 2000 or any(one.frugal for one in own)
+        return Strategy(
+            frugal,
+            *(any(getattr(one, name) for one in own) for name in ("continuation", "linearised_covariance")),
+        )
 
     @cached_property
     def n_effective(self) -> float:

@@ -1,19 +1,20 @@
 """Explanations of transfer functions.
 
-A fit is expensive there, resonances are narrow, and from a field that is far off a linear promise is worth little. So a
-first fit on few, uncertain lines says from where the sets are fitted; what may be added is looked at on part of the
-rows; and what is declared of receivers and modes acts in the field of the best single effect.
+A fit is expensive there, resonances are narrow, and from a field that is far off a linear promise is worth little. So
+what may be added is looked at on part of the rows.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import (
@@ -32,9 +33,12 @@ from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array
 from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import confounded_with
-from specan.study.selection.starting_values import InitialFit, displaced, with_covariances_about
+from specan.study.selection.refits import Refit
 
 SHORT = 2 / 3  # of what a promise leaves beyond the noise from afar, that a fit may take away in addition
+
+
+Led = tuple[dict[str, float], float]  # values of an effect alone, and the chi-square that they take away
 
 
 class OfResponses(Explanations):
@@ -42,50 +46,47 @@ class OfResponses(Explanations):
 
     Parameters
     ----------
-    near : InitialFit
-        The base, what is fitted first, and values near the minimum of some sets.
+    base : Refit
+    known : mapping, optional
+        SI values near the minimum of some sets.
     """
 
     cheap = False
+    growing = True  # whether more is looked for beside fitted sets
 
-    def __init__(self, near: InitialFit, progress: Progress = unheard) -> None:
-        self.fitted_anyway = 8 if near.base.poor_fit else 1
+    def __init__(
+        self,
+        base: Refit,
+        progress: Progress = unheard,
+        known: Mapping[EffectSet, Mapping[str, Any]] = MappingProxyType({}),
+    ) -> None:
+        self.fitted_anyway = 8 if base.poor_fit else 1
         self.errors = AlongLines()
-        self._catalogues: dict[EffectSet, Catalogue] = {}
-        self._about(near)
-        super().__init__(near.base.problem, near.base.fit, progress)
+        self.catalogues: dict[EffectSet, Catalogue] = {}
+        self.begin(base, known)
+        super().__init__(base.problem, base.fit, progress)
 
     def set_up(self) -> None:
         """No rig declares another form of the base for such data."""
 
-    def _about(self, near: InitialFit) -> None:
-        """Look from a base whose covariance is about some field."""
-        self.near = near
-        self.problem, self.base = near.base.problem, near.base.fit
-        self.forms = [Form({}, self.problem, self.base, 0.0, near.known)]
+    def begin(self, base: Refit, known: Mapping[EffectSet, Mapping[str, Any]]) -> None:
+        """Look from a base, whose covariance may be about some field."""
+        self.problem, self.base = base.problem, base.fit
+        self.forms = [Form({}, self.problem, self.base, 0.0, known)]
         self.found = []
+        self._far = base.poor_fit
         self._grown: set[EffectSet] = set()
         self._promised: dict[EffectSet, Promise] = {}
         self._from_afar: dict[EffectSet, tuple[EffectSet, float, float]] = {}
         self._taken: dict[EffectSet, list[float]] = defaultdict(list)
 
     def _search(self) -> None:
-        """Single effects first; where the base is far off, all once more about the field of the best of them."""
-        self._growing = not (self.near.base.poor_fit and self.problem.strategy.linearised_covariance)
         super()._search()
         self.found = [e for e in self.found if not self._only_repairs(e)]
-        sets = sorted((e for e in self.found if e.kind == "effects"), key=lambda e: -e.ln_joint)
-        if self._growing or not sets or sets[0].ln_joint <= self._bare(self.forms[0]).ln_joint:
-            return
-        self._growing = True
-        self.progress("refitting with the covariance of the field found")
-        done = {e.uses: e.tangent.problem.values_at(e.tangent.theta) for e in sets}
-        base = with_covariances_about(self.near.base, sets[0].uses, done[sets[0].uses])
-        # 4: likeliest single effects that are compared in the field of the best
-        likely = tuple(use for e in sets[:4] for use in e.uses)
-        self._about(InitialFit(base, likely, done, sets[0].uses))
-        super()._search()
-        self.found = [e for e in self.found if not self._only_repairs(e)]
+
+    def led(self, refit: Refit, uses: Collection[Use]) -> Mapping[Use, Led]:
+        """Effects that part of the rows lead by itself, beside a fit."""
+        return {}
 
     def _only_repairs(self, one: Explanation) -> bool:
         """Whether a set is no likelier than a part of it that is wrong by the least share in each line."""
@@ -128,12 +129,7 @@ class OfResponses(Explanations):
         return Marginal(tangent.with_noise(rough), root * columns, share)
 
     def _promises(self, one: Explanation) -> Iterator[tuple[float, Promise]]:
-        """What every further effect promises beside a set, and where single receivers' own rows lead their errors."""
-        if not one.uses and self._catalogues:  # once more, about another field
-            one.form.catalogue = self._catalogues[one.uses]
-            for use in self.near.likely:
-                yield np.inf, Promise(use, 0.0, ())
-            return
+        """What every further effect promises beside a set, and where some rows lead it by themselves."""
         refit, beside = one.form.refits.done[one.uses], self.looked_at(one)
         whole, _ = self.weighed(one.form, one.tangent)
         part, tangent = beside.tangent.problem, beside.tangent
@@ -141,28 +137,24 @@ class OfResponses(Explanations):
         here = replace(
             refit.fit, residual=part.residual(tangent.theta), jacobian=part.jacobian(tangent.theta)
         )
-        before = self._catalogues.get(frozenset())
-        catalogue = Catalogue(
-            part, here, worth, before, anew=self.near.base.poor_fit and refit.fit.reduced_chi2 > 1
-        )
+        before = self.catalogues.get(frozenset())
+        catalogue = Catalogue(part, here, worth, before, anew=self._far and refit.fit.reduced_chi2 > 1)
         if not one.uses:
             one.form.catalogue = catalogue
-        self._catalogues[one.uses] = catalogue
-        led = displaced(refit, [c.use for c in catalogue.candidates])
+        self.catalogues[one.uses] = catalogue
+        led = self.led(refit, [c.use for c in catalogue.candidates])
         for promise in catalogue.promises(beside):
             # From afar few lines at resonances are most of chi-square, and part of the rows has too many of them.
             gain, own = promise.ln_gain * min(whole.chi2 / beside.chi2, 1.0), led.get(promise.use)
             if own is not None:
-                values = {**refit.problem.values_at(refit.fit.theta), **own.values}
+                values = {**refit.problem.values_at(refit.fit.theta), **own[0]}
                 promise = replace(promise, starts=(values, *promise.starts))
-                price = len(own.values) * np.log(self.problem.n_data)
-                gain = max(gain, (own.gain - price) / 2)
+                price = len(own[0]) * np.log(self.problem.n_data)
+                gain = max(gain, (own[1] - price) / 2)
             if refit.poor_fit:
                 rest = max((whole.chi2 - self.problem.n_data) / 2 - gain, 0.0)  # no effect explains the noise
                 self._from_afar[one.uses | {promise.use}] = one.uses, gain, rest
                 gain += SHORT * rest
-            if not one.uses and promise.use in self.near.likely:
-                gain = np.inf
             self._promised[one.uses | {promise.use}] = promise
             yield one.ln_evidence + gain, promise
 
@@ -175,7 +167,7 @@ class OfResponses(Explanations):
         if not sets:
             return False
         self._expect_rivals(sets[0])
-        for one in sets if self._growing else ():
+        for one in sets if self.growing else ():
             if not self._waiting and one.uses not in self._grown and self._may_grow(one.uses):
                 self._grown.add(one.uses)
                 self._expect(one)

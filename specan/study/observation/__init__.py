@@ -9,7 +9,7 @@ Decisions: docs/decisions/covariance.md, docs/decisions/leakage.md.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -46,31 +46,6 @@ class Strategy:
     frugal: bool = False
     continuation: bool = False
     linearised_covariance: bool = False
-
-
-def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
-    """Strategy of a problem over several observations; a frugal one for many rows.
-
-    Parameters
-    ----------
-    parts : iterable of Strategy
-        Of the observations.
-    n_data : int
-        Measured values of all of them.
-
-    Examples
-    --------
-    >>> joined([Strategy(), Strategy(continuation=True)], 100).continuation
-    True
-    >>> joined([Strategy()], 48_000).frugal
-    True
-    """
-    parts = list(parts)
-    return Strategy(
-        frugal=n_data > 2000 or any(p.frugal for p in parts),
-        continuation=any(p.continuation for p in parts),
-        linearised_covariance=any(p.linearised_covariance for p in parts),
-    )
 
 
 @dataclass(frozen=True)
@@ -356,8 +331,8 @@ def kind_named(kind: str) -> Any:
 def brought(observations: Sequence[Observation], name: str) -> Callable[..., Any] | None:
     """Function of this name that the kind of measurement of all observations brings; None where there is none.
 
-    ``explanations(problem, base, progress)``, ``localise(problem, best)``, ``curve_errors(observation, predicted)``,
-    ``mistaken_set_up(problem)``, ``while_recorded(problem, best)``, ``undeclared_shifts(problem, best, least)``,
+    ``diagnosed(start, set_up, progress)``, ``localise(problem, best)``, ``curve_errors(observation, predicted)``,
+    ``mistaken_set_up(problem)``, ``undeclared_shifts(problem, best, least)``,
     ``propose_places(rivals, weights, count)``, ``explore_places(problem, block)``, ``with_mode_shifts(problem,
     assembly, values)``, ``mode_shifts(assembly, values)``, ``likely_places(refit, candidates)``,
     ``knowing_shifts(problem, unseen)``, ``near_the_data(problem)``, ``growing(problem, values)``.

@@ -4,28 +4,19 @@ A resonator declared at 150 Hz does not find its own resonance at 230 Hz by goin
 therefore tried over the range of its shapes first, as a candidate of a diagnosis is.
 
 Of an effect that acts at one place, the kind of measurement may tell where that is likely before anything else of it.
-
-For covariances that depend on where the field is a first fit goes near the data. No verdict comes from there: only
-which candidates are looked at first, and where their fits begin, is taken over.
-
-What an error of one receiver does is in its own rows alone: all receivers are moved at the same time, each is led by
-its own rows.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from specan.arrays import Real
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
@@ -35,8 +26,8 @@ from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.observation import brought
-from specan.study.selection.candidates import Candidate, candidates, confounded_with, grid, without
-from specan.study.selection.refits import POOR_FIT, PRUNING_FACTOR, EffectSet, Refit, Refits, start_from
+from specan.study.selection.candidates import Candidate, candidates, grid, without
+from specan.study.selection.refits import Refit, start_from
 from specan.study.selection.signatures import (
     Point,
     Scored,
@@ -44,206 +35,8 @@ from specan.study.selection.signatures import (
     best_of_each,
     default_value,
     different,
-    residuals,
     score,
 )
-
-
-@dataclass(frozen=True)
-class Displaced:
-    """Values of one receiver's error that its own rows ask for, and the chi-square that they take away."""
-
-    values: dict[str, float]
-    gain: float
-
-
-def displaced(refit: Refit, uses: Collection[Use]) -> dict[Use, Displaced]:
-    """Errors of single receivers that have no shape, each led by its own rows, best first.
-
-    Left out are those that explain less than half of what their rows leave beyond the noise. The other parameters stay
-    where they are. All rows are looked at: on a subsample without windows a small error of one receiver is hidden by
-    what windows do to the errors that are declared of it.
-    """
-    found = [c for c in candidates(refit.problem)[0] if c.use in uses and c.effect.instrument and c.use.at]
-    found = [c for c in found if c.amplitudes and not c.shapes and not c.without_prior]
-    channel = np.concatenate(
-        [np.asarray(o.labels.get("channel", [""] * o.n)).astype(str) for o in refit.problem.observations]
-    )
-    rows = {c.use: np.flatnonzero(channel == str(c.use.at)) for c in found}
-    found = [c for c in found if rows[c.use].size]
-    out: dict[Use, Displaced] = {}
-    for name in sorted({c.use.name for c in found}):  # two errors of a receiver are in the same rows
-        out |= _led(refit, [c for c in found if c.use.name == name], rows)
-    return dict(sorted(out.items(), key=lambda item: -item[1].gain))
-
-
-def _led(
-    refit: Refit, found: Sequence[Candidate], rows: Mapping[Use, NDArray[np.intp]]
-) -> dict[Use, Displaced]:
-    """One kind of error of all receivers, moved at the same time."""
-    problem = refit.problem.with_uses([c.use for c in found])
-    neutral: dict[str, float] = {name: c.neutral(name) for c in found for name in c.amplitudes}
-    theta = problem.start({**refit.fit.values, **neutral})
-    low, high = problem.bounds()
-    own = {c.use: np.array([problem.names.index(name) for name in c.amplitudes]) for c in found}
-    # 0.1: of a usual size, for slopes
-    size = {c.use: 0.1 * np.array([default_value(c, n) - c.neutral(n) for n in c.amplitudes]) for c in found}
-
-    def at(many: list[Real]) -> Real:
-        return residuals(problem, [problem.values_at(one) for one in many])
-
-    start = at([theta])[:, 0]
-    here, reach = start.copy(), dict.fromkeys(own, 1.0)
-    # 5: of Gauss-Newton steps
-    for _ in range(5):
-        moved = np.tile(theta, (max(part.size for part in own.values()), 1))
-        for use, part in own.items():
-            moved[np.arange(part.size), part] += size[use]
-        slopes, trial = at(list(moved)) - here[:, None], theta.copy()
-        for use, part in own.items():
-            step, *_ = np.linalg.lstsq(slopes[rows[use], : len(part)], -here[rows[use]], rcond=1e-9)
-            trial[part] = np.clip(theta[part] + reach[use] * step * size[use], low[part], high[part])
-        there = at([trial])[:, 0]
-        for use, part in own.items():
-            mine = rows[use]
-            if there[mine] @ there[mine] < here[mine] @ here[mine]:
-                theta[part], here[mine] = trial[part], there[mine]
-            else:
-                reach[use] /= 4
-    out = {}
-    for use, part in own.items():
-        before, after = (float(x[rows[use]] @ x[rows[use]]) for x in (start, here))
-        gain = before - after
-        # 0.5: of what a receiver's own rows leave beyond the noise, that its error has to explain
-        if gain > 0.5 * (before - min(refit.fit.reduced_chi2, 1.0) * rows[use].size):
-            out[use] = Displaced({problem.names[k]: float(theta[k]) for k in part}, gain)
-    return out
-
-
-Led = tuple[float, dict[str, Any]]  # chi-square with the price of the parameters, and SI values
-
-
-@dataclass(frozen=True, eq=False)
-class InitialFit:
-    """Where a search sets out.
-
-    Attributes
-    ----------
-    base : Refit
-        Fitted with covariances about a field that is near the measured one.
-    likely : tuple of Use
-        What came nearest, the nearest first.
-    known : mapping
-        SI values that led near the data, by the set of effects that was added.
-    found : set of Use
-        The set that the covariances are about.
-    left : float
-        Reduced chi-square that the nearest effect leaves on the down-weighted view.
-    """
-
-    base: Refit
-    likely: tuple[Use, ...] = ()
-    known: Mapping[EffectSet, Mapping[str, Any]] = field(default_factory=dict)
-    found: EffectSet = frozenset()
-    left: float = 0.0
-
-
-def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> InitialFit:
-    """Look for a field near the measured one, where the base is far from it.
-
-    Single effects are fitted to few, uncertain lines; those that come near, to all lines.
-    """
-    if not start.problem.strategy.linearised_covariance or start.fit.reduced_chi2 < POOR_FIT:
-        return InitialFit(start)
-    refits = _singles(start.problem, progress)
-    base, near = refits.base, _nearest(refits)
-    # 0.7: share of the base's chi-square on the down-weighted view that may be left by what is nearer
-    if near.fit.chi2 > 0.7 * base.fit.chi2:  # the base is as near as the view can tell
-        return InitialFit(start)
-    sets = {
-        uses: r for uses, r in refits.done.items() if uses and r.fit.chi2 < PRUNING_FACTOR * near.fit.chi2
-    }
-    led = _on_all_lines(start, near, sets)
-    order = sorted(led, key=lambda uses: led[uses][0])
-    return InitialFit(
-        with_covariances_about(start, order[0], led[order[0]][1]),
-        tuple(use for uses in order for use in uses),
-        {uses: values for uses, (_, values) in led.items()},
-        order[0],
-        near.fit.reduced_chi2,
-    )
-
-
-def _singles(problem: Problem, progress: Callable[[str, float], None]) -> Refits:
-    """Rough fits of the model with single effects, to few, uncertain lines."""
-    text = "searching for a field close to the measured one"
-    progress(text, 0.1)
-    values = continuation_fit(problem)
-    view = down_weighted(problem, values=values)
-    base = Refit(frozenset(), view, fit(view, start=values))
-    refits, found = Refits(base, rough=True), scan_promising(base)
-
-    def look(use: Use) -> None:
-        progress(f"{text}: with {use}", 0.4)
-        richer = refits.with_uses([use])
-        items = found.get(use) or scan_shapes(base, [use]).get(use, [])
-        if items:
-            refits.fit(base, frozenset({use}), [start_from(base, [item], richer) for item in items])
-
-    counts: Counter[str] = Counter()
-    for use in sorted(found, key=lambda use: base.promised(found[use][0])):
-        counts[use.name] += 1
-        # 6, 2: candidates that promise most, and at most so many of one effect
-        if counts[use.name] <= 2 and len(refits.done) <= 6:
-            look(use)
-    for use in _nearest(refits).uses:
-        # What is easily taken for it, and the same elsewhere: opposite ends are alike from afar.
-        alike = [other for other in found if other.name == use.name]
-        for other in (*alike, *confounded_with(problem.assembly.model, use)):
-            look(other)
-    return refits
-
-
-def _nearest(refits: Refits) -> Refit:
-    return min(refits.done.values(), key=lambda r: r.bic(1.0))
-
-
-def _on_all_lines(start: Refit, near: Refit, sets: Mapping[EffectSet, Refit]) -> dict[EffectSet, Led]:
-    """Where some steps on all lines lead the likeliest of some sets, with covariances about the nearest.
-
-    What seems nearest to the few lines of a down-weighted view, which has no windows, need not be the field. A
-    subsample has them: it says which sets are worth the steps.
-    """
-    problem = about(start.problem, near.problem.assembly, near.problem.values_at(near.fit.theta))
-    price = float(np.log(problem.n_effective))
-    problems = {uses: problem.with_uses(sorted(uses)) for uses in sets}
-
-    def on_a_subsample(uses: EffectSet) -> Led:
-        refit = sets[uses]
-        whole, values = problems[uses], refit.problem.values_at(refit.fit.theta)
-        theta = whole.start(values)
-        subsample = whole.subsampled(theta)
-        with suppress(ComputationError):  # it stays where the down-weighted view has it
-            # 5: Jacobians of a subsample
-            theta = descend_steps(subsample, theta, 5)
-        chi2 = float(np.sum(subsample.residual(theta) ** 2)) * problem.n_data / subsample.n_data
-        return chi2 + refit.count * price, whole.values_at(theta)
-
-    def on_all(uses: EffectSet) -> Led:
-        whole = problems[uses]
-        theta = descend_steps(whole, whole.start(subsampled[uses][1]), JACOBIANS)
-        return float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price, whole.values_at(theta)
-
-    subsampled = dict(zip(sets, each_anew(on_a_subsample, list(sets)), strict=True))
-    # 3: effects that are led on over all lines, and that a search looks at first
-    likeliest = sorted(sets, key=lambda uses: subsampled[uses][0])[:3]
-    return dict(zip(likeliest, each_anew(on_all, likeliest), strict=True))
-
-
-def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
-    """The base with covariances about the field of a model with further effects, fitted."""
-    problem = about(start.problem, start.problem.with_uses(sorted(uses)).assembly, values)
-    return replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
 
 
 def about_itself(refit: Refit) -> Refit:
