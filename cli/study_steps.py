@@ -76,7 +76,7 @@ def compare(study: Study, deliver: Delivery, channel: str | None) -> None:
         from specan.report import study_sheets
 
         _print_comparison(study, found)
-        show_apart(*(study_sheets.bands(one, one.plural) for one in study.frf_errors()))
+        show_apart(*(study_sheets.bands(one, one.plural) for one in found.recorded))
 
     deliver.put_out(found, show)
 

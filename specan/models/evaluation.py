@@ -129,7 +129,7 @@ class _Call:
                     remedy=f"add {missing} to the data",
                 ) from None
             if not isinstance(fault, SpecanError):
-                mistake = users_mistake(fault, self.function, self.of.name)
+                mistake = users_mistake(fault, self.of.name, self.function)
                 if mistake is not None:
                     raise mistake from fault
             raise

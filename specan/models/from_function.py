@@ -280,24 +280,27 @@ _ARRAYS = (
 )
 
 
-def users_mistake(fault: BaseException, function: Any, name: str) -> RequestError | None:
-    """An exception of a quantity or an effect as a mistake in the user's file that it comes from; None if from none.
+def users_mistake(fault: BaseException, name: str = "", function: Any = None) -> RequestError | None:
+    """An exception as a mistake in the user's file that it comes from; None if it comes from none.
 
     Parameters
     ----------
     fault : Exception
-        What it raised.
-    function : callable
+        What was raised.
     name : str
-        Identifier of the quantity or effect, for the message.
+        Identifier of the quantity or effect, for the message; by default that of its function.
+    function : callable, optional
+        That was called, whose own line is named where a compiled one tells none.
     """
-    code = getattr(function, "__code__", None)
-    if code is None or not str(getattr(function, "__module__", "")).startswith(PREFIX):
+    frames = traceback.walk_tb(fault.__traceback__)
+    places = [(f.f_code, n) for f, n in frames if str(f.f_globals.get("__name__")).startswith(PREFIX)]
+    if not places and str(getattr(function, "__module__", "")).startswith(PREFIX):
+        places = [(code, code.co_firstlineno) for code in [getattr(function, "__code__", None)] if code]
+    if not places:
         return None
-    lines = [f.lineno for f in traceback.extract_tb(fault.__traceback__) if f.filename == code.co_filename]
+    (code, _), (_, line) = places[0], places[-1]
     return RequestError(
-        f"{code.co_filename}, line {lines[-1] if lines else code.co_firstlineno}: {name!r} fails "
-        f"({type(fault).__name__}: {fault})",
+        f"{code.co_filename}, line {line}: {name or code.co_name!r} fails ({type(fault).__name__}: {fault})",
         remedy=_ARRAYS if any(text in str(fault) for text in _OF_ARRAYS) else "correct that line",
     )
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -242,11 +240,8 @@ class Rates:
             try:
                 found = solver.march(assembly, conditions, many[first : first + size])
             except Exception as fault:  # of a formula, where it is not compiled
-                for frame, _ in traceback.walk_tb(fault.__traceback__):
-                    code, module = frame.f_code, frame.f_globals.get("__name__", "")
-                    of = SimpleNamespace(__code__=code, __module__=module)
-                    if mistake := users_mistake(fault, of, code.co_name):
-                        raise mistake from fault
+                if mistake := users_mistake(fault):
+                    raise mistake from fault
                 raise
             for states in np.moveaxis(found, 2, 0):
                 yield {name: one.reshape(shape) for name, one in zip(program.states, states, strict=True)}

@@ -20,7 +20,7 @@ from specan.report.figure_style import (
     styled,
 )
 from specan.report.figures import figure_named
-from specan.report.figures_study_frf import measured_transfer
+from specan.report.figures_study import measured_transfer
 from specan.report.panels import Curve, Panel, draw_panels
 from specan.report.residual_map import axis_text
 from specan.report.study_rows import table_rows

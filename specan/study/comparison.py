@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from specan.models import Model
 from specan.result import Result, picked
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.prediction_error import ObservableError
-from specan.study.localisation.localise import Localisation
+from specan.study.localisation.by_band_and_channel import FrfErrors
+from specan.study.localisation.localise import Localisation, curve_errors
 from specan.study.observation import Observation
 from specan.units import convert, spoken
 
@@ -103,6 +105,11 @@ class Comparison(Result):
             frames.append(rows.assign(**own))
         return pd.concat(frames, ignore_index=True)
 
+    @cached_property
+    def recorded(self) -> list[FrfErrors]:
+        """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
+        return curve_errors(self.study.problem, self.fit)
+
     @property
     def path_gains(self) -> list[dict[str, Any]]:
         """Of each recording of order lines: gains that were learned from it, and the error without them."""
@@ -118,7 +125,6 @@ class Comparison(Result):
     def content(self) -> dict[str, Any]:
         """What ``specan study compare --json`` prints; `recordings` only where curves were compared."""
         study, where, known = self.study, self.localisation, self.study.data.known
-        recorded = study.frf_errors()
         return {
             "model_effects": study.model_effects,
             "errors": [e.as_dict() for e in self.errors],
@@ -137,6 +143,6 @@ class Comparison(Result):
             "sentences": where.sentences() if where else [],
             "assumptions": study.data.statements,
             "mistaken_set_up": study.mistaken_set_up.text,
-            **({"recordings": [one.as_dict() for one in recorded]} if recorded else {}),
+            **({"recordings": [one.as_dict() for one in self.recorded]} if self.recorded else {}),
             **({"path_gains": gains} if (gains := self.path_gains) else {}),
         }

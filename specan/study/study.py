@@ -39,8 +39,7 @@ from specan.study.history import (
     line_of,
     recover,
 )
-from specan.study.localisation.by_band_and_channel import FrfErrors
-from specan.study.localisation.localise import MistakenSetUp, curve_errors, localise, mistaken_set_up
+from specan.study.localisation.localise import MistakenSetUp, localise, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles, brought, kind_named, together
 from specan.study.progress import Progress
 from specan.study.selection.candidates import grouped_by
@@ -333,10 +332,6 @@ class Study:
         tell = self.data.known and self.shown.dof > 0  # as many parameters as values tell nothing
         where = localise(self.problem, self.shown) if tell else None
         return Comparison(self, self.shown, self.errors, where, self.parameters)
-
-    def frf_errors(self) -> list[FrfErrors]:
-        """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
-        return curve_errors(self.problem, self.shown)
 
     def diagnose(self, *, progress: Progress | None = None) -> Diagnosis:
         """Find out which effect the model is missing; computed once for each state of the study, and kept with it.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from specan.report import residual_map as module
-from specan.report.figures_study_frf import measured_transfer
+from specan.report.figures_study import measured_transfer
 from specan.report.residual_map import map_axes, residual_map
 from specan.study.localisation.localise import Block, Localisation
 from specan.study.observation.frf import KeptLines

@@ -12,7 +12,7 @@ from bokeh.models import MultiSelect, Select
 from specan.inspect.look import COLOURS, GROWS
 from specan.inspect.plots import Plots, plain
 from specan.inspect.trial import Trial
-from specan.report.figures_study_frf import RESPONSES, MeasuredTransfer, measured_transfer, response_drawing
+from specan.report.figures_study import RESPONSES, MeasuredTransfer, measured_transfer, response_drawing
 from specan.report.panels import Curve, Drawing, joined
 from specan.report.residual_map import axis_text
 from specan.report.study_rows import Rows, table_rows

@@ -385,7 +385,7 @@ class _Telling:
     def _faults(self) -> str:
         """Sentences of the faults that may be the one; three at most."""
         found = [one for one in self.judged.stated if one.kind == "fault"]
-        texts = {one.fault: one.best.fault_text for one in reversed(found)}
+        texts = {one.fault: one.best.fault.text for one in reversed(found) if one.best.fault}
         names = likeliest_faults((one.fault, one.probability) for one in found)
         return "; or ".join(texts[name] for name in list(names)[:3])
 

@@ -85,11 +85,6 @@ class Explanation:
     fitted: bool = True
 
     @property
-    def fault_text(self) -> str:
-        """What is wrong with the data."""
-        return "" if self.fault is None else self.fault.text
-
-    @property
     def of_noise(self) -> str:
         """What it says of the noise."""
         return self.noise.text if self.noise else ""

@@ -59,11 +59,6 @@ class Pull:
     at_bound: bool
 
     @property
-    def too_far(self) -> bool:
-        """Whether the fit contradicts what is known."""
-        return abs(self.pull) > TOO_FAR or self.at_bound
-
-    @property
     def range(self) -> str:
         """What was known, as a person reads it."""
         ends = [end for end in self.known if np.isfinite(end)]
@@ -81,7 +76,7 @@ def pulls(refit: Refit) -> tuple[Pull, ...]:
     """Every value outside of what was known of it, the worst first."""
     found = [_pull(refit, name) for name in refit.fit.names]
     outside = [p for p in found if abs(p.pull) > 0 or p.at_bound]
-    return tuple(sorted(outside, key=lambda p: (not p.too_far, -abs(p.pull))))
+    return tuple(sorted(outside, key=lambda p: (abs(p.pull) <= TOO_FAR and not p.at_bound, -abs(p.pull))))
 
 
 def shown(found: tuple[Pull, ...]) -> tuple[Pull, ...]:
