@@ -66,11 +66,8 @@ class FrfErrors:
 
     def __init__(self, observation: FrfObservation, predicted: Array) -> None:
         kept = observation.kept
-        self.recording, self.channels, self.plural = (
-            observation.name,
-            observation.channels,
-            observation.plural,
-        )
+        self.recording, self.plural = observation.name, observation.plural
+        self.channels = observation.channels
         self.third, self.frequency_hz = observation.variables["third_octave_hz"], observation.frequency_hz
         self.measured: Complex = np.where(kept, observation.response, 0.0)
         self.model = observation.lines_of(predicted)

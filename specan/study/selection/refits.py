@@ -214,7 +214,7 @@ class Refits:
         Parameters
         ----------
         start : Refit
-            A set that it contains, on the rows that were looked at.
+            A set that it contains.
         uses : frozenset of Use
         starts : sequence of mapping
             SI values to start from.
@@ -229,10 +229,10 @@ class Refits:
         problem = self.with_uses(uses)
         known = [dict(self.known[uses])] if uses in self.known else []
         starts = known or self._continuation_start(start, problem, uses, starts) or starts
-        near = self._nearer(problem, start, starts)
+        near = _nearer(problem, starts) if start.poor_fit else starts
         best = self._pruned_minimum(uses, problem, near)
         if best is None:
-            best, nested = self._lowest(problem, near, self._whole(start)), self._best_within(uses)
+            best, nested = self._lowest(problem, near, start), self._best_within(uses)
             if best is None or best.chi2 > nested.fit.chi2 + STALL_TOLERANCE * unit(problem, best.chi2):
                 best = self._lowest(problem, [start_nested(nested, starts[0], problem)], nested)
         if best is None:
@@ -267,15 +267,11 @@ class Refits:
         self.done[part] = replace(fewer, fit=fitted)
         return True
 
-    def _whole(self, start: Refit) -> Refit:
-        """A set on all lines, of which a part was looked at."""
-        return self.done.get(start.uses, start)
-
     def _continuation_start(
         self, start: Refit, problem: Problem, uses: EffectSet, starts: Sequence[Mapping[str, Any]]
     ) -> list[dict[str, Any]]:
         """A start from a continuation fit, where what the set has wrong has dragged its parameters away."""
-        if not self._whole(start).poor_fit:
+        if not start.poor_fit:
             return []
         own = [{n: v for n, v in s.items() if ParameterName(n).owner in map(str, uses)} for s in starts]
         try:
@@ -289,24 +285,6 @@ class Refits:
     def _not_dragged(self) -> dict[str, Any]:
         """Values of the base on few, uncertain lines, which what is missing drags away less."""
         return continuation_fit(self.base.problem)
-
-    def _nearer(
-        self, problem: Problem, start: Refit, starts: Sequence[Mapping[str, Any]]
-    ) -> Sequence[Mapping[str, Any]]:
-        """Of many rows, the start that leads lowest on a subsample, led there.
-
-        The subsample is the one that the signatures were scored on; about the last start where that set is far off.
-        """
-        seen = problem.over(start.problem.observations)
-        if self._whole(start).poor_fit:
-            seen = problem.subsampled(problem.start(starts[-1]))
-        if seen.n_data == problem.n_data:
-            return starts
-        try:
-            there = descend(seen, best_screened(seen, [problem.start(values) for values in starts]))
-        except ComputationError:  # the whole data may do better
-            return starts
-        return [problem.values_at(there.theta)]
 
     def _pruned_minimum(
         self, uses: EffectSet, problem: Problem, near: Sequence[Mapping[str, Any]]
@@ -354,6 +332,18 @@ class Refits:
     def _best_within(self, uses: EffectSet) -> Refit:
         """The best fit so far that a set contains: with the other effects at nothing the set is as good."""
         return min((r for part, r in self.done.items() if part < uses), key=lambda r: r.fit.chi2)
+
+
+def _nearer(problem: Problem, starts: Sequence[Mapping[str, Any]]) -> Sequence[Mapping[str, Any]]:
+    """The start that leads lowest on a subsample about the last one, led there, where the base is far off."""
+    seen = problem.subsampled(problem.start(starts[-1]))
+    if seen.n_data == problem.n_data:
+        return starts
+    try:
+        there = descend(seen, best_screened(seen, [problem.start(values) for values in starts]))
+    except ComputationError:  # the whole data may do better
+        return starts
+    return [problem.values_at(there.theta)]
 
 
 def _level(problem: Problem, one: Minimum | Fit) -> float:
