@@ -9,7 +9,7 @@ from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.room.model.places import ReceiverErrors, receivers_of
 from specan.room.study.field_observation import FieldObservation
-from specan.room.study.of_field import displaced
+from specan.room.study.of_field import displaced, promised, scan_promising
 from specan.study.diagnose import diagnose
 from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import describe, fit
@@ -20,7 +20,6 @@ from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import Signatures, score
 from specan.study.selection.starting_values import (
     kept_values,
-    scan_promising,
     scan_shapes,
     starting_values,
 )
@@ -170,7 +169,7 @@ def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
     found = scan_promising(base)
     leaks = [use for use in found if use.name == "leak"]
     assert {use.at for use in leaks} == {c.use.at for c in candidates(problem)[0] if c.use.name == "leak"}
-    best = min(leaks, key=lambda use: base.promised(found[use][0]))
+    best = min(leaks, key=lambda use: promised(base, found[use][0]))
     assert str(best) == "leak@z1"
 
 

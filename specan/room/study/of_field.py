@@ -36,8 +36,8 @@ from specan.study.localisation.localise import MistakenSetUp, mistaken_set_up
 from specan.study.progress import Progress, unheard
 from specan.study.selection.candidates import Candidate, candidates, confounded_with
 from specan.study.selection.refits import POOR_FIT, PRUNING_FACTOR, Refit, Refits, start_from
-from specan.study.selection.signatures import default_value, residuals
-from specan.study.selection.starting_values import scan_promising, scan_shapes
+from specan.study.selection.signatures import Scored, Signatures, default_value, residuals
+from specan.study.selection.starting_values import BEST, Search, likely_places, scan_shapes, scored_best
 from specan.study.verdict import Diagnosis, LackOfFit
 
 
@@ -254,7 +254,7 @@ def _singles(problem: Problem, progress: Progress) -> Refits:
             refits.fit(base, frozenset({use}), [start_from(base, [item], richer) for item in items])
 
     counts: Counter[str] = Counter()
-    for use in sorted(found, key=lambda use: base.promised(found[use][0])):
+    for use in sorted(found, key=lambda use: promised(base, found[use][0])):
         counts[use.name] += 1
         # 6, 2: candidates that promise most, and at most so many of one effect
         if counts[use.name] <= 2 and len(refits.done) <= 6:
@@ -265,6 +265,35 @@ def _singles(problem: Problem, progress: Progress) -> Refits:
         for other in (*alike, *confounded_with(problem.assembly.model, use)):
             look(other)
     return refits
+
+
+def scan_promising(refit: Refit) -> dict[Use, list[Scored]]:
+    """Starting values: the most promising of all, of every effect, and the two best at every place.
+
+    Few shapes may be what holds an effect back; and a low mode is much the same at the opposite end.
+    """
+    found, _ = candidates(refit.problem)
+    at, likely = Signatures(refit.problem, refit.fit), likely_places(refit, found)
+    points = at.grid(found)
+    for candidate in found:
+        if candidate.use in likely:
+            one = Search(refit, candidate, at)
+            more = one.at_place(likely[candidate.use][0], one.sizes[:1])
+            points[candidate.use] = [*points.get(candidate.use, []), *more]
+    scored = scored_best(refit, at, found, points)
+    order = sorted(scored, key=lambda use: promised(refit, scored[use][0]))
+    names: dict[str, Use] = {}
+    for use in order:
+        names.setdefault(use.name, use)
+    # 6: candidates that are looked at over all of their shapes, beside the best place of every effect
+    seen = scan_shapes(refit, [*order[:6], *names.values()])
+    best = dict.fromkeys(use.name for use in sorted(seen, key=lambda use: promised(refit, seen[use][0])))
+    return seen | scan_shapes(refit, [u for u in order if u.name in [*best][:BEST] and u not in seen])
+
+
+def promised(refit: Refit, item: Scored) -> float:
+    """Change of BIC that a signature promises."""
+    return -item.chi2_reduction / refit.fit.dispersion + item.count * float(np.log(refit.problem.n_effective))
 
 
 def _nearest(refits: Refits) -> Refit:

@@ -172,12 +172,6 @@ class Refit:
         """Chi-square in units of `dispersion` plus the price of the added parameters."""
         return self.fit.chi2 / dispersion + self.count * float(np.log(self.problem.n_effective))
 
-    def promised(self, item: Scored) -> float:
-        """Change of BIC that a signature promises."""
-        return -item.chi2_reduction / self.fit.dispersion + item.count * float(
-            np.log(self.problem.n_effective)
-        )
-
 
 @dataclass(eq=False)
 class Refits:

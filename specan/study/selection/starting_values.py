@@ -113,40 +113,16 @@ def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
     return Refit(frozenset(), subsample, fit(subsample, start=theta))
 
 
-def scan_promising(refit: Refit) -> dict[Use, list[Scored]]:
-    """Starting values: the most promising of all, of every effect, and the two best at every place.
-
-    Few shapes may be what holds an effect back; and a low mode is much the same at the opposite end.
-    """
-    found, _ = candidates(refit.problem)
-    at, likely = Signatures(refit.problem, refit.fit), _likely_places(refit, found)
-    points = at.grid(found)
-    for candidate in found:
-        if candidate.use in likely:
-            one = _Search(refit, candidate, at)
-            more = one.at_place(likely[candidate.use][0], one.sizes[:1])
-            points[candidate.use] = [*points.get(candidate.use, []), *more]
-    scored = _best_of_each(refit, at, found, points)
-    order = sorted(scored, key=lambda use: refit.promised(scored[use][0]))
-    names: dict[str, Use] = {}
-    for use in order:
-        names.setdefault(use.name, use)
-    # 6: candidates that are looked at over all of their shapes, beside the best place of every effect
-    seen = scan_shapes(refit, [*order[:6], *names.values()])
-    best = dict.fromkeys(use.name for use in sorted(seen, key=lambda use: refit.promised(seen[use][0])))
-    return seen | scan_shapes(refit, [u for u in order if u.name in [*best][:BEST] and u not in seen])
-
-
 def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     """Signatures of few candidates over all of their shapes: the best of each, and others that lie apart."""
     found = [c for c in candidates(refit.problem)[0] if c.use in uses]
-    shared, places = Signatures(refit.problem, refit.fit), _likely_places(refit, found)
-    scored = _best_of_each(refit, shared, found, shared.grid(found))
+    shared, places = Signatures(refit.problem, refit.fit), likely_places(refit, found)
+    scored = scored_best(refit, shared, found, shared.grid(found))
     by_use = {c.use: c for c in found}
 
     def peaks(use: Use) -> list[Scored]:
         # changes at all that is tried of every effect take much memory
-        one = _Search(refit, by_use[use], Signatures(refit.problem, refit.fit, shared.known))
+        one = Search(refit, by_use[use], Signatures(refit.problem, refit.fit, shared.known))
         optima = one.optima(scored[use][0])
         for place in places.get(use, ()):
             optima += one.led(one.at_place(place, one.sizes))
@@ -158,15 +134,16 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     return dict(zip(scored, each_anew(peaks, list(scored)), strict=True))
 
 
-def _best_of_each(
+def scored_best(
     refit: Refit, at: Signatures, found: Sequence[Candidate], points: Mapping[Use, Sequence[Point]]
 ) -> dict[Use, list[Scored]]:
+    """Signatures of every candidate at its points, the best first."""
     seen = (s for c in found if c.use in points for s in at.at(c, points[c.use]))
     return best_of_each(score(refit.linear, seen))
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
+class Search:
     """A search for the shapes of one candidate."""
 
     refit: Refit
@@ -174,6 +151,7 @@ class _Search:
     at: Signatures
 
     def scored(self, points: Sequence[Point]) -> list[Scored]:
+        """Signatures of it at some points, the best first."""
         return score(self.refit.linear, self.at.at(self.candidate, points))
 
     @cached_property
@@ -299,7 +277,7 @@ def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dic
     )
 
 
-def _likely_places(refit: Refit, found: Sequence[Candidate]) -> Mapping[Use, Sequence[Found]]:
+def likely_places(refit: Refit, found: Sequence[Candidate]) -> Mapping[Use, Sequence[Found]]:
     """Places of the candidates that act at one, best first; empty where the kind of measurement tells none."""
     look = brought(refit.problem.observations, "likely_places")
     return look(refit, found) if look else {}
