@@ -22,9 +22,6 @@ MOVING = 0.75  # of the neighbours of rests on the rail
 # A repeating tone falls short of the sine through its other samples by so many times what these are away from it, and
 # by this part of the span at least: harmonics that are none of clipping are as large there as elsewhere.
 SHORT, SEEN = 100.0, 1e-4
-# A tone of few samples a period leaves too few off the rails for that. Rounded to more than so many steps it leans by
-# less than this part of its span.
-SHORTEST, LEANING, COARSE = 16, 0.02, 200
 
 
 def is_cut_off(samples: Real, top: float, span: float) -> bool:
@@ -88,8 +85,6 @@ def _falls_short(samples: Real, on_rail: Flags, top: float, span: float) -> bool
     count, first = _period(samples, on_rail, SAME * span), int(np.argmax(on_rail))
     period, high = samples[first : first + count], on_rail[first : first + count]
     free = ~high & (period > top - span * (1.0 - SAME))
-    if free.any() and count <= SHORTEST and _leans(period, high, span):
-        return True
     if np.count_nonzero(free) < 4:  # a sine about a mean goes through any three
         return False
     line = 1 + int(np.argmax(np.abs(np.fft.rfft(period)[1:])))
@@ -103,22 +98,6 @@ def _falls_short(samples: Real, on_rail: Flags, top: float, span: float) -> bool
     away = float(np.abs(period - sine)[free].max())
     short = (sine - period)[high]
     return bool(short.min() >= -SHORT * away and short.max() > max(SHORT * away, SEEN * span))
-
-
-def _leans(period: Real, high: Flags, span: float) -> bool:
-    """Whether neighbours on the rail are the top of a wave that is not the same on either side of it.
-
-    Two neighbouring samples of a tone are equal at its top only if they lie alike about it; then all others do.
-    """
-    begins = np.flatnonzero(high & ~np.roll(high, 1) & np.roll(high, -1))
-    steps = np.arange(1, COARSE)[:, None] * period / period.max()
-    rounded = (np.abs(steps - np.rint(steps)) < 1e-6).all(axis=1).any()
-    if not begins.size or rounded:
-        return False
-    begin = int(begins[0])
-    length = int(np.argmin(np.roll(high, -begin)))
-    mirrored = period[(2 * begin + length - 1 - np.arange(period.size)) % period.size]
-    return bool(np.abs(period - mirrored).max() > LEANING * span)
 
 
 def _period(samples: Real, on_rail: Flags, same: float) -> int:
