@@ -239,3 +239,18 @@ def test_weighted_lines_have_the_levels_of_the_standard(
     if weighting != "Z":
         with pytest.raises(RequestError, match="Vib is in m/s"):
             FourierSpectrum(weighting=weighting, channels=("Vib",))(recording)
+
+
+@pytest.mark.parametrize(("length", "seen"), [(499, ("a",)), (500, ("a", "b"))])
+def test_a_channel_of_less_than_half_the_length_of_others_does_not_shorten_them(length, seen) -> None:
+    samples = np.random.default_rng(1).standard_normal(1000)
+    recording = Recording.from_arrays({"a": samples, "b": samples[:length]}, 1000.0)
+    found = FourierSpectrum(whole=True)(recording)
+    assert found.channels == seen
+    assert found.scale.line_spacing_hz == pytest.approx(1.0 if len(seen) == 1 else 2.0)
+    (note,) = found.notes
+    assert note == (
+        "b is left out: it lasts 0.499 s, others 1 s; choose it alone"
+        if len(seen) == 1
+        else "all channels are analysed up to 0.5 s, where b ends"
+    )

@@ -166,6 +166,18 @@ def test_hdf5_with_attributes(tmp_path):
     assert found.channel("force").group == "measurement"
 
 
+def test_one_unit_of_an_array_of_several_channels_is_that_of_each(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        file["pressure"] = np.column_stack([FORCE, MOVED])
+        file["pressure"].attrs.update({"unit": "mPa", "sampling_rate": RATE})
+    found = open_recording(tmp_path / "run.h5")
+    assert [(c.name, c.unit, c.gain) for c in found] == [
+        ("pressure 1", "Pa", 1e-3),
+        ("pressure 2", "Pa", 1e-3),
+    ]
+
+
 def test_hdf5_without_a_rate_asks_for_one(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "run.h5", "w") as file:
