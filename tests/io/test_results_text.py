@@ -43,6 +43,10 @@ def test_a_name_cannot_break_the_table() -> None:
     assert table_lines({"channel": "Mic\t1", "unit": [word("a\nb")]}) == "Mic\\t1\ta\\nb\n"
 
 
+def test_a_percent_sign_in_a_name_is_printed_as_it_is() -> None:
+    assert table_lines({"channel": "5 %d", "unit": ["%s"], "rms": [np.nan]}) == "5 %d\t%s\t\n"
+
+
 def test_table_has_header_columns_and_line_feeds(tmp_path) -> None:
     path = tmp_path / "sine.txt"
     write_table(path, ["specan", "two\nlines"], ("file", "channel"), ["a\tb\n", "c\td\n"])
