@@ -282,7 +282,9 @@ class ImpulseResponse(SectionSettings):
         how = _averaged if method == "H1" else _deconvolved
         samples, upper, remarks = how(self, recording, reference, responses)
         return ImpulseResponses(
-            **self.origin(recording, responses, (*notes, *remarks), [c.unit for c in responses]),
+            **self.origin(
+                recording, responses, dict.fromkeys((*notes, *remarks)), [c.unit for c in responses]
+            ),
             sources=responses,
             reference=reference.label,
             reference_unit=reference.target_unit,

@@ -318,7 +318,8 @@ def decay(recording: Source, reference: str | None = None, **settings: Any) -> D
     found = whole(responses.recording(), responses.upper_hz)
     kept = {"calibration": responses.settings["calibration"]}
     remark = f"from impulse responses to {responses.reference} ({responses.method})"
-    return replace(found, notes=(*found.notes, remark), settings={**asked.model_dump(mode="json"), **kept})
+    notes = (*responses.notes, *found.notes, remark)
+    return replace(found, notes=notes, settings={**asked.model_dump(mode="json"), **kept})
 
 
 def srs(recording: Source, **settings: Any) -> ShockResponse:

@@ -189,7 +189,7 @@ def _package(name: str) -> Any:
     endings = [f"a file .{point.name}" for point in entry_points(group=FILE_ENTRY_POINTS)]
     raise RequestError(
         f"there is no model {name!r}",
-        expected="one of " + ", ".join([*model_names(), "a file .py", *endings]),
+        expected=" or ".join(["the name of a model", "a file .py", *endings]),
         remedy=nearest(name, model_names()),
     )
 

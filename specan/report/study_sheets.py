@@ -128,7 +128,7 @@ def readings(rows: Sequence[Mapping[str, Any]]) -> Sheet:
             f"sigma{unit}": f"{row['sigma']:.2g}" if row.get("sigma") else "",
             "closest two, sigma apart": f"{sigmas[0]:.1f}" if sigmas[0] else "",
             "furthest two, sigma apart": f"{sigmas[1]:.1f}" if sigmas[1] else "",
-            "separates": "" if not sigmas[1] else "all" if (sigmas[0] or 0.0) >= SEPARATES else "some",
+            "separates": ["in part", "some", "all"][sum((s or 0) >= SEPARATES for s in sigmas)] if sigmas[1] else "",
         })  # fmt: skip
     lines = [[label, *(column[label] for column in columns)] for label in columns[0]]
     header = ["", *map(str, range(1, len(rows) + 1))]

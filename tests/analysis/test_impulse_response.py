@@ -1,5 +1,7 @@
 """Impulse responses from sweeps, sequences, noise: the response that was built in comes back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import chirp, fftconvolve, max_len_seq
@@ -52,6 +54,16 @@ def test_a_sweep_is_recognised_and_its_decay_is_that_of_the_room() -> None:
     found = decay(sweep, fmin=500, fmax=2000)
     assert any("deconvolution" in note for note in found.notes)
     assert np.all(np.abs(found.t20_s[0] - 0.35) < 3 * found.u_t20_s[0])
+
+
+def test_a_channel_that_ends_early_is_told_once() -> None:
+    whole = recorded(RNG.standard_normal(int(16 * RATE)), silence_s=0.0)
+    driven, heard = whole.source.read([0, 1], 0, int(16 * RATE))
+    channels = (whole.channels[0], replace(whole.channels[1], n_samples=heard.size // 2))
+    noise = Recording("room.tdms", channels, ArraySource([driven, heard[: heard.size // 2]]))
+    for found in (decay(noise, fmin=500, fmax=1000), ImpulseResponse()(noise)):
+        told = [note for note in found.notes if "where Mic 1 ends" in note]
+        assert told == ["all channels are analysed up to 8 s, where Mic 1 ends"]
 
 
 def test_noise_is_averaged_and_its_decay_is_that_of_the_room() -> None:

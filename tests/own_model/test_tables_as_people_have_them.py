@@ -149,6 +149,20 @@ def test_units_say_which_header_is_which_column(tmp_path, pump):
     assert " ".join(f'--column "{pair}"' for pair in pairs) in str(fault.value)
 
 
+def test_time_and_temperature_differ_by_a_capital_letter(tmp_path):
+    model = Model.from_function(
+        lambda t, rate: 20 - rate * t,
+        conditions={"t": "s"},
+        observables={"T": "degC"},
+        parameters={"rate": 1.0},
+    )
+    path = tmp_path / "t.csv"
+    path.write_text("t [min],T [K]\n1,283.15\n2,273.15\n", encoding="utf-8")
+    found = rows_of(path, model)
+    assert found.conditions["t"] == pytest.approx([60, 120])
+    assert found.measured == pytest.approx([10, 0])
+
+
 def test_two_headers_for_one_column(tmp_path, pump):
     path = tmp_path / "t.csv"
     path.write_text("flow,flow [l/s],speed,share,head\n1,2,3,4,5\n", encoding="utf-8")

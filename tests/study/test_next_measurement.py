@@ -114,6 +114,58 @@ def test_two_friction_laws_are_told_apart_at_slow_speeds(tmp_path):
     assert 0 < first.conditions["speed"] <= 20
 
 
+def test_a_reading_that_no_law_predicts_well_is_proposed_where_it_would_tell(tmp_path):
+    """Friction that falls over a speed which the data hardly tell: simulated readings say how much one resolves."""
+    from open_tables import read_tables
+
+    from specan.models import Model, Parameter, effect
+    from specan.study.selection.candidates import base_problem
+
+    @effect("stribeck", adds_to="drag", neutral={"size": 0.0})
+    def stribeck(
+        speed,
+        *,
+        size=Parameter(5.0, "N", min=1, max=30, lower=-100, upper=100),
+        scale=Parameter(5.0, "mm/s", min=1, max=50),
+    ):
+        return size * np.exp(-speed / scale)
+
+    def drag(speed, level=20.0):
+        return level + 0.0 * speed
+
+    model = Model.from_function(
+        drag,
+        conditions={"speed": ("mm/s", 1, 200)},
+        observables={"drag": ("N", 0.3)},
+        effects=[stribeck],
+    )
+    rng = np.random.default_rng(0)
+    speeds = np.repeat(np.linspace(20, 200, 10), 2)
+    rows = [f"{v:g},{20 + 5 * np.exp(-v / 10) + 0.3 * rng.standard_normal():.4f}" for v in speeds]
+    (tmp_path / "t.csv").write_text("speed,drag\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    problem = base_problem(model, read_tables(model, [tmp_path / "t.csv"]).fitted)
+    refits = Refits(Refit(frozenset(), problem, fit(problem)))
+    rivals = [refits.fit(refits.base, frozenset({Use("stribeck")}), [{}]), refits.base]
+    first = propose(rivals)[0]
+    assert first.conditions["speed"] <= 10
+    assert first.separation_sigma < 2
+    v, theta = first.conditions["speed"], rivals[0].fit.theta
+    decay = np.exp(-v / theta[2])
+    slopes = np.array([1, decay, theta[1] * decay * v / theta[2] ** 2])
+    spread = (
+        np.array([slopes @ rivals[0].fit.covariance @ slopes, rivals[1].fit.covariance[0, 0]])
+        + first.sigma**2
+    )
+    mean = np.array([first.predictions["stribeck"], first.predictions["the model as it is"]])
+    law = rng.integers(2, size=20000)
+    read = mean[law] + np.sqrt(spread[law]) * rng.standard_normal(law.size)
+    density = np.exp(-((read[:, None] - mean) ** 2) / (2 * spread)) / np.sqrt(spread)
+    share = density / density.sum(axis=1, keepdims=True)
+    open_ = -np.mean(np.sum(share * np.log(np.maximum(share, 1e-300)), axis=1))
+    resolved = float(first.text.split("at least ")[1].split(" %")[0]) / 100
+    assert 0.4 < resolved < 1 - open_ / np.log(2)
+
+
 def test_a_measured_point_decides_what_the_grid_could_not(toy):
     problem = toy.problem(lambda x, z: 1.1 * x**2, ["square", "wave"], seed=4)
     rivals = fitted(problem, "square", "wave")

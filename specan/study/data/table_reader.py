@@ -256,6 +256,7 @@ class ColumnNames:
         close = [c for c in columns if c == header] or [c for c in columns if _plain(c) == _plain(header)]
         if not close and unit:
             close = [c for c, t in self._targets.items() if _plain(title) in _aliases(c, t)]
+            close = [c for c in close if title in (c, self._targets[c].name)] or close  # t and T
         else:
             unit = ""
         return (close[0], unit) if len(close) == 1 else ("", "")

@@ -33,7 +33,7 @@ from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
 from specan.units import convert, spoken
 
-SEPARATES = 2.0  # sigma that a measurement must promise to be worth proposing
+SEPARATES = 2.0  # sigma that a measurement must promise to be worth proposing, or to tell as much as that
 EXPLORED = 2  # measurements that are proposed for something unknown
 
 
@@ -140,6 +140,11 @@ def _greedy(rivals: Sequence[Refit], weights: Real, planned: TableObservation, c
     slopes = [np.asarray(problem.jacobian(theta)[: planned.n]) for problem, theta in there]
     covariances = [r.fit.covariance * r.fit.dispersion for r in rivals]
     place = _places(rivals[0].problem, planned.conditions)
+    share = weights / np.sum(weights)
+    doubt = float(-share @ np.log(share))
+    # the part of it that a reading resolves of two as probable, so many sigma apart
+    two = expected_information(np.array([[0.0], [SEPARATES]]), np.ones((2, 1)), np.ones(2))
+    enough = float(two[0] / np.log(2.0))
     found: list[Proposal] = []
     while len(found) < count and np.any(usable):
         variance = np.stack([np.einsum("ij,jk,ik->i", j, c, j) for j, c in zip(slopes, covariances)])
@@ -150,9 +155,10 @@ def _greedy(rivals: Sequence[Refit], weights: Real, planned: TableObservation, c
             for a, b in combinations(range(len(rivals)), 2)
         ]
         apart, least = (float(np.sqrt(end(squares))) / planned.sigma[best] for end in (max, min))
-        if apart < SEPARATES:
+        resolved = float(told[best]) / doubt
+        if max(apart / SEPARATES, resolved / enough) < 1.0:
             break
-        found.append(_proposal(rivals, planned, predicted[:, best], best, apart, least))
+        found.append(_proposal(rivals, planned, predicted[:, best], best, apart, least, resolved))
         # what is nearer than 0.15 of the limits is a near duplicate
         usable &= np.max(np.abs(place - place[best]), axis=1) > 0.15
         covariances = [after_reading(c, j[best]) for c, j in zip(covariances, slopes)]
@@ -201,8 +207,13 @@ def _proposal(
     row: int,
     apart: float = 0.0,
     least: float = 0.0,
+    resolved: float = 0.0,
 ) -> Proposal:
-    """A planned reading in words; `apart` and `least`: its largest and smallest separation of two rivals, in sigma."""
+    """A planned reading in words.
+
+    `apart` and `least`: its largest and smallest separation of two rivals, in sigma; `resolved`: the part of what is
+    not known that it is expected to tell at least.
+    """
     model = rivals[0].problem.assembly.model
     observable = model.observables[str(planned.observable[row])]
     settable = _settable(rivals[0].problem)
@@ -223,7 +234,10 @@ def _proposal(
     told = (
         f"one reading separates them by {least:.1f} sigma"
         if least >= SEPARATES
-        else (f"one reading separates some of them, by up to {apart:.1f} sigma")
+        else f"one reading separates some of them, by up to {apart:.1f} sigma"
+        if apart >= SEPARATES
+        else "none of them predicts it well, and one reading is expected to resolve at least "
+        f"{100 * resolved:.0f} % of the doubt"
     )
     text = f"{where}: {said}; sigma there is {spoken(sigma, unit=observable.unit, digits=2)}, {told}"
     return Proposal(text, conditions, predictions, observable.unit, sigma, apart, least, observable.name)
