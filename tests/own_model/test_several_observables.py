@@ -71,3 +71,14 @@ def test_what_the_second_observable_lacks_is_found_and_its_error_told(table) -> 
     added = run("study", "add", place / "s", "extra", "--because", "asked for")
     assert "heat" in added
     assert "0.04464 W" in run("study", "history", place / "s")
+
+
+def test_an_effect_is_no_better_for_readings_that_scatter_more_under_it(table) -> None:
+    """No likelihood ratio is above that of the best fits: least squares of the force, with its square and without."""
+    place, x, force, _ = table
+    alone = MODEL.replace("effects=[extra, stiffer]", "effects=[stiffer]")
+    (place / "two.py").write_text(alone, encoding="utf-8")
+    run("study", "new", place / "s", "--model", place / "two.py", "--measurement", place / "t.csv")
+    (row,) = json.loads(run("study", "diagnose", place / "s", "--json"))["ranking"]
+    left = [np.linalg.lstsq(base.T, force)[1][0] / 0.1**2 for base in (x[None], np.stack([x, x**2]))]
+    assert row["ln_evidence"] < 0.5 * (left[0] - left[1]) + 0.5

@@ -320,7 +320,11 @@ class _Telling:
     def _ranking(self) -> tuple[Ranked, ...]:
         rows = []
         tried = [one for one in self.judged.stated if one.kind == "effects" and one.best.fitted]
-        bare = [e for e in self.explanations.found if e.kind == "nothing" and e.noise is None]
+        # of each form of the noise: an effect under which readings scatter more is no better for that
+        bare: dict[type, float] = {}
+        for e in self.explanations.found:
+            if e.kind == "nothing":
+                bare[type(e.noise)] = max(bare.get(type(e.noise), -np.inf), e.ln_evidence)
         for one in tried[:MOST_TOLD]:
             refit = self.refit(one.best)
             named = one in self.judged.sets
@@ -332,7 +336,7 @@ class _Telling:
                     effects=tuple(sorted(u.name for u in one.uses)),
                     at=places_of(one.uses),
                     probability=one.probability,
-                    ln_evidence=one.best.ln_evidence - max(e.ln_evidence for e in bare),
+                    ln_evidence=one.best.ln_evidence - bare.get(type(one.best.noise), bare[type(None)]),
                     error_after=error.rms,
                     level_after_dB=error.level_dB,
                     others_after={e.observable: e.rms for e in more},
