@@ -320,11 +320,12 @@ class _Telling:
     def _ranking(self) -> tuple[Ranked, ...]:
         rows = []
         tried = [one for one in self.judged.stated if one.kind == "effects" and one.best.fitted]
-        # of each form of the noise: an effect under which readings scatter more is no better for that
-        bare: dict[type, float] = {}
-        for e in self.explanations.found:
-            if e.kind == "nothing":
-                bare[type(e.noise)] = max(bare.get(type(e.noise), -np.inf), e.ln_evidence)
+        # Of each form of the noise, the best: an effect under which readings scatter more is no better for that.
+        bare = {
+            type(e.noise): e.ln_evidence
+            for e in sorted(self.explanations.found, key=lambda e: e.ln_evidence)
+            if e.kind == "nothing"
+        }
         for one in tried[:MOST_TOLD]:
             refit = self.refit(one.best)
             named = one in self.judged.sets
