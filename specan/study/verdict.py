@@ -378,7 +378,7 @@ VERDICTS = {
     "cannot-tell": "These data cannot tell.",
 }
 AS_FAR = ", as far as these data can tell"
-LEAST_TOLD = 0.02  # probability of something else, from which a headline with names says it
+LEAST_TOLD = 0.02  # probability of what is no effect, from which a headline with names says it
 
 
 def headline(found: Diagnosis) -> str:
@@ -412,9 +412,11 @@ def headline_of(content: Mapping[str, Any]) -> str:
         likeliest = [one for one in stated if one["kind"] == "effects"][: len(sets)]
         sets = [f"{one['explanation']} ({percent(one['probability'])})" for one in likeliest]
     whole = gathered((one["kind"], one["probability"]) for one in stated)
-    otherwise = (
-        f" or something else{sure(['unknown'])}" if sum(whole.get("unknown", ())) >= LEAST_TOLD else ""
-    )
+    rest = {"something else": sum(whole.get("unknown", ()))}
+    if kind in ("effect", "group"):
+        alone = (one["probability"] for one in stated if one["kind"] == "fault" and not one["effects"])
+        rest["a fault of the data"] = sum(alone)
+    otherwise = "".join(f" or {what} ({percent(p)})" for what, p in rest.items() if p >= LEAST_TOLD)
     names = _one_of(sets) + otherwise
     of = {"nothing-missing": "nothing", "unknown-effect": "unknown"}
     told = sure([of[kind]]) if kind in of else ""

@@ -8,10 +8,9 @@ over. Samples of a recording may be spoilt by hum of the mains, and by values th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, partial, reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +19,7 @@ from scipy.special import betaln, logsumexp
 from specan.arrays import Flags
 from specan.dsp.clipping import SAME, is_cut_off
 from specan.errors import ComputationError
-from specan.models.effect import Use
+from specan.models.effect import ParameterName, Use
 from specan.models.quantity import Condition
 from specan.models.rates import TIME as OF_SAMPLES
 from specan.result import first_of, gathered
@@ -135,8 +134,12 @@ class Fault:
         What follows the text for given coefficients; by default the size in the readings.
     ln_known : float
         ln of the evidence beside what its columns make of it.
-    moves : tuple of str and array (n, k), optional
-        A condition, and by how much coefficients of one change it: a straight line may not lead there.
+    moves : callable, optional
+        A problem at (theta, coefficients), where a straight line may not lead there.
+    of_condition : bool
+        Whether effects were fitted at conditions that are not the right ones.
+    apart : tuple of Fault
+        Those of each column alone, each as likely as all columns.
     """
 
     name: str
@@ -145,7 +148,9 @@ class Fault:
     sizes: tuple[float, ...] = SIZES
     in_words: Words | None = None
     ln_known: float = 0.0
-    moves: tuple[str, Array] | None = None
+    moves: Callable[[Problem, Array, Array], OtherCondition | OtherMachine] | None = None
+    of_condition: bool = False
+    apart: tuple[Fault, ...] = ()
 
     def of_size(self, problem: Problem, coefficients: Array) -> Fault:
         """The same with its size in words: by how much it changes the readings of the observable that it shows in."""
@@ -174,35 +179,43 @@ class Faults:
     def __init__(self, tangent: Tangent, predicted: Array) -> None:
         self.problem = tangent.problem
         self.all = sorted(faults(tangent, predicted), key=lambda one: one.name)
-        alone = gathered((one.sizes, k) for k, one in enumerate(self.all) if one.columns.shape[1] == 1)
+        alone = gathered((one.sizes, one) for one in self.all if one.columns.shape[1] == 1)
         self._alone = {
-            sizes: (own, self.problem.whiten(np.hstack([self.all[k].columns for k in own])))
+            sizes: (own, self.problem.whiten(np.hstack([one.columns for one in own])))
             for sizes, own in alone.items()
         }
-        self._several = {
-            k: self.problem.whiten(one.columns) for k, one in enumerate(self.all) if one.columns.shape[1] > 1
-        }
+        several = (one for one in self.all if one.columns.shape[1] != 1)
+        self._several = [(one, self.problem.whiten(one.columns)) for one in several]
 
     def beside(self, marginal: Marginal) -> list[tuple[float, Fault]]:
         """ln of the evidence with a fault over that without, and the likeliest place and size, for each name."""
-        found = {k: (one.ln_known, np.zeros(0)) for k, one in enumerate(self.all)}
+        each: list[tuple[float, Array, Fault]] = []
+
+        def add(faults: Sequence[Fault], gains: Array, coefficients: Array) -> None:
+            means, places = ln_mean(gains), np.argmax(gains, axis=0)
+            for k, fault in enumerate(faults):
+                each.append((fault.ln_known + float(means[k]), coefficients[places[k], k], fault))
+
         for sizes, (own, white) in self._alone.items():
             gains, coefficients = marginal.one_by_one(white, np.array(sizes))
-            likeliest, means = np.argmax(gains, axis=0), ln_mean(gains)
-            for j, k in enumerate(own):
-                found[k] = self.all[k].ln_known + float(means[j]), coefficients[[likeliest[j]], j]
-        for k, white in self._several.items():
-            gains, each = marginal.beside(white, np.array(self.all[k].sizes))
-            found[k] = self.all[k].ln_known + float(ln_mean(gains)), each[int(np.argmax(gains))]
-        most = max((gain for gain, _ in found.values()), default=0.0)
+            add(own, gains, coefficients[:, :, None])
+        for fault, white in self._several:
+            gains, coefficients = marginal.beside(white, np.array(fault.sizes))
+            add([fault], gains[:, None], coefficients[:, None])
+            if fault.apart:
+                gains, coefficients = marginal.one_by_one(white, np.array(fault.sizes))
+                add(fault.apart, gains, coefficients[:, :, None])
+        most = max((gain for gain, *_ in each), default=0.0)
         told = []
-        for own in gathered((one.name, k) for k, one in enumerate(self.all)).values():
-            best = max(own, key=lambda k: found[k][0])
+        for named in gathered((one[2].name, one) for one in each).values():
             # 0.5: share of ln of the likeliest fault, from which steps are taken: a straight line may tell of half
-            if self.all[best].moves and found[best][0] > max(0.5 * most, 0.0):
-                found[best] = _followed(marginal, self.all[best], found[best])
-            gain = float(ln_mean(np.array([found[k][0] for k in own])))
-            told.append((gain, self.all[best].of_size(self.problem, found[best][1])))
+            near = [one for one in named if one[0] > max(0.5 * most, 0.0)]
+            for alike in gathered((one[2].columns.shape[1], one) for one in near).values():
+                best = max(alike, key=lambda one: one[0])
+                named = [_followed(marginal, *one) if one is best else one for one in named]
+            gain = float(ln_mean([one[0] for one in named]))
+            _, likeliest, fault = max(named, key=lambda one: one[0])
+            told.append((gain, fault.of_size(self.problem, likeliest)))
         return told
 
 
@@ -211,34 +224,103 @@ def ln_mean(ln: ArrayLike) -> Array:
     return np.asarray(logsumexp(ln, axis=0) - np.log(np.shape(ln)[0]))
 
 
-def _followed(marginal: Marginal, fault: Fault, found: tuple[float, Array]) -> tuple[float, Array]:
-    """ln of the evidence that a fault of a condition adds, and its coefficients, after steps as a fit takes them."""
-    assert fault.moves is not None
-    (name, course), tangent = fault.moves, marginal.tangent
-    problem, rows = tangent.problem, tangent.residual.size
-    at, least = np.concatenate([tangent.theta, np.zeros(course.shape[1])]), 2 * tangent.chi2
-    size = tangent.theta.size
-    new = np.concatenate([marginal.shifted(problem.whiten(fault.columns), found[1]), found[1]])
+def _followed(
+    marginal: Marginal, gain: float, coefficients: Array, fault: Fault
+) -> tuple[float, Array, Fault]:
+    """ln of the evidence that a fault adds, and its coefficients: of what bends, after steps as a fit takes them."""
+    problem, tangent, sizes = marginal.tangent.problem, marginal.tangent, np.array(fault.sizes)
+    if fault.columns.size:
+        gains, each = marginal.with_pulls(problem.whiten(fault.columns), sizes)
+        gain, coefficients = fault.ln_known + float(ln_mean(gains)), each[int(np.argmax(gains))]
+    if fault.moves is None:
+        return gain, coefficients, fault
+    rows, size = tangent.residual.size, tangent.theta.size
+    at, least = np.concatenate([tangent.theta, np.zeros(coefficients.size)]), 2 * tangent.chi2
+    new = np.concatenate([marginal.shifted(problem.whiten(fault.columns), coefficients), coefficients])
     # 6: steps that are taken to where a condition would be
     for _ in range(6):
-        there = _moved(problem, name, course @ new[size:])
-        residual = np.full(rows, np.inf)
-        with suppress(ComputationError):  # no machine runs there
-            residual = there.residual(new[:size])
+        theta, by = new[:size], new[size:]
+        try:
+            there = fault.moves(problem, theta, by)
+            residual = there.residual()
+        except ComputationError:  # no machine runs there
+            residual = np.full(rows, np.inf)
         if not residual @ residual < least:
             new = (new + at) / 2
             continue
         at, least = new, float(residual @ residual)
-        theta, coefficients = at[:size], at[size:]
-        white = problem.whiten(_slope(there, theta, name)[:, None] * course)
-        straight = residual[:rows] - white @ coefficients
-        one = Tangent.at(problem, theta, straight, there.jacobian(theta)[:rows])
+        jacobian, columns = there.slopes()
+        white, fault = problem.whiten(columns), replace(fault, columns=columns)
+        one = Tangent(problem, theta, residual[:rows] - white @ by, problem.whiten(jacobian))
         beside = Marginal(reduce(Tangent.with_noise, tangent.noises, one), marginal.columns)
-        gains, each = beside.beside(white, np.array(fault.sizes))
+        gains, each = beside.beside(white, sizes)
+        gain = fault.ln_known + beside.ln_evidence - marginal.ln_evidence + float(ln_mean(gains))
         coefficients = each[int(np.argmax(gains))]
-        found = beside.ln_evidence - marginal.ln_evidence + float(ln_mean(gains)), coefficients
         new = np.concatenate([beside.shifted(white, coefficients), coefficients])
-    return found
+    return gain, coefficients, fault
+
+
+@dataclass(frozen=True, eq=False)
+class OtherCondition:
+    """A problem at some parameters whose condition is another by so much in each row, a sum of courses."""
+
+    name: str
+    course: Array
+    problem: Problem
+    theta: Array
+    coefficients: Array
+
+    def residual(self) -> Array:
+        """See `Problem.residual`."""
+        return self.there.residual(self.theta)
+
+    def slopes(self) -> tuple[Array, Array]:
+        """Derivatives of the prediction by parameters and coefficients."""
+        by = _slope(self.there, self.theta, self.name)[:, None] * self.course
+        return self.there.sensitivities(self.theta)[0], by
+
+    @cached_property
+    def there(self) -> Problem:
+        """At these conditions."""
+        return _moved(self.problem, self.name, self.course @ self.coefficients)
+
+
+@dataclass(frozen=True, eq=False)
+class OtherMachine:
+    """The same whose parameters are others after some row, by a share each."""
+
+    names: Sequence[ParameterName]
+    after: Flags
+    problem: Problem
+    theta: Array
+    coefficients: Array
+
+    def residual(self) -> Array:
+        """See `Problem.residual`."""
+        problem = self.problem
+        by = np.where(self.after, problem.predictions(self.other)[0], problem.predictions(self.theta)[0])
+        white = problem.whiten(by - problem.observations[0].measured)
+        return np.concatenate([white, problem.pseudo.residual(self.theta)])
+
+    def slopes(self) -> tuple[Array, Array]:
+        """Derivatives of the prediction by parameters and coefficients."""
+        (before,), (later,) = (self.problem.sensitivities(at) for at in (self.theta, self.other))
+        after, ratio = self.after[:, None], np.ones(self.theta.size)
+        ratio[self.own] += self.coefficients
+        return np.where(after, later * ratio, before), (later * self.theta)[:, self.own] * after
+
+    @cached_property
+    def own(self) -> list[int]:
+        """Numbers of these parameters."""
+        return [self.problem.names.index(name) for name in self.names]
+
+    @cached_property
+    def other(self) -> Array:
+        """The parameters after that row."""
+        found = self.theta.copy()
+        found[self.own] *= 1 + self.coefficients
+        low, high = self.problem.bounds()
+        return np.clip(found, low, high)
 
 
 def _moved(problem: Problem, name: str, by: Array | float) -> Problem:
@@ -373,17 +455,28 @@ def _of_condition(tangent: Tangent, o: TableObservation, name: str, slope: Array
     if not np.any(slope * scale):
         return
 
-    def fault(kind: str, text: str, course: Array | Flags) -> Fault:
+    def fault(kind: str, text: str, course: Array | Flags, told: bool = True) -> Fault:
         own = np.asarray(course, dtype=float).reshape(o.n, -1)
 
         def in_words(coefficients: Array) -> str:
+            if not told:
+                return ""
             off = scale * (own @ coefficients)
             at = int(np.argmax(np.abs(off)))
             read, true = float(x[at]), float(x[at] + off[at])
             return f": where it says {_shown(condition, read)} it would be {_shown(condition, true)}"
 
         by = np.broadcast_to(scale, (o.n,))[:, None] * own
-        return Fault(f"{words} {kind}", text, slope[:, None] * by, OF_A_SETTING, in_words, moves=(name, by))
+        moves = partial(OtherCondition, name, by)
+        return Fault(
+            f"{words} {kind}",
+            text,
+            slope[:, None] * by,
+            OF_A_SETTING,
+            in_words,
+            moves=moves,
+            of_condition=True,
+        )
 
     for level, rows in levels_of(condition, o).items():
         at = spoken(level, unit=condition.column_unit, digits=6)
@@ -401,8 +494,8 @@ def _of_condition(tangent: Tangent, o: TableObservation, name: str, slope: Array
         if condition.column not in o.labels:
             steps = np.array([after for _, after in _from_a_row_on(o)])
             further = [steps.T / np.sqrt(len(steps)), *_rises(tangent, o)]
-        for more in further:
-            yield fault("of another place", text, np.hstack([course, more]))
+        for more in further:  # what is to be read where it moves in time, a fit as good can be far from
+            yield fault("of another place", text, np.hstack([course, more]), told=not more.size)
 
 
 def _rises(tangent: Tangent, o: TableObservation) -> Iterator[Array]:
@@ -425,9 +518,16 @@ def _of_machine(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
     instruments = {name for name, effect in known.items() if effect.instrument}
     own = [k for k, n in enumerate(problem.names) if Use.parse(n.owner).name not in instruments]
     changes = (problem.sensitivities(tangent.theta)[0] * tangent.theta)[:, own]
-    for line, after in _from_a_row_on(o) if np.any(changes) else ():
+    names = [problem.names[k] for k in own]
+
+    def fault(line: str, after: Flags, chosen: slice, apart: tuple[Fault, ...] = ()) -> Fault:
         text = f"the machine is another from {line} on, as after a change of oil or parts"
-        yield Fault("machine from a row on", text, changes * after[:, None])
+        columns, moves = changes[:, chosen] * after[:, None], partial(OtherMachine, names[chosen], after)
+        return Fault("machine from a row on", text, columns, moves=moves, apart=apart)
+
+    for line, after in _from_a_row_on(o) if np.any(changes) else ():
+        each = (fault(line, after, slice(k, k + 1)) for k in range(len(own)))
+        yield fault(line, after, slice(None), tuple(each) if len(own) > 1 else ())
 
 
 def levels(problem: Problem) -> Iterator[Flags]:
@@ -496,6 +596,11 @@ def _copies(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
     by_chance = np.zeros(o.n)
     for c in conditions:
         by_chance += _ln_agreement(_printed_step(np.unique(c)), np.sqrt(of_group @ (c - of_group @ c) ** 2))
+    # Readings of one setting, whose conditions were read once, agree in these and differ themselves.
+    unlike = np.tril(alike, -1) & (o.measured[:, None] != o.measured)
+    at_once = unlike & np.all([c[:, None] == c for c in conditions], axis=0)
+    if np.any(at_once):
+        by_chance = np.maximum(by_chance, np.log(np.sum(at_once) / np.sum(unlike)))
     for kind in np.unique(kinds):
         rows = np.flatnonzero(kinds == kind)
         reach = 3 * float(np.median(scatter[rows]))

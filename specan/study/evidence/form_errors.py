@@ -121,13 +121,19 @@ class OverConditions:
 
     def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
         """ln of the evidence with what no equation describes over that without, summed over its sizes and forms."""
-        kinds = []
+        kinds, sizes = [], np.array(UNKNOWN_SIZES)
+        likeliest, best = 0.0, np.zeros((problem.n_data, 0))
         for share, columns in self._unknown(problem, predicted):
-            sizes = np.array(UNKNOWN_SIZES)
-            gains = [beside.beside(problem.whiten(one), sizes)[0] for one in columns]
+            gains = []
+            for white in map(problem.whiten, columns):
+                gains.append(beside.beside(white, sizes)[0])
+                if gains[-1].max() > likeliest:
+                    likeliest, best = gains[-1].max(), white
             if gains:
                 kinds.append(float(logsumexp(gains) + np.log(share / np.size(gains))))
-        return float(logsumexp(kinds))
+        # The others are taken to gain as much by pulls and ends of ranges as the likeliest.
+        more = beside.with_pulls(best, sizes)[0].max() - likeliest if likeliest > 0 else 0.0
+        return float(logsumexp(kinds)) + more
 
     def _unknown(self, problem: Problem, predicted: Array) -> Iterator[tuple[float, Iterable[Array]]]:
         """Columns of functions of the size of the prediction, of each kind with its share."""

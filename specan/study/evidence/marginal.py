@@ -233,6 +233,14 @@ class Marginal:
         gains = self.tangent.ln_likelihood(self.chi2 + found @ slope) - self.tangent.ln_likelihood(self.chi2)
         return gains - 0.5 * volume, found
 
+    def with_pulls(self, columns: Array, sizes: Array) -> tuple[Array, Array]:
+        """What `beside` gives, with pulls and ends of ranges as they are where the parameters go to."""
+        ones = [Marginal(self.tangent, np.hstack([self.columns, size * columns])) for size in sizes]
+        first = self.columns.shape[1]
+        own = slice(first, first + columns.shape[1])
+        gains = np.array([one.ln_evidence for one in ones]) - self.ln_evidence
+        return gains, np.array([size * one._step[own] for size, one in zip(sizes, ones, strict=True)])
+
     def one_by_one(self, columns: Array, sizes: Array) -> tuple[Array, Array]:
         """What `beside` gives of each column alone; both of shape (m, q)."""
         seen = self.tangent.seen(columns)

@@ -1,5 +1,7 @@
 """What a diagnosis says of rows before it blames physics, and of parts that have another published form."""
 
+import re
+
 import numpy as np
 import pytest
 from open_tables import read_tables
@@ -35,6 +37,45 @@ def test_a_drift_over_the_rows_is_told_with_its_size(tables, tmp_path, drift):
     assert len(said) == (1 if drift else 0)
     if drift:
         assert float(said[0].partition("by up to ")[2].split()[0]) == pytest.approx(drift, rel=0.2)
+
+
+def test_a_drift_that_repeats_hold_too_is_named_with_its_size(tables, tmp_path):
+    """A second round that reads 6 % more: the repeats tell a large scatter, and it is no noise that follows itself."""
+    columns = tables.bench(3, repeats=2, points=tables.grid(**GRID))
+    number = columns["input_torque_Nm"].size
+    change = 0.12 * columns["input_torque_Nm"] * (np.arange(number) / (number - 1) - 0.5)
+    columns["input_torque_Nm"] = columns["input_torque_Nm"] + change
+    found = verdict(tables, tmp_path, columns)
+    assert found.verdict == "faulty-data"
+    said = found.reason.partition("the gain of the readings drifts with the order of the rows, input_torque by up to ")
+    assert float(said[2].split()[0]) == pytest.approx(np.ptp(change), rel=0.15)
+
+
+def test_oil_that_was_changed_is_not_taken_for_another_level_alone(tables, tmp_path):
+    """What the oil drags in proportion to a power of the speed is 30 % less from a row on."""
+    plan = tables.grid(**GRID)
+    order = np.random.default_rng(4).permutation(plan["speed_rpm"].size)
+    columns = tables.bench(4, repeats=2, points={name: values[order] for name, values in plan.items()})
+    columns["oil_level_percent"] = np.full(2 * order.size, 100.0)
+    usual = tables.input_torque(columns)
+    without = tables.input_torque(columns, {"churning.power": 0.0})
+    later = np.arange(usual.size) >= 60
+    columns["input_torque_Nm"] = columns["input_torque_Nm"] - 0.3 * (usual - without) * later
+    found = verdict(tables, tmp_path, columns)
+    assert found.verdict == "faulty-data"
+    assert re.search(r"the machine is another from line 6[0-4] of table.csv on", found.reason)
+
+
+@pytest.mark.long
+def test_a_thermometer_that_shows_the_room_costs_no_effect_a_name(tables, tmp_path):
+    columns = tables.bench(5, repeats=2, points=tables.grid(**GRID))
+    rows = columns["speed_rpm"].size
+    columns["oil_temperature_C"] = 22 + np.round(np.random.default_rng(5).normal(0, 0.3, rows), 1)
+    found = verdict(tables, tmp_path, columns, "shear-thinning", "viscosity-dependent-friction")
+    assert found.verdict == "faulty-data"
+    assert "its sensor may be in another place" in found.reason
+    assert "it would be" not in found.reason
+    assert found.alternatives == ((),)
 
 
 def test_readings_that_share_a_set_up_are_no_drift(tmp_path):
@@ -118,6 +159,14 @@ def test_a_few_copied_rows_are_seen_by_conditions_that_are_read(tables, tmp_path
     (said,) = copies_told(tables, tmp_path, columns)
     rows = columns["speed_rpm"].size
     assert f"line {rows - 4} of table.csv and line 2 of table.csv" in said
+
+
+def test_two_readings_of_conditions_that_were_read_once_are_no_copies(tables, tmp_path):
+    columns = tables.bench(8, repeats=2, readings=2, noise=0.002, points=tables.grid(**GRID))
+    del columns["setup"]
+    twice = np.column_stack([v for n, v in columns.items() if n != "repeat"]).reshape(-1, 2, 4)
+    assert np.sum(np.all(twice[:, 0] == twice[:, 1], axis=1)) > 5
+    assert not copies_told(tables, tmp_path, columns)
 
 
 def test_coarse_readings_at_set_conditions_agree_by_chance(tables, tmp_path):
