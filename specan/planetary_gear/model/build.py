@@ -33,7 +33,7 @@ from specan.planetary_gear.model.rig import Gear, Rig, read_rig
 from specan.planetary_gear.model.simulated_recording import path_window
 
 HARMONICS = 3  # of the mesh: what a study compares
-MOST_SAMPLES = 400_000
+MOST_SAMPLES = 1_000_000  # of all turns: some 200 MB of courses over them
 
 
 def build(rig: Mapping[str, Any]) -> Model:

@@ -47,7 +47,9 @@ def test_a_drift_that_repeats_hold_too_is_named_with_its_size(tables, tmp_path):
     columns["input_torque_Nm"] = columns["input_torque_Nm"] + change
     found = verdict(tables, tmp_path, columns)
     assert found.verdict == "faulty-data"
-    said = found.reason.partition("the gain of the readings drifts with the order of the rows, input_torque by up to ")
+    said = found.reason.partition(
+        "the gain of the readings drifts with the order of the rows, input_torque by up to "
+    )
     assert float(said[2].split()[0]) == pytest.approx(np.ptp(change), rel=0.15)
 
 
