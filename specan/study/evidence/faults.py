@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial, reduce
+from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -114,6 +114,8 @@ LEAST_ROWS = 3  # on either side of such a row
 WARM_UP = (0.02, 0.05, 0.15)  # of the whole measurement, over which first rows settle
 
 Words = Callable[[Array], str]
+# Residual with pseudo-measurements, and what gives the derivatives of the prediction by parameters and coefficients.
+Moved = tuple[Array, Callable[[], tuple[Array, Array]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +137,7 @@ class Fault:
     ln_known : float
         ln of the evidence beside what its columns make of it.
     moves : callable, optional
-        A problem at (theta, coefficients), where a straight line may not lead there.
+        Of a problem, theta and coefficients, where a straight line may not lead there.
     of_condition : bool
         Whether effects were fitted at conditions that are not the right ones.
     apart : tuple of Fault
@@ -148,7 +150,7 @@ class Fault:
     sizes: tuple[float, ...] = SIZES
     in_words: Words | None = None
     ln_known: float = 0.0
-    moves: Callable[[Problem, Array, Array], OtherCondition | OtherMachine] | None = None
+    moves: Callable[[Problem, Array, Array], Moved] | None = None
     of_condition: bool = False
     apart: tuple[Fault, ...] = ()
 
@@ -241,15 +243,14 @@ def _followed(
     for _ in range(6):
         theta, by = new[:size], new[size:]
         try:
-            there = fault.moves(problem, theta, by)
-            residual = there.residual()
+            residual, slopes = fault.moves(problem, theta, by)
         except ComputationError:  # no machine runs there
             residual = np.full(rows, np.inf)
         if not residual @ residual < least:
             new = (new + at) / 2
             continue
         at, least = new, float(residual @ residual)
-        jacobian, columns = there.slopes()
+        jacobian, columns = slopes()
         white, fault = problem.whiten(columns), replace(fault, columns=columns)
         one = Tangent(problem, theta, residual[:rows] - white @ by, problem.whiten(jacobian))
         beside = Marginal(reduce(Tangent.with_noise, tangent.noises, one), marginal.columns)
@@ -260,67 +261,32 @@ def _followed(
     return gain, coefficients, fault
 
 
-@dataclass(frozen=True, eq=False)
-class OtherCondition:
-    """A problem at some parameters whose condition is another by so much in each row, a sum of courses."""
+def _at_other_conditions(name: str, course: Array, problem: Problem, theta: Array, by: Array) -> Moved:
+    """A condition that is another by so much of each course over the rows."""
+    there = _moved(problem, name, course @ by)
 
-    name: str
-    course: Array
-    problem: Problem
-    theta: Array
-    coefficients: Array
+    def slopes() -> tuple[Array, Array]:
+        return there.sensitivities(theta)[0], _slope(there, theta, name)[:, None] * course
 
-    def residual(self) -> Array:
-        """See `Problem.residual`."""
-        return self.there.residual(self.theta)
-
-    def slopes(self) -> tuple[Array, Array]:
-        """Derivatives of the prediction by parameters and coefficients."""
-        by = _slope(self.there, self.theta, self.name)[:, None] * self.course
-        return self.there.sensitivities(self.theta)[0], by
-
-    @cached_property
-    def there(self) -> Problem:
-        """At these conditions."""
-        return _moved(self.problem, self.name, self.course @ self.coefficients)
+    return there.residual(theta), slopes
 
 
-@dataclass(frozen=True, eq=False)
-class OtherMachine:
-    """The same whose parameters are others after some row, by a share each."""
+def _of_another_machine(
+    names: Sequence[ParameterName], after: Flags, problem: Problem, theta: Array, by: Array
+) -> Moved:
+    """Parameters that are others in some rows, by a share each."""
+    own, ratio = [problem.names.index(name) for name in names], np.ones(theta.size)
+    ratio[own] += by
+    other = np.clip(theta * ratio, *problem.bounds())
+    predicted = np.where(after, problem.predictions(other)[0], problem.predictions(theta)[0])
 
-    names: Sequence[ParameterName]
-    after: Flags
-    problem: Problem
-    theta: Array
-    coefficients: Array
+    def slopes() -> tuple[Array, Array]:
+        (before,), (later,) = problem.sensitivities(theta), problem.sensitivities(other)
+        rows = after[:, None]
+        return np.where(rows, later * ratio, before), (later * theta)[:, own] * rows
 
-    def residual(self) -> Array:
-        """See `Problem.residual`."""
-        problem = self.problem
-        by = np.where(self.after, problem.predictions(self.other)[0], problem.predictions(self.theta)[0])
-        white = problem.whiten(by - problem.observations[0].measured)
-        return np.concatenate([white, problem.pseudo.residual(self.theta)])
-
-    def slopes(self) -> tuple[Array, Array]:
-        """Derivatives of the prediction by parameters and coefficients."""
-        (before,), (later,) = (self.problem.sensitivities(at) for at in (self.theta, self.other))
-        after, ratio = self.after[:, None], np.ones(self.theta.size)
-        ratio[self.own] += self.coefficients
-        return np.where(after, later * ratio, before), (later * self.theta)[:, self.own] * after
-
-    @cached_property
-    def own(self) -> list[int]:
-        """Numbers of these parameters."""
-        return [self.problem.names.index(name) for name in self.names]
-
-    @cached_property
-    def other(self) -> Array:
-        """The parameters after that row."""
-        found = self.theta.copy()
-        found[self.own] *= 1 + self.coefficients
-        low, high = self.problem.bounds()
-        return np.clip(found, low, high)
+    white = problem.whiten(predicted - problem.observations[0].measured)
+    return np.concatenate([white, problem.pseudo.residual(theta)]), slopes
 
 
 def _moved(problem: Problem, name: str, by: Array | float) -> Problem:
@@ -467,7 +433,7 @@ def _of_condition(tangent: Tangent, o: TableObservation, name: str, slope: Array
             return f": where it says {_shown(condition, read)} it would be {_shown(condition, true)}"
 
         by = np.broadcast_to(scale, (o.n,))[:, None] * own
-        moves = partial(OtherCondition, name, by)
+        moves = partial(_at_other_conditions, name, by)
         return Fault(
             f"{words} {kind}",
             text,
@@ -522,7 +488,10 @@ def _of_machine(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
 
     def fault(line: str, after: Flags, chosen: slice, apart: tuple[Fault, ...] = ()) -> Fault:
         text = f"the machine is another from {line} on, as after a change of oil or parts"
-        columns, moves = changes[:, chosen] * after[:, None], partial(OtherMachine, names[chosen], after)
+        columns, moves = (
+            changes[:, chosen] * after[:, None],
+            partial(_of_another_machine, names[chosen], after),
+        )
         return Fault("machine from a row on", text, columns, moves=moves, apart=apart)
 
     for line, after in _from_a_row_on(o) if np.any(changes) else ():

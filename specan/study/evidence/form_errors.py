@@ -122,18 +122,18 @@ class OverConditions:
     def gain_of_unknown(self, problem: Problem, predicted: Array, beside: Marginal) -> float:
         """ln of the evidence with what no equation describes over that without, summed over its sizes and forms."""
         kinds, sizes = [], np.array(UNKNOWN_SIZES)
-        likeliest, best = 0.0, np.zeros((problem.n_data, 0))
+        likeliest, best = 0.0, np.zeros((0, 0))
         for share, columns in self._unknown(problem, predicted):
             gains = []
             for white in map(problem.whiten, columns):
                 gains.append(beside.beside(white, sizes)[0])
                 if gains[-1].max() > likeliest:
-                    likeliest, best = gains[-1].max(), white
-            if gains:
-                kinds.append(float(logsumexp(gains) + np.log(share / np.size(gains))))
-        # The others are taken to gain as much by pulls and ends of ranges as the likeliest.
-        more = beside.with_pulls(best, sizes)[0].max() - likeliest if likeliest > 0 else 0.0
-        return float(logsumexp(kinds)) + more
+                    likeliest, best, own = gains[-1].max(), white, gains
+                    place = len(gains) - 1
+            kinds.append((share, gains))
+        if best.size:
+            own[place] = beside.with_pulls(best, sizes)[0]
+        return float(logsumexp([logsumexp(g) + np.log(share / np.size(g)) for share, g in kinds if g]))
 
     def _unknown(self, problem: Problem, predicted: Array) -> Iterator[tuple[float, Iterable[Array]]]:
         """Columns of functions of the size of the prediction, of each kind with its share."""
