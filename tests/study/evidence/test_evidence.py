@@ -11,6 +11,7 @@ from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
 from specan.models import Model, Parameter, Use, effect
+from specan.models.catalogue import load_model
 from specan.models.quantity import SettingError
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
@@ -26,6 +27,7 @@ from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import _ShapeGrid
 from specan.study.verdict import headline, headline_of
+from truth.worm_gear import simulate, write
 
 
 def tangent_of(problem):
@@ -147,6 +149,16 @@ def test_what_no_effect_describes_is_something_else(toy):
     assert found.verdict == "unknown-effect"
     assert found.probabilities[0].kind == "unknown"
     assert "something else" in found.probabilities[0].explanation
+
+
+@pytest.mark.long
+def test_what_lets_a_parameter_leave_the_end_of_its_range_is_something_else_too(tmp_path):
+    """The wheel runs on its edge above a torque, in a gear of other formulas: no surely named effect does that."""
+    case = simulate(90000, {"misalignment": 0.295}, drawn=True)
+    table, _ = write(case, tmp_path)
+    model = load_model("worm-gear", case.rig)
+    found = diagnose(base_problem(model, read_tables(model, [table]).fitted))
+    assert found.verdict == "unknown-effect"
 
 
 def test_readings_that_drift_with_their_order_are_a_fault_of_the_data(toy):
