@@ -11,8 +11,8 @@ from pydantic import Field
 from specan.analysis.accumulator import read_through
 from specan.analysis.quality import QualityAccumulator, quality_flags
 from specan.analysis.section import SectionSettings, joined, of_one_rate, section, slices, slow_part
-from specan.arrays import Real
-from specan.data.band_levels import apart
+from specan.arrays import Flags, Real
+from specan.data.band_levels import EDGES_DB, apart
 from specan.data.levels import Quality, SignalLevels, level
 from specan.data.recording import Recording
 from specan.dsp.band_history import (
@@ -28,6 +28,10 @@ from specan.units import level_reference
 
 # Readings of the time-weighted level: five in a time constant, but no more of them than this.
 READINGS_PER_TIME_CONSTANT, READINGS = 5, 200_000
+# A C peak that only the beginning has, where a decay and a slow event cannot be told apart for sure, is flagged where
+# the decays are worth this much in dB; later ones as near to it say that it is none of an event.
+_EARLY_DB = 0.1
+_ALIKE = 10.0 ** (-_EARLY_DB / 20.0)
 _SETTLING = (
     "about the mean; the response of A, B and C to the cut at the start of the section is removed; percentiles and "
     f"minimum leave out the first {SETTLING_TIME_CONSTANTS:g} time constants after 0.09 s"
@@ -137,6 +141,8 @@ class LevelsAccumulator:
         shown = self._named(found.mean_square, found.maximum[row, column], found.peak, zero)
         highest, mean_square, c_peak = found.with_cut
         with_cut = self._named(mean_square, highest[row, column], c_peak, zero)
+        with np.errstate(invalid="ignore"):
+            only_early = found.later_peak < _ALIKE * found.peak
         nothing = np.full(len(self.channels), np.nan)
         percentile = exceeded(level(found.readings[row, column], zero[:, None]), self.settings.percentiles)
         return SignalLevels(
@@ -159,17 +165,26 @@ class LevelsAccumulator:
             duration_s=self.duration,
             sampling_rate=self.sampling_rate,
             settling=_SETTLING,
-            flags=self._flags(quality, shown, with_cut),
+            flags=self._flags(quality, shown, with_cut, only_early),
         )
 
     def _flags(
-        self, quality: Sequence[Quality], shown: dict[str, Real], with_cut: dict[str, Real]
+        self,
+        quality: Sequence[Quality],
+        shown: dict[str, Real],
+        with_cut: dict[str, Real],
+        only_early: Flags,
     ) -> tuple[tuple[str, ...], ...]:
         """Words on the samples, and on levels that would be others had the cut at the section's start counted."""
+        least = {"C_peak": np.where(only_early, _EARLY_DB, EDGES_DB)}
         flags = []
         for row, words in enumerate(quality_flags(self.channels, self.recording.flags, quality)):
             names = [
-                n for n in shown if n != "Leq_Z" and self._pressure[row] and apart(shown[n], with_cut[n])[row]
+                n
+                for n in shown
+                if n != "Leq_Z"
+                and self._pressure[row]
+                and apart(shown[n], with_cut[n], least.get(n, EDGES_DB))[row]
             ]
             counted = [f"counted-{name}={with_cut[name][row]:.3f}" for name in names]
             flags.append((*words, *(["edges"] if counted else []), *counted))

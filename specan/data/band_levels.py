@@ -346,10 +346,10 @@ def percentile_name(percent: float) -> str:
     return {0.0: "max", 100.0: "min"}.get(percent, f"L{percent:g}")
 
 
-def apart(one: Real | float, other: Real | float) -> Flags:
+def apart(one: Real | float, other: Real | float, least_dB: Real | float = EDGES_DB) -> Flags:
     """Where two levels, of which each stands for a treatment of the cut, differ by more than 0.5 dB."""
     with np.errstate(invalid="ignore"):  # of nothing with nothing: not apart
-        return np.asarray(np.abs(one - other) > EDGES_DB)
+        return np.asarray(np.abs(one - other) > least_dB)
 
 
 def _edges(name: str, shown_dB: float, other_dB: float) -> list[str]:

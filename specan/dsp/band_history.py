@@ -612,6 +612,8 @@ class Histories:
         Over the record, of Z and the weightings of the whole signal; zero for bands.
     peak : ndarray, shape (channels,)
         Largest magnitude of what comes out of the filter `peak_of`, between samples as well.
+    later_peak : ndarray, shape (channels,)
+        The same after the beginning that decays are taken off by.
     with_cut : tuple of ndarray
         Maximum, mean square and peak, had the cut at the record's beginning stayed in what comes out of weightings.
     """
@@ -623,6 +625,7 @@ class Histories:
     settled_s: NDArray[np.float64] = field(repr=False)
     mean_square: NDArray[np.float64] = field(repr=False)
     peak: NDArray[np.float64] = field(repr=False)
+    later_peak: NDArray[np.float64] = field(repr=False)
     with_cut: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] = field(repr=False)
 
 
@@ -676,7 +679,7 @@ class BandHistoryAccumulator:
         keep_freed_memory()
         self._record, self._taken, self._times = record, 0, len(average.times)
         self._peak_of, self._read = peak_of, len(filters) if read is None else read
-        self._peaks, self._peaks_with_cut = Peaks(record.rows), Peaks(record.rows)
+        self._peaks = [Peaks(record.rows) for _ in range(3)]
         self._derivatives = np.array(record.derivatives or [0] * record.rows)
         self._settled = np.array(
             [SETTLING_TIME_CONSTANTS * average.time_constant + f.settling for f in filters]
@@ -708,7 +711,7 @@ class BandHistoryAccumulator:
             self._levels[k] = RunningLevel(filters[k], stage, way, record, average, k < self._read)
             if k == self._peak_of:
                 phases = way.analogue_phases(filters[k].response, stage.rate)
-                self._peaks, self._peaks_with_cut = Peaks(record.rows, phases), Peaks(record.rows, phases)
+                self._peaks = [Peaks(record.rows, phases) for _ in range(3)]
         lead = round(stage.lead)
         return _AtStage(section, slice(lead, lead + math.ceil(count)), ways)
 
@@ -750,21 +753,27 @@ class BandHistoryAccumulator:
                 continue
             more = None if way.start is None else drifting
             spectrum = section.spectrum if more is None else section.spectrum + more
-            running.take(way.squares(spectrum, count, cut, begins, *self._watchers(k, way, inside)))
+            running.take(way.squares(spectrum, count, cut, begins, *self._watchers(k, way, inside, begins)))
         if section.low.size:
             self._pass_on(number + 1, section.low)
 
-    def _watchers(self, k: int, way: FilterAtWork, inside: slice) -> tuple[Watch, Watch]:
+    def _watchers(
+        self, k: int, way: FilterAtWork, inside: slice, begins: slice | None
+    ) -> tuple[Watch, Watch]:
         """What sees the output of a filter, and that of a weighting before its decays are taken off a beginning."""
+        early, later, early_with_cut = self._peaks
+        window = 0 if way.start is None or begins is None else way.start.window
+        beginning = slice(window + 2 * _AROUND if window else 0)
 
         def watch(rows: slice, output: NDArray[Any]) -> None:
             if k == self._peak_of:
-                self._peaks.look(rows, output[:, inside])
+                early.look(rows, output[:, inside][:, beginning])
+                later.look(rows, output[:, inside][:, window:])
 
         def before(rows: slice, output: NDArray[Any]) -> None:
             seen = output[:, inside]
             if k == self._peak_of:
-                self._peaks_with_cut.look(rows, seen)
+                early_with_cut.look(rows, seen[:, beginning])
             whole = seen.shape[1] // way.kept * way.kept
             square = np.square(seen[:, :whole]).reshape(len(seen), -1, way.kept)
             self._levels[k].see_cut(rows, square.mean(axis=2))
@@ -787,9 +796,10 @@ class BandHistoryAccumulator:
             highest_with[:, k] = np.fmax(highest[:, k], running.highest_with_cut)
             if k < self._read:
                 readings[:, k] = found
-        peak = self._peaks.largest()
-        with_cut = highest_with, mean_with, np.maximum(peak, self._peaks_with_cut.largest())
-        return Histories(readings, highest, lowest, later, self._settled, mean, peak, with_cut)
+        early, rest, early_with_cut = (peaks.largest() for peaks in self._peaks)
+        with_cut = highest_with, mean_with, np.maximum(early_with_cut, rest)
+        peaks = np.maximum(early, rest)
+        return Histories(readings, highest, lowest, later, self._settled, mean, peaks, rest, with_cut)
 
 
 def _differentiation(derivatives: NDArray[np.int64], rate: float, points: int) -> NDArray[np.complex128]:

@@ -112,6 +112,8 @@ class RecordStart:
     ----------
     seen : int
         Samples of a beginning that are looked at.
+    window : int
+        Samples that the decays are fitted to.
 
     Examples
     --------
@@ -133,9 +135,9 @@ class RecordStart:
         sizes = np.linalg.norm(decays, axis=1)
         known = sizes > 0  # of slow sampling: a rise over many octaves above it leaves nothing
         self._decays = decays[known] / sizes[known, None]
-        self._window, self._step = round(_WINDOW * rate), max(round(_STEP * rate), 1)
+        self.window, self._step = round(_WINDOW * rate), max(round(_STEP * rate), 1)
         self._later = int(_SINCE * n)
-        self.seen = self._later + self._window + _LATER * self._step
+        self.seen = self._later + self.window + _LATER * self._step
         self._bases: dict[int, tuple[Real, Real]] = {}  # of beginnings of one length
         # What rings after a record is a sum of decays too: its products with them, of the last samples.
         whole = np.fft.rfft(self._base(n)[0], points)
@@ -144,7 +146,7 @@ class RecordStart:
     def decays(self, y: Real) -> Real:
         """What is to be taken off the beginning of a record, shape (channels, n), of which later pieces are taken."""
         third = y.shape[1] // 3  # of what is short: the rest has two later pieces, which make a tone
-        n = min(self._window, third if third >= 2 * self._step else y.shape[1])
+        n = min(self.window, third if third >= 2 * self._step else y.shape[1])
         base, whole = self._base(n)
         count = (y.shape[1] - 2 * n) // self._step
         first = max(n, min(self._later, y.shape[1] - n - _LATER * self._step))

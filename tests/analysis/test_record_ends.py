@@ -183,6 +183,23 @@ def test_the_peak_of_a_low_event_that_begins_with_the_record_is_not_taken_for_th
     assert found == pytest.approx(20 * np.log10(np.abs(y).max() / 2e-5), abs=0.03)
 
 
+@pytest.mark.parametrize(("hz", "seconds", "place"), [(39.4, 0.0178, 0.0134), (97.0, 0.008, 0.0061)])
+def test_a_peak_of_a_slow_event_at_the_start_is_right_or_given_with_the_cut_as_well(
+    hz, seconds, place
+) -> None:
+    """A piece of a long record with a constant part; truth by the analogue poles, in another program."""
+    rate, n = 25600.0, 25600
+    t = (np.arange(2 * n) - n // 2) / rate - place
+    event = np.where(np.abs(t - seconds / 2) < seconds / 2, 1 - np.cos(2 * np.pi * t / seconds), 0.0)
+    whole = 2e-5 * RNG.standard_normal(2 * n) + event * np.sin(2 * np.pi * hz * t + 5.4)
+    y = directly(whole, "C", rate)[n // 2 : n // 2 + n]
+    found = Levels()(recording(whole[n // 2 : n // 2 + n] + 0.2, rate=rate))
+    counted = [float(w.split("=")[1]) for w in found.flags[0] if w.startswith("counted-C_peak")]
+    away = np.abs(np.array([found.c_peak_dB[0], *counted]) - 20 * np.log10(np.abs(y).max() / 2e-5))
+    assert away.min() < 0.1
+    assert away[0] < 0.1 or counted
+
+
 @pytest.mark.parametrize("frequency", [10.0, 16.0, 31.5])
 @pytest.mark.parametrize("phase", [0.0, 1.2, 2.5])
 def test_a_steady_low_tone_that_is_cut_is_a_steady_tone(frequency: float, phase: float) -> None:
