@@ -22,8 +22,15 @@ from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse, leaking
 from specan.data.recording import Recording
-from specan.dsp.leakage import leakage_bias
-from specan.dsp.transfer_function import Estimate, Estimator, Instrument, arrivals, estimate, u_phase_deg
+from specan.dsp.transfer_function import (
+    Estimate,
+    Estimator,
+    Instrument,
+    arrivals,
+    estimate,
+    leakage_bias,
+    u_phase_deg,
+)
 from specan.dsp.welch import CrossSpectra, SpectralMatrix, effective_averages, hop_of
 from specan.dsp.windows import WindowName, line_correlation, window, window_correlation
 from specan.errors import InputError

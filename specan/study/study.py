@@ -22,7 +22,7 @@ from specan.result import counted
 from specan.study.build_problem import assemble
 from specan.study.comparison import Comparison
 from specan.study.estimation.continuation import continuation_fit, linearised
-from specan.study.estimation.fit import Fit, describe, fit, misfit_p_value
+from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.prediction_error import (
     HeldOut,
     ObservableError,
@@ -374,9 +374,7 @@ class Study:
         if error is not None:
             after = self.errors[0] if error.after == error.before else error.after
             error = replace(error, before=self.errors[0], after=after)
-        return replace(
-            found, lack_of_fit=lack, error=error, remarks=(*found.remarks, *self._well_predicted(found))
-        )
+        return replace(found, lack_of_fit=lack, error=error)
 
     def _with_held_out(self, found: Diagnosis) -> Diagnosis:
         """A diagnosis that names nothing with which held-out data are predicted worse than by the model as it is."""
@@ -411,20 +409,6 @@ class Study:
         # A likelihood ratio of 30: of two explanations one is named then.
         worse = after.errors[0].rms > before.errors[0].rms and after.chi2 - before.chi2 > 2 * np.log(30)
         return after.errors[0] if worse else None
-
-    def _well_predicted(self, found: Diagnosis) -> tuple[str, ...]:
-        """A remark where what was put aside speaks against something unknown in a small misfit."""
-        lack, held = found.lack_of_fit, self.held_out
-        # 1.2: reduced chi-square; errors of 0.2 to 0.6 % of the response, mode by mode, made 1.11 of a null
-        if found.verdict != "unknown-effect" or held is None or lack is None or lack.reduced_chi2 > 1.2:
-            return ()
-        if misfit_p_value(held.chi2, held.n) < PREDICTED:
-            return ()
-        return (
-            f"what was held out is predicted as well as it can be (reduced chi-square {held.reduced_chi2:.2f}): the "
-            f"fitted data exceed their uncertainty a little ({lack.reduced_chi2:.2f}), which may be no effect but "
-            "small errors of the model: a larger declared uncertainty of the model allows for them",
-        )
 
     def require_uncertainty(self, verb: str) -> None:
         """Refuse to conclude anything where the uncertainty is unknown."""

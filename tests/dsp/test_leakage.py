@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.dsp.leakage import leakage_bias
+from specan.dsp.transfer_function import leakage_bias
 from specan.dsp.windows import window_correlation
 
 LINES = 600

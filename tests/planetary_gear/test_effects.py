@@ -8,7 +8,7 @@ import pytest
 from specan.models.catalogue import example_model, load_model
 from specan.models.check import check_effect
 from specan.planetary_gear.model.kinematics import line_conditions
-from specan.planetary_gear.model.parting import parting, without_pull
+from specan.planetary_gear.model.response import parting, without_pull
 from specan.planetary_gear.model.rig import EXAMPLE_RIG
 
 MODEL = example_model("planetary-gear")

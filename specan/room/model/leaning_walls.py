@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from specan.arrays import Complex, Real
 from specan.room.model.axis_modes import characteristic, norms, waves
+from specan.room.model.modal_sum import Shapes
 from specan.room.model.port import Port, point
-from specan.room.model.shapes import Shapes
 
 AXES = "xyz"
 LEANS = tuple(f"{a}{end} along {b}" for a in AXES for end in "01" for b in AXES if b != a)

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from specan.arrays import Complex, Flags, Real
 from specan.room.model.axis_modes import AxisModes
 from specan.room.model.frequency_interpolation import LOOKED_AT, FrequencyInterpolation, mixed
+from specan.room.model.modal_sum import Shapes
 from specan.room.model.port import Port
-from specan.room.model.shapes import Shapes
 
 MOST_STEPS = 12  # of Newton's iteration: quadratic, so a mode that takes more has no pole near the band
 SETTLED = 1e-12  # half-widths of the band

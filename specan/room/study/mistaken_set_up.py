@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from specan.arrays import Flags, Real
 from specan.errors import ComputationError
-from specan.models.model import Model
-from specan.room.model.mode_shifts import SOUND_SPEED, USUAL_PERCENT, mode_names, with_usual_shifts
+from specan.room.model.mode_shifts import USUAL_PERCENT, with_usual_shifts
 from specan.room.model.places import PATTERNS_READ, FieldReceivers, on_wall, receivers_of, source_words
 from specan.room.model.rig import WALLS, Rig
 from specan.room.study.field_observation import field_observations
@@ -26,7 +25,6 @@ from specan.study.estimation.continuation import STAGES, continuation_fit, down_
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_band_and_channel import NEAR_MODE
 from specan.study.localisation.localise import MistakenSetUp
 from specan.study.selection.refits import POOR_FIT
 
@@ -227,24 +225,38 @@ def _with_source(problem: Problem, rig: Rig, face: str, across: float, along: fl
     return replace(problem, assembly=model.assemble(problem.assembly.uses))
 
 
-def undeclared_shifts(problem: Problem, best: Fit, least: float) -> str:
-    """Shifts of single modes that nobody has declared, as a sentence: they explain all, or are seen; else empty.
+def undeclared_shifts(problem: Problem, least: float) -> str:
+    """A sentence where shifts of single modes that nobody has declared, as built rooms have them, explain all.
 
     Parameters
     ----------
     problem : Problem
         A model that does not meet the data.
-    best : Fit
-        Its minimum.
     least : float
         Probability of its misfit from which a model meets the data.
     """
-    if not problem.strategy.linearised_covariance:
-        return ""
     model = with_usual_shifts(problem.assembly.model)
-    if model is None:
+    if model is None or not problem.strategy.linearised_covariance:
         return ""
-    return _usual_shifts(problem, model, least) or _rings_elsewhere(problem, best)
+    seen = [
+        replace(o, declared=replace(o.declared, shifts=receivers_of(model).shifts))
+        for o in field_observations(problem.observations)
+        if o.declared is not None
+    ]
+    try:
+        free = linearised(
+            replace(problem, assembly=model.assemble(problem.assembly.uses), observations=tuple(seen))
+        )
+        met = fit(free)
+    except ComputationError:
+        return ""
+    if met.p_value < least:
+        return ""
+    return (
+        f"small frequency shifts of single modes would explain it (reduced chi-square "
+        f"{met.reduced_chi2:.2f}), as seams, suspensions and cables cause them: declare them by "
+        f"[uncertainty] mode_frequency_percent = {USUAL_PERCENT:g}, and diagnose again"
+    )
 
 
 def while_recorded(problem: Problem, best: Fit) -> MistakenSetUp:
@@ -274,52 +286,3 @@ def while_recorded(problem: Problem, best: Fit) -> MistakenSetUp:
         "temperature by [air] temperature_log, or record when it is steady)"
     )
     return MistakenSetUp(text, *(_error_percent(p, best.theta) for p in (problem, warmer(kelvin))))
-
-
-def _usual_shifts(problem: Problem, model: Model, least: float) -> str:
-    """Of the size that built rooms have."""
-    seen = [
-        replace(o, declared=replace(o.declared, shifts=receivers_of(model).shifts))
-        for o in field_observations(problem.observations)
-        if o.declared is not None
-    ]
-    try:
-        free = linearised(
-            replace(problem, assembly=model.assemble(problem.assembly.uses), observations=tuple(seen))
-        )
-        met = fit(free)
-    except ComputationError:
-        return ""
-    if met.p_value < least:
-        return ""
-    return (
-        f"small frequency shifts of single modes would explain it (reduced chi-square "
-        f"{met.reduced_chi2:.2f}), as seams, suspensions and cables cause them: declare them by "
-        f"[uncertainty] mode_frequency_percent = {USUAL_PERCENT:g}, and diagnose again"
-    )
-
-
-def _rings_elsewhere(problem: Problem, best: Fit) -> str:
-    """Modes that stand apart, with peaks over all microphones at other frequencies than the fitted model's."""
-    receivers = receivers_of(problem.assembly.model)
-    assert receivers.box is not None
-    named = mode_names(receivers.box, SOUND_SPEED, receivers.rig.band.f_max_hz)
-    told: dict[str, str] = {}
-    seen = field_observations(problem.observations)
-    for o, predicted in zip(seen, problem.plain(best.theta), strict=True):
-        powers = [np.sum(np.abs(h * o.kept) ** 2, axis=0) for h in (o.response, o.lines_of(predicted))]
-        for f, name in named:
-            near = np.flatnonzero(np.abs(o.frequency_hz - f) < NEAR_MODE * f)
-            if near.size < 5 or sum(abs(other - f) < 2 * NEAR_MODE * f for other, _ in named) > 1:
-                continue
-            peaks = near[[int(np.argmax(power[near])) for power in powers]]
-            at, expected = o.frequency_hz[peaks].tolist()
-            inside = near[0] < peaks.min() and peaks.max() < near[-1]
-            if inside and abs(at - expected) > 2 * o.line_hz:
-                told[name] = f"{name} at {at:.4g} Hz, not {expected:.4g} Hz"
-    if not told:
-        return ""
-    return (
-        f"modes are at other frequencies than in the fitted model ({'; '.join([*told.values()][:4])}): the room may "
-        "not be a box with these edges (a niche, a large object), or a wall yields"
-    )

@@ -382,7 +382,7 @@ class _Telling:
         """Shifts of single modes that explain what no effect does, though the rig file does not say so."""
         look = brought(self.problem.observations, "undeclared_shifts")
         unknown = self.judged.kind == "unknown-effect"
-        return look(self.given.problem, self.given.fit, LACK_OF_FIT) if look and unknown else ""
+        return look(self.given.problem, LACK_OF_FIT) if look and unknown else ""
 
     def _fault(self) -> str:
         """The likeliest fault where it is not the verdict."""

@@ -332,7 +332,7 @@ def brought(observations: Sequence[Observation], name: str) -> Callable[..., Any
     """Function of this name that the kind of measurement of all observations brings; None where there is none.
 
     ``diagnosed(start, set_up, progress)``, ``localise(problem, best)``, ``curve_errors(observation, predicted)``,
-    ``mistaken_set_up(problem)``, ``undeclared_shifts(problem, best, least)``,
+    ``mistaken_set_up(problem)``, ``undeclared_shifts(problem, least)``,
     ``propose_places(rivals, weights, count)``, ``explore_places(problem, block)``, ``with_mode_shifts(problem,
     assembly, values)``, ``mode_shifts(assembly, values)``, ``likely_places(refit, candidates)``,
     ``knowing_shifts(problem, unseen)``, ``near_the_data(problem)``, ``growing(problem, values)``.
