@@ -160,7 +160,7 @@ def test_a_failed_change_is_forgotten_by_the_study_that_was_open(study, monkeypa
     opened = add_effect(study, "seal-drag").study
     with monkeypatch.context() as patch:
         patch.setattr(history, "_finish", lambda directory: (_ for _ in ()).throw(Crash))
-        patch.setattr(history, "_write_whole", lambda *given: (_ for _ in ()).throw(Crash))
+        patch.setattr(history, "text_file", lambda *given, **how: (_ for _ in ()).throw(Crash))
         with pytest.raises(Crash):
             add_effect(opened, "windage")
     assert "windage" not in drop_effect(opened, "seal-drag").study.model_effects
