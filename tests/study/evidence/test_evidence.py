@@ -231,6 +231,26 @@ def test_a_form_with_which_perhaps_nothing_is_missing_is_no_sure_one():
     assert "perhaps nothing is missing (45 %) or something else (51 %)" in headline_of(content)
 
 
+def test_a_headline_with_a_name_says_how_probable_a_fault_is_instead():
+    """What a fault leaves beside the named effect counts for the name: 70 and 1 %."""
+    told = [
+        ("effects", "windage", 0.7),
+        ("fault", "first rows", 0.29),
+        ("fault", "drift beside windage", 0.01),
+    ]
+    stated = [
+        {
+            "kind": kind,
+            "explanation": text,
+            "probability": p,
+            "effects": ["windage"] if "windage" in text else [],
+        }
+        for kind, text, p in told
+    ]
+    content = {"verdict": "effect", "alternatives": [["windage"]], "probabilities": stated}
+    assert headline_of(content) == "Missing: windage (71 %) or a fault of the data (29 %)."
+
+
 def test_noise_that_follows_itself_names_nothing(toy):
     rng, wrong = np.random.default_rng(9), 0
     for _ in range(10):
