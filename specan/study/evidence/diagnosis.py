@@ -103,9 +103,8 @@ def stated(explanations: Explanations) -> tuple[Stated, ...]:
             if kind == "effects":  # it stays among what was tried
                 kinds.setdefault((kind, uses, ""), []).append((0.0, one))
             kind, uses = "unknown", frozenset()
-        if (
-            one.fault and one.fault.of_condition and uses
-        ):  # they were fitted at conditions that are not the right ones
+        # effects beside it were fitted at conditions that are not the right ones
+        if one.fault and one.fault.of_condition and uses:
             uses, one = frozenset(), replace(one, uses=frozenset(), tangent=one.form.tangent)
         key = kind, uses, one.fault.name if one.fault else ""
         kinds.setdefault(key, []).append((probability, one))

@@ -433,16 +433,9 @@ def _of_condition(tangent: Tangent, o: TableObservation, name: str, slope: Array
             return f": where it says {_shown(condition, read)} it would be {_shown(condition, true)}"
 
         by = np.broadcast_to(scale, (o.n,))[:, None] * own
-        moves = partial(_at_other_conditions, name, by)
-        return Fault(
-            f"{words} {kind}",
-            text,
-            slope[:, None] * by,
-            OF_A_SETTING,
-            in_words,
-            moves=moves,
-            of_condition=True,
-        )
+        columns, moves = slope[:, None] * by, partial(_at_other_conditions, name, by)
+        called = f"{words} {kind}"
+        return Fault(called, text, columns, OF_A_SETTING, in_words, moves=moves, of_condition=True)
 
     for level, rows in levels_of(condition, o).items():
         at = spoken(level, unit=condition.column_unit, digits=6)
@@ -488,10 +481,8 @@ def _of_machine(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
 
     def fault(line: str, after: Flags, chosen: slice, apart: tuple[Fault, ...] = ()) -> Fault:
         text = f"the machine is another from {line} on, as after a change of oil or parts"
-        columns, moves = (
-            changes[:, chosen] * after[:, None],
-            partial(_of_another_machine, names[chosen], after),
-        )
+        columns = changes[:, chosen] * after[:, None]
+        moves = partial(_of_another_machine, names[chosen], after)
         return Fault("machine from a row on", text, columns, moves=moves, apart=apart)
 
     for line, after in _from_a_row_on(o) if np.any(changes) else ():
