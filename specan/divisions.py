@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# Bandwidth designators b that are offered: 1/1 to 1/24 octave.
 FRACTIONS = (1, 2, 3, 6, 12, 24)
-"""Bandwidth designators b that are offered: 1/1 to 1/24 octave."""
 
 
 @dataclass(frozen=True)

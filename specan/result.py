@@ -173,12 +173,12 @@ class RecordingResult(Result):
     """
 
     verb: ClassVar[str] = ""
+    # Names of arrays over `dimensions`, as `picked` takes them.
     over: ClassVar[str] = ""
-    """Names of arrays over `dimensions`, as `picked` takes them."""
+    # Of what `content` says of all channels.
     common: ClassVar[str] = ""
-    """Of what `content` says of all channels."""
+    # Of what it says of each.
     each: ClassVar[str] = ""
-    """Of what it says of each."""
 
     label: str
     channels: tuple[str, ...]

@@ -29,8 +29,8 @@ def _offered(value: int | str) -> int | str:
     return value
 
 
+# 1/n octave, or the name of a table of bands.
 Division = Annotated[int | str, AfterValidator(_offered)]
-"""1/n octave, or the name of a table of bands."""
 
 Kind = TypeVar("Kind", bound=BaseModel)
 

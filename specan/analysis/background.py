@@ -11,8 +11,8 @@ from specan.arrays import Flags, Real
 from specan.data.band_levels import BandLevels
 from specan.errors import RequestError
 
+# By how much a level has to exceed the background's to be corrected with confidence; ISO 3744:2010, 8.2.3.
 STANDS_OUT_DB = 6.0
-"""By how much a level has to exceed the background's to be corrected with confidence; ISO 3744:2010, 8.2.3."""
 
 
 def background_correction(level_dB: Real, background_dB: Real) -> tuple[Real, Flags]:

@@ -93,8 +93,8 @@ def checks(rate: float = 51200.0) -> Iterator[Check]:
             yield Check(standard, clause, what, expected, float(found), about + below, about + above, unit)
 
 
+# Clause, what, expected, found, limits about what is expected (or as they are, where that is NaN), unit.
 Row = tuple[str, str, float, float, float, float, str]
-"""Clause, what, expected, found, limits about what is expected (or as they are, where that is NaN), unit."""
 
 
 def _filters(rate: float) -> Iterator[Row]:

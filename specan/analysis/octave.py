@@ -47,13 +47,13 @@ TIME_CONSTANTS = {"fast": FAST, "slow": SLOW, "impulse": IMPULSE}
 # next at most), and in all.
 READINGS_PER_TIME_CONSTANT, READINGS = 8, 1000
 
+# A fade spreads a line over 1 / fade. Bands narrower than 2 / fade would see more of a neighbouring line than the
+# skirts of their filters let through: in these the ends are counted. (The class 1 limits of IEC 61260-1 hold for tones
+# that are themselves faded over 2 / bandwidth.)
 LEAST_FADE_CYCLES = 2.0
-"""A fade spreads a line over 1 / fade. Bands narrower than 2 / fade would see more of a neighbouring line than the
-skirts of their filters let through: in these the ends are counted. (The class 1 limits of IEC 61260-1 hold for tones
-that are themselves faded over 2 / bandwidth.)"""
+# A fade changes the level of such a band by as many standard deviations of noise, or dB, where something is at the
+# ends. Of white noise in 1/24 octaves it changes 0.6 % of the levels by as much in 1 s, 0.06 % in 2 s.
 BY_ENDS, BY_ENDS_DB = 3.0, 6.0
-"""A fade changes the level of such a band by as many standard deviations of noise, or dB, where something is at the
-ends. Of white noise in 1/24 octaves it changes 0.6 % of the levels by as much in 1 s, 0.06 % in 2 s."""
 LINEAR_SETTLING = {
     "left-out": "about the mean; the section is faded in and out over an eighth of it, 0.5 s at most, so that the cut "
     "at its ends is left out of the bands",

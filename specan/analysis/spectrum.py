@@ -310,12 +310,12 @@ def _flags(density: Real, mostly_below: bool) -> tuple[str, ...]:
     return () if np.any(density > 0) else ("dead",)
 
 
+# Most numbers of a spectrogram: channels times columns times lines, 64 MB.
 VALUES = 8_000_000
-"""Most numbers of a spectrogram: channels times columns times lines, 64 MB."""
 
 
+# Blocks side by side in a section where no number of lines is given, and the fewest lines for that.
 BLOCKS, LEAST_LINES = 50, 16
-"""Blocks side by side in a section where no number of lines is given, and the fewest lines for that."""
 
 
 class SpectrogramSettings(BlockSettings):

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 LOW_BT_DB = 1.0
 _FEW = 4  # channels that stand side by side; of more, each has a row
 
+# By how much the cut at the ends of a section changes a level that is flagged ``edges``.
 EDGES_DB = 0.5
-"""By how much the cut at the ends of a section changes a level that is flagged ``edges``."""
 
 
 @dataclass(frozen=True)

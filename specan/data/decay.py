@@ -14,11 +14,11 @@ from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording
 from specan.result import RecordingResult, Sheet, cell, counted, explained, picked, records
 
+# Above these a decay is far from a straight line: ISO 3382-2:2008, B.2 and B.3.
 NOT_LINEAR_PERMILLE, CURVED_PERCENT = 10.0, 10.0
-"""Above these a decay is far from a straight line: ISO 3382-2:2008, B.2 and B.3."""
 
+# Bandwidth times decay time that a band filter reversed in time allows: ISO 3382-1:2009, 7.3.
 LEAST_BT = 4.0
-"""Bandwidth times decay time that a band filter reversed in time allows: ISO 3382-1:2009, 7.3."""
 MEANINGS = {
     "low-range": "the noise is too high for T20",
     "low-BT": f"bandwidth times decay time is below {LEAST_BT:g}, the band filter itself decays too slowly",
@@ -27,11 +27,11 @@ MEANINGS = {
 }
 
 TIMES = ("edt_s", "t20_s", "u_t20_s", "t30_s", "u_t30_s")
+# What every table of decay times holds, in this order.
 VALUES = (
     *TIMES, "c50_dB", "c80_dB", "d50_percent", "centre_time_s", "range_dB", "nonlinearity_permille",
     "curvature_percent",
 )  # fmt: skip
-"""What every table of decay times holds, in this order."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -30,14 +30,14 @@ from specan.dsp.record_edges import CutEnergy, Fade, SlowPart
 from specan.dsp.weighting import Weighting, power_weighting
 from specan.dsp.windows import falling_step
 
+# 64 to a 1/24 octave: cubic interpolation of |H|^2 between them is good to 0.0005 dB on the steepest skirt.
 NODES_PER_OCTAVE = 1536
-"""64 to a 1/24 octave: cubic interpolation of |H|^2 between them is good to 0.0005 dB on the steepest skirt."""
 
 # Of a place, as computed.
 _OF_A_PLACE = 1e-6
 
+# In Hz; what lies below is in no band and behind no weighting.
 LOWEST_NODE = 0.1
-"""In Hz; what lies below is in no band and behind no weighting."""
 
 
 def node_range(sampling_rate: float) -> tuple[int, int]:
@@ -232,8 +232,8 @@ def total_energy(lines: Real) -> Real:
 # Thinning divides a transform.
 _UNIT = 2 * FACTOR
 
+# Samples of a short record. Beyond, a transform of the whole no longer stays in the cache and blocks cost less.
 LONGEST = 4 * LENGTH
-"""Samples of a short record. Beyond, a transform of the whole no longer stays in the cache and blocks cost less."""
 
 # The low-pass filter before thinning falls as a Gauss function of time, to 1e-17 after so many thinned samples: its
 # step from 0.40 to 0.50 of the rate is erfc(6 x / 0.05), whose slope has the transform exp(-(pi t 0.05 / 6)^2).

@@ -17,14 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 from specan.arrays import Complex, Real
 from specan.divisions import TABLES
 
+# G, IEC 61260-1:2014, formula (1).
 OCTAVE_RATIO = 10.0**0.3
-"""G, IEC 61260-1:2014, formula (1)."""
 
+# f_r in Hz, IEC 61260-1:2014, 3.4.
 REFERENCE_FREQUENCY = 1000.0
-"""f_r in Hz, IEC 61260-1:2014, 3.4."""
 
+# Order of the Butterworth low-pass prototype.
 FILTER_ORDER = 4
-"""Order of the Butterworth low-pass prototype."""
 
 # Mantissas of the nominal mid-frequencies of 1/1 and 1/3 octaves, IEC 61260-1:2014, table E.1 (ISO 266, R10).
 _PREFERRED = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
@@ -227,8 +227,8 @@ _PASS_MAXIMUM = np.array([0.4, 0.5, 0.7, 1.4, 5.3])
 _PASS_MINIMUM = -0.4
 _STOP_MINIMUM = np.array([1.2, 16.6, 40.5, 60.0, 70.0])
 
+# Exponents x of the octave-band breakpoints G^x.
 BREAKPOINTS = (0.0, 1 / 8, 1 / 4, 3 / 8, 1 / 2, 1.0, 2.0, 3.0, 4.0)
-"""Exponents x of the octave-band breakpoints G^x."""
 
 
 def breakpoint_ratio(exponent: ArrayLike, fraction: int) -> Real:

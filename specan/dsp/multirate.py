@@ -14,8 +14,8 @@ from specan.arrays import Complex, Real
 from specan.dsp.windows import falling_step
 
 FACTOR = 8
+# Edges of the low-pass filter over the new sampling rate: response 1 to 1e-17 below PASS, 0 above STOP.
 PASS, STOP = 0.40, 0.50
-"""Edges of the low-pass filter over the new sampling rate: response 1 to 1e-17 below PASS, 0 above STOP."""
 
 
 # Bytes; glibc takes note of pieces up to 32 MB. Transforms of a few rows work in 1 to 4 MB, a short file in some 20 MB.
@@ -81,11 +81,11 @@ class Decimator:
         return filtered[:, :low] if before is None else before + filtered[:, :low]
 
 
+# Samples of a block on every stage. It belongs to the method: with it go the last bits of a result.
 LENGTH = 1 << 15
-"""Samples of a block on every stage. It belongs to the method: with it go the last bits of a result."""
 
+# Lowest mid-frequency in Hz of a 1/24 octave whose filter rings for less than a block of the last stage.
 LOWEST_BAND = 1.0
-"""Lowest mid-frequency in Hz of a 1/24 octave whose filter rings for less than a block of the last stage."""
 
 # A block holds the ringing of a 1/24 octave (to 1e-12) at this part of its stage's rate, and above.
 LOWEST_PART = 0.28 / FACTOR
@@ -132,8 +132,8 @@ def stages_of(sampling_rate: float) -> list[Stage]:
     return stages
 
 
+# Everything is a multiple of so many samples: a whole number of intervals fills them.
 GRAIN = 1024
-"""Everything is a multiple of so many samples: a whole number of intervals fills them."""
 
 # Samples after a section: as many as a response that is cut off smoothly at half a rate rings ahead, to -100 dB of
 # what is left of it there.

@@ -31,20 +31,20 @@ def _pole_frequencies() -> tuple[float, float, float, float]:
 
 
 F_1, F_2, F_3, F_4 = _pole_frequencies()
+# The pole that makes C into B: 158.48932 Hz, ANSI S1.4-1983, appendix C (the curve of IEC 60651).
 F_5 = 10.0**2.2
-"""The pole that makes C into B: 158.48932 Hz, ANSI S1.4-1983, appendix C (the curve of IEC 60651)."""
 
 
+# Zeros at 0 Hz.
 ZEROS: dict[Weighting, int] = {"Z": 0, "A": 4, "B": 3, "C": 2}
-"""Zeros at 0 Hz."""
 _C_POLES = (F_1, F_1, F_4, F_4)
+# Frequencies in Hz, of poles on the negative real axis.
 POLES: dict[Weighting, tuple[float, ...]] = {
     "Z": (),
     "A": (*_C_POLES, F_2, F_3),
     "B": (*_C_POLES, F_5),
     "C": _C_POLES,
 }
-"""Frequencies in Hz, of poles on the negative real axis."""
 
 
 def power_weighting(frequency: ArrayLike, weighting: Weighting) -> Real:
@@ -183,11 +183,11 @@ def minimum_phase(
     return np.asarray(response[::times])
 
 
+# Time constants in s; IEC 61672-1:2013, 5.8.
 FAST, SLOW = 0.125, 1.0
-"""Time constants in s; IEC 61672-1:2013, 5.8."""
 
+# Time constants in s of the average and of the peak holder behind it; IEC 60651, 7.2 (ANSI S1.4-1983, 6.2).
 IMPULSE, IMPULSE_DECAY = 0.035, 1.5
-"""Time constants in s of the average and of the peak holder behind it; IEC 60651, 7.2 (ANSI S1.4-1983, 6.2)."""
 
 
 # Samples that are summed up at once: as many time constants at most, and as the cache holds.
