@@ -107,6 +107,14 @@ class Tree:
     numbers: dict[Path, float] = field(default_factory=dict)
     aside: dict[str, str] = field(default_factory=dict)
 
+    def put(self, where: Path, value: Any) -> None:
+        """Take up a word, a list of words or a number; anything else says nothing."""
+        flat = [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in np.ravel(value).tolist()]
+        if flat and all(isinstance(v, str) for v in flat):
+            self.words[where] = flat[0].strip() if len(flat) == 1 else [v.strip() for v in flat]
+        elif len(flat) == 1 and isinstance(flat[0], (int, float)):
+            self.numbers[where] = float(flat[0])
+
     def recording(self, opening: Opening) -> Recording:
         """The recording of the signals among the arrays.
 

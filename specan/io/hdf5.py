@@ -43,7 +43,7 @@ def open_recording(path: Path, opening: Opening) -> Recording:
                     return
                 for key, value in node.attrs.items():
                     if not key.startswith("MATLAB_"):
-                        _sort((*where, key), value, tree)
+                        tree.put((*where, key), value)
                 if isinstance(node, h5py.Group):
                     # Names that lead to another file: a file of a stranger could name any file of this machine.
                     for below in node:
@@ -74,7 +74,7 @@ def _dataset(h5py: Any, file: Any, path: Path, where: tuple[str, ...], node: Any
             "".join(chr(code) for code in np.ravel(one[()])) for one in said if one.dtype.kind == "u"
         ]
     elif node.size == 1 or node.dtype.kind in "OSU":
-        _sort(where, node[()], tree)
+        tree.put(where, node[()])
     else:
 
         def read(start: int, stop: int, column: int) -> np.ndarray:
@@ -82,12 +82,3 @@ def _dataset(h5py: Any, file: Any, path: Path, where: tuple[str, ...], node: Any
                 return column_of(again["/".join(where)], start, stop, column)
 
         tree.arrays[where] = Array(tuple(node.shape), node.dtype.kind, read)
-
-
-def _sort(where: tuple[str, ...], value: Any, tree: Tree) -> None:
-    """A word, a list of words or a number, as attributes and small data sets hold them."""
-    flat = [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in np.ravel(value).tolist()]
-    if flat and all(isinstance(v, str) for v in flat):
-        tree.words[where] = flat[0] if len(flat) == 1 else flat
-    elif len(flat) == 1 and isinstance(flat[0], (int, float)):
-        tree.numbers[where] = float(flat[0])

@@ -10,6 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from specan.data.recording import Recording
 from specan.errors import InputError
 from specan.io.array_tree import Array, Tree, column_of
@@ -37,12 +39,10 @@ def open_recording(path: Path, opening: Opening) -> Recording:
     """
     tree = Tree()
     for where, value in _variables(path).items():
-        if isinstance(value, (str, list)):
-            tree.words[where] = value
-        elif isinstance(value, float):
-            tree.numbers[where] = value
-        elif value is not None:
+        if isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
             tree.arrays[where] = Array(value.shape, value.dtype.kind, partial(column_of, value))
+        else:
+            tree.put(where, value)
     return tree.recording(opening)
 
 

@@ -22,26 +22,16 @@ def leaves(content: Any, above: tuple[str, ...] = ()) -> Iterator[tuple[tuple[st
         for name, value in content.items():
             if not name.startswith("__"):
                 yield from leaves(value, (*above, name))
-    elif isinstance(content, (list, tuple)) or (isinstance(content, np.ndarray) and _structures(content)):
+    elif isinstance(content, (list, tuple)) or _structures(content):
         for number, value in enumerate(np.asarray(content, dtype=object).flat, 1):
             yield from leaves(value, (*above, str(number)))
-    else:
+    elif isinstance(content, (str, int, float, np.ndarray, np.generic)):
         yield above, content
 
 
-def _structures(content: np.ndarray) -> bool:
-    return content.dtype.kind == "O" and any(isinstance(v, (dict, np.ndarray)) for v in content.flat)
-
-
-def plain(value: Any) -> Any:
-    """A word, a list of words, a number or an array of numbers; None for anything else."""
-    if isinstance(value, str):
-        return value.strip()
-    if isinstance(value, np.ndarray) and value.dtype.kind in "OU":
-        return [str(v).strip() for v in value.flat] if all(isinstance(v, str) for v in value.flat) else None
-    if np.ndim(value) == 0 and np.issubdtype(np.asarray(value).dtype, np.number):
-        return float(np.real(value))
-    return np.asarray(value) if isinstance(value, np.ndarray) and value.dtype.kind in "biufc" else None
+def _structures(content: Any) -> bool:
+    array = isinstance(content, np.ndarray) and content.dtype.kind == "O"
+    return array and any(isinstance(v, (dict, np.ndarray)) for v in content.flat)
 
 
 def main(path: str, most_bytes: int) -> None:
@@ -57,7 +47,7 @@ def main(path: str, most_bytes: int) -> None:
     from scipy.io import loadmat
 
     try:
-        found: Any = {where: plain(value) for where, value in leaves(loadmat(path, simplify_cells=True))}
+        found: Any = dict(leaves(loadmat(path, simplify_cells=True)))
     except MemoryError:
         found = f"it takes more than {most_bytes / 1e9:.1f} GB of memory"
     except Exception as fault:  # a damaged file ends in many errors
