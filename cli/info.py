@@ -90,19 +90,21 @@ def _row(recording: Recording, excitation: Excitation) -> list[Any]:
 
 def _lines(recording: Recording, size: int, excitation: Excitation) -> list[str]:
     """What is said above the tables."""
+    from specan.data.recording import properties_called
     from specan.result import counted
 
     channels = recording.channels
     longest = max(c.duration_s for c in channels)
     rate = " and ".join(f"{r:g}" for r in sorted({c.sampling_rate for c in channels}))
     tone = f" at {excitation.frequency_hz:g} Hz" if excitation.frequency_hz else ""
-    places = [recording.properties, *recording.group_properties.values()]
-    written = [" ".join(str(p.get("Description", "")).split()) for p in places]
+    written = dict.fromkeys(
+        " ".join(str(text).split()) for _, text in properties_called("Description", recording)
+    )
     return [
         f"{recording.label}: {counted(len(channels), 'channel')}, {longest:g} s at {rate} Hz, {size / 1e6:.1f} MB",
         f"Excitation: {excitation.kind}{tone} ({excitation.reason})",
         f"Calibration: {recording.calibration_of([c.name for c in channels])}",
-        *(f"Description: {text}" for text in dict.fromkeys(written) if text),
+        *(f"Description: {text}" for text in written),
         *(f"Flag: {flag}" for flag in recording.flags),
         *(f"Note: {note}." for note in recording.notes),
     ]

@@ -5,16 +5,15 @@ Decisions: docs/decisions/recognition.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from specan.analysis.quality import LARGEST
 from specan.arrays import Real
 from specan.data.channel import Channel
-from specan.data.recording import Recording
+from specan.data.recording import Recording, properties_called
 from specan.data.tone import Excitation, ExcitationKind
 from specan.dsp.tonality import (
     TONE_SHARE,
@@ -126,19 +125,9 @@ def _differs(a: float | None, b: float | None) -> bool:
     return a is not None and b is not None and abs(a - b) > 0.01 * a
 
 
-def _property(recording: Recording, key: str) -> Iterator[tuple[str, Any]]:
-    """Every place that holds the property: the file first, then the groups."""
-    places: list[tuple[str, Mapping[str, Any]]] = [("file", recording.properties)]
-    places += [(f"group {name!r}", content) for name, content in recording.group_properties.items()]
-    for place, content in places:
-        for name, value in content.items():
-            if name.lower() == key.lower() and str(value).strip():
-                yield place, value
-
-
 def stated_excitation(recording: Recording) -> Excitation | None:
     """What the properties of the file or of a group say; None where they are silent. Reads no samples."""
-    for place, value in _property(recording, "Excitation"):
+    for place, value in properties_called("Excitation", recording):
         text = str(value).strip().lower()
         for kind, words in _WORDS:
             if any(word in text for word in words):
@@ -150,7 +139,7 @@ def stated_excitation(recording: Recording) -> Excitation | None:
 
 
 def _number(recording: Recording, key: str) -> float | None:
-    found = (number(value) for _, value in _property(recording, key))
+    found = (number(value) for _, value in properties_called(key, recording))
     return next((value for value in found if value is not None and 0 < value < np.inf), None)
 
 

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -15,7 +15,7 @@ from specan.analysis.quality import LARGEST, QualityAccumulator
 from specan.analysis.section import reasons_apart
 from specan.arrays import Complex, Flags, Real
 from specan.data.channel import Channel
-from specan.data.recording import Recording
+from specan.data.recording import Recording, properties_called
 from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
 from specan.errors import InputError
 from specan.result import shortened
@@ -107,7 +107,7 @@ def candidates_of(recording: Recording, settings: CalibrationSettings) -> Candid
             expected="a recording of a calibrator on microphones",
             remedy="name the channels, or give their roles in a channel table",
         )
-    listed = stated(recording, microphones[0].group, "CalibratedChannels")
+    _, listed = next(properties_called("CalibratedChannels", recording, microphones[0].group), ("", None))
     if settings.channels:
         chosen, named_by = list(recording.select(settings.channels)), "--channel"
     elif listed is not None:
@@ -132,15 +132,9 @@ def candidates_of(recording: Recording, settings: CalibrationSettings) -> Candid
     return Candidates(found, named_by, microphones, tuple(left_out))
 
 
-def stated(recording: Recording, group: str, key: str) -> Any:
-    """A property of the channel's group, of any other group, or of the file; None where there is none."""
-    places = [recording.group_properties.get(group, {}), *recording.group_properties.values()]
-    return next((place[key] for place in [*places, recording.properties] if key in place), None)
-
-
 def _stated_number(recording: Recording, group: str, key: str) -> float | None:
-    """The same as a number; "114 dB" and "94,0" are numbers too."""
-    written = stated(recording, group, key)
+    """A property as a number; "114 dB" and "94,0" are numbers too."""
+    _, written = next(properties_called(key, recording, group), ("", None))
     if written is None:
         return None
     found = re.match(r"\s*([-+]?\d+(?:[.,]\d*)?)", str(written))

@@ -490,3 +490,13 @@ class Recording(Result):
         stop = min(c.n_samples for c in channels) if stop is None else stop
         found = (self.read(channels, first, min(first + size, stop)) for first in range(start, stop, size))
         return found if self.watch is None else self.watch(found, channels, stop - start)
+
+
+def properties_called(key: str, recording: Recording, group: str = "") -> Iterator[tuple[str, Any]]:
+    """What a property says, whatever its letters, and where: in a group that is named, the file, other groups."""
+    of_groups = {f"group {name!r}": content for name, content in recording.group_properties.items()}
+    own = {f"group {group!r}": recording.group_properties.get(group, {})} if group else {}
+    for place, content in {**own, "file": recording.properties, **of_groups}.items():
+        for name, value in content.items():
+            if name.lower() == key.lower() and str(value).strip():
+                yield place, value

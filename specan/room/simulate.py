@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from specan.errors import RequestError
+from specan_cli.options import opt
 from specan_cli.output import emit_json, note, say
 from specan_cli.simulate_recording import output_path, show_recording, write_recording
 from specan_cli.simulate_table import write
@@ -17,15 +16,9 @@ if TYPE_CHECKING:
     from specan.models.model import Model
 
 
-@click.option(
-    "--duration", type=float, default=10.0, show_default=True, metavar="S", help="Length of the recording."
-)
-@click.option(
-    "--frequency", type=float, metavar="HZ", help="A sine instead of noise; the frequency of --field."
-)
-@click.option(
-    "--field", "plane", metavar="AXIS=M", help="Level and phase on a plane, z=0.35, as .csv or as a figure."
-)
+@opt("--duration", float, "Length of the recording.", "S", default=10.0, show_default=True)
+@opt("--frequency", float, "A sine instead of noise; the frequency of --field.", "HZ")
+@opt("--field plane", None, "Level and phase on a plane, z=0.35, as .csv or as a figure.", "AXIS=M")
 def run(model: Model, options: Mapping[str, Any]) -> None:
     """A recording (-o run.tdms), or the sound field (--field).
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import click
-
+from specan_cli.options import opt
 from specan_cli.output import note
 from specan_cli.simulate_table import length, over_limits, simulate, table_options, write
 from specan_cli.verb import OutputFile
@@ -20,11 +19,8 @@ LOOKUP_COLUMNS = ("speed_rpm", "output_torque_Nm", "oil_temperature_C", "efficie
 
 
 @table_options
-@click.option(
-    "--table", "lookup", type=OutputFile(),
-    help="Write a look-up table: speed, torque, temperature -> efficiency, loss.",
-)  # fmt: skip
-@click.option("--plot", type=OutputFile(), help="Draw the efficiency map into this file.")
+@opt("--table lookup", OutputFile(), "Write a look-up table: speed, torque, temperature -> efficiency, loss.")
+@opt("--plot", OutputFile(), "Draw the efficiency map into this file.")
 def run(model: Model, options: Mapping[str, Any]) -> None:
     """A table, a look-up table, or an efficiency map.
 

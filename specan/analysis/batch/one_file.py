@@ -30,7 +30,7 @@ from specan.analysis.transfer_function import TransferFunctionAccumulator
 from specan.data.calibration import Calibration, apply
 from specan.data.channel import Channel
 from specan.data.levels import Quality
-from specan.data.recording import Recording
+from specan.data.recording import Recording, properties_called
 from specan.data.tone import Excitation, ToneTable
 from specan.errors import NoSignalError, SpecanError, reason_of
 from specan.io.calibration_file import read_calibration
@@ -120,10 +120,9 @@ def _analyse(recording: Recording, settings: BatchSettings) -> FileResult:
     if not analyses:
         reason = "; ".join(faults) or "none of its channels was chosen"
         return replace(found, kind="failed", reason=reason)
-    places = [recording.properties, *recording.group_properties.values()]
-    texts = (str(place.get("Description", "")).strip() for place in places)
+    texts = (str(text).strip() for _, text in properties_called("Description", recording))
     about = [f"excitation {excitation.kind} ({excitation.reason})"]
-    about += [f"Description: {text}" for text in dict.fromkeys(filter(None, texts))]
+    about += [f"Description: {text}" for text in dict.fromkeys(texts)]
     left = _left_out(recording, [analysis.channels for analysis, _ in analyses])
     missing = (("", fault) for fault in dict.fromkeys(faults))
     blocks, tones = defaultdict[str, str](str), list[ToneTable]()
