@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Self
 
 
 class SpecanError(Exception):
@@ -28,6 +28,10 @@ class SpecanError(Exception):
         parts = [found, f"expected {expected}" if expected else "", remedy]
         text = "; ".join(part.strip().rstrip(".") for part in parts if part)
         super().__init__(text if text.endswith("?") else text + ".")
+
+    def within(self, where: str) -> Self:
+        """The same, with where it was found before it."""
+        return type(self)(f"{where}: {self.found}", expected=self.expected, remedy=self.remedy)
 
     def __reduce__(self) -> tuple[object, ...]:
         # Keyword-only arguments do not survive the default pickling, and workers send errors home.

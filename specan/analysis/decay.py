@@ -22,6 +22,7 @@ from specan.analysis.transfer_function import TransferFunction
 from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.decay import VALUES, DecayTimes, ImpulseResponses
+from specan.data.levels import level
 from specan.data.recording import Recording
 from specan.dsp import bands
 from specan.dsp.energy_decay import decay_line, energy_decay, noise_floor
@@ -198,14 +199,13 @@ def _evaluate(energy: Real, arrival: int, recorded: int, step_s: float, width: f
     # What the reversed filter puts before the arrival is energy of the direct sound.
     first = max(0, arrival - int(_FILTER_LASTS / width / step_s))
     before = float(np.sum(energy[first:arrival])) - floor.power * max(0, arrival - max(first, recorded))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        level = 10.0 * np.log10(curve / curve[0])
+    course = level(curve, curve[0])
     top = float(np.max(np.convolve(after[: floor.end], np.ones(interval) / interval, "valid")))
     bottom = floor.power or float(np.mean(after[-interval:]))
     range_dB = 10.0 * math.log10(top / bottom) if bottom > 0 else math.inf
     found = {"range_dB": range_dB, "nonlinearity_permille": math.nan}
     for name, (upper, lower) in _RANGES.items():
-        line = decay_line(level, upper, lower)
+        line = decay_line(course, upper, lower)
         enough = range_dB >= _ABOVE_NOISE_DB - lower
         time = found[f"{name}_s"] = line.samples * step_s if enough else math.nan
         if name in _SCATTER:

@@ -102,9 +102,7 @@ def tracked_shaft(
         pulses = repair(times, first, last)
         found = shaft_angle(pulses, count * ratio)
     except InputError as fault:
-        raise InputError(
-            f"{recording.label}, {channel.label}: {fault.found}", expected=fault.expected, remedy=fault.remedy
-        ) from None
+        raise fault.within(f"{recording.label}, {channel.label}") from None
     spacing, end = np.diff(found.time), channel.duration_s - channel.delay_s
     ends = ((-channel.delay_s, times[0], spacing[0]), (times[-1], end, spacing[-1]))
     silent = [*pulses.silent, *((a, b) for a, b, usual in ends if b - a > COUNTABLE * usual)]

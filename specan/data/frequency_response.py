@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from specan.arrays import Complex, Flags, Real
+from specan.data.levels import decibels
 from specan.errors import RequestError
 from specan.result import RecordingResult, Sheet, counted, picked
 
@@ -197,8 +198,7 @@ class FrequencyResponse(RecordingResult):
     @property
     def level_dB(self) -> Real:
         """20 log10 |H|, re 1 of its unit."""
-        with np.errstate(divide="ignore"):
-            return 20 * np.log10(self.magnitude)
+        return decibels(self.response)
 
     @property
     def phase_deg(self) -> Real:

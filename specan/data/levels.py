@@ -20,11 +20,16 @@ def level(mean_square: Real, zero: Real | float) -> Real:
         return 10.0 * np.log10(np.asarray(mean_square) / zero)
 
 
+def decibels(amplitude: ArrayLike) -> Real:
+    """20 lg of a magnitude; minus infinity for nothing, NaN for NaN."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(20 * np.log10(np.abs(amplitude)))
+
+
 def rms_level(rms: ArrayLike, units: Sequence[str]) -> Real:
     """Levels of RMS values, (channels, ...), re the references of the channels' units."""
     references = np.array([level_reference(unit).value for unit in units])
-    with np.errstate(divide="ignore"):
-        return np.asarray(20 * np.log10((np.asarray(rms).T / references).T))
+    return decibels((np.asarray(rms).T / references).T)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 import numpy as np
 
 from specan.arrays import Flags, Real
+from specan.data.levels import level
 from specan.result import RecordingResult, Sheet, cell, counted, picked
 from specan.units import level_reference
 
@@ -84,8 +85,7 @@ class SpectrumScale:
         """Level of a density: of the density itself, or of the RMS of a line (also under "amplitude")."""
         base = level_reference(unit).value ** 2
         power = density if self.scaling == "psd" else density * self.enbw_hz
-        with np.errstate(divide="ignore"):
-            return np.asarray(10 * np.log10(power / base))
+        return level(power, base)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -84,9 +84,7 @@ def read_headers(path: Path) -> Headers:
             layout = layout_of(reader._segments, size)
             properties, groups, channels = _objects(reader.object_metadata)
         except InputError as fault:
-            raise InputError(
-                f"{path.name}: {fault.found}", expected=fault.expected, remedy=fault.remedy
-            ) from None
+            raise fault.within(path.name) from None
         except Exception as fault:  # a damaged length field can end in any error of Python
             raise InputError(
                 f"the TDMS headers of {path.name} are damaged ({type(fault).__name__}: {fault})",

@@ -249,24 +249,15 @@ def _module_from(path: Path, what: str, content: bytes | None = None) -> Any:
 def _run(load: Callable[[], Any], path: Path, what: str) -> Any:
     try:
         return load()
-    except RequestError as fault:
-        raise RequestError(
-            f"the {what} file {path}{_line_in(path, fault)}: {fault.found}",
-            expected=fault.expected, remedy=fault.remedy,
-        ) from None  # fmt: skip
     except (Exception, SystemExit) as fault:  # whatever a user's file raises is said as the file's fault
+        frames = traceback.extract_tb(fault.__traceback__)
+        lines = [f", line {frame.lineno}" for frame in frames if frame.filename == str(path)]
+        where = f"the {what} file {path}{''.join(lines[-1:])}"
+        if isinstance(fault, RequestError):
+            raise fault.within(where) from None
         raise RequestError(
-            f"the {what} file {path}{_line_in(path, fault)} fails when it is loaded "
-            f"({type(fault).__name__}: {fault})",
-            remedy="correct it",
+            f"{where} fails when it is loaded ({type(fault).__name__}: {fault})", remedy="correct it"
         ) from None
-
-
-def _line_in(path: Path, fault: BaseException) -> str:
-    """The line of a user's file at which something was raised, as it goes on behind the file's name."""
-    frames = traceback.extract_tb(fault.__traceback__)
-    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
-    return f", line {lines[-1]}" if lines else ""
 
 
 def _effects_of(module: Any) -> list[Effect]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from specan.arrays import Real
 from specan.data.frequency_response import FrequencyResponse
+from specan.data.levels import decibels, rms_level
 from specan.data.limits import LimitCurve
 from specan.data.orders import OrderSpectrum
 from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum, SpectrumScale
@@ -131,10 +132,8 @@ def figure_spectrogram(found: Spectrogram) -> Drawing:
 
 def figure_shock_response(found: ShockResponse) -> Drawing:
     """Maximax over the natural frequency, both logarithmic, one pair of axes a unit."""
-    with np.errstate(divide="ignore"):
-        level = 20 * np.log10(found.maximax)
     labels = [printed_unit(f"Maximax / {unit}") for unit in found.units]
-    panels = level_panels(labels, found.channels, found.frequency_hz, level, _DYNAMICS_DB)
+    panels = level_panels(labels, found.channels, found.frequency_hz, decibels(found.maximax), _DYNAMICS_DB)
     panels = [replace(panel, amplitude=True) for panel in panels]
     facts = (f"shock response, {found.response}, Q {found.quality:g}",)
     return Drawing(
@@ -144,16 +143,11 @@ def figure_shock_response(found: ShockResponse) -> Drawing:
 
 def figure_orders(found: OrderSpectrum) -> Drawing:
     """Levels against order, with the given lines as dots; one pair of axes a level reference."""
-    references = [level_reference(unit) for unit in found.units]
-    labels = [level_label(reference.text) for reference in references]
+    labels = [level_label(level_reference(unit).text) for unit in found.units]
     more: dict[str, Any] = {}
     if (lines := found.lines) is not None:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            values = [
-                20 * np.log10(np.abs(amplitude) / np.sqrt(2) / reference.value)
-                for amplitude, reference in zip(lines.amplitude, references, strict=True)
-            ]
-        more["dots"] = [(lines.order, one) for one in values]
+        rms = np.abs(lines.amplitude) / np.sqrt(2)
+        more["dots"] = [(lines.order, one) for one in rms_level(rms, found.units)]
     order, level = found.order[found.order > 0], found.level_dB[:, found.order > 0]
     panels = level_panels(labels, found.channels, order, level, _ORDERS_DB, **more)
     facts = _about_orders(found), "Dots: the requested lines" if found.lines else ""

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from scipy.signal import csd, welch
 
 from specan.arrays import Complex, Flags, Real
+from specan.data.levels import decibels
 from specan.dsp.transfer_function import phase_deg
 from specan.errors import RequestError, require_known
 from specan.models.rates import TIME
@@ -312,7 +313,7 @@ def response_drawing(
     The names of the curves begin with `of`. Bands are two standard uncertainties, about what was measured and about no
     error.
     """
-    f, level = found.frequency_hz, level_dB(found.measured[row])
+    f, level = found.frequency_hz, decibels(found.measured[row])
     low, high = band_about(level, 2 * found.u_relative[row])
     phase, reach = with_gaps(phase_deg(found.measured[row])), 2 * found.u_phase_deg[row]
     measured, model, was = (f"{of} {what}".lstrip() for what in RESPONSES)
@@ -321,7 +322,7 @@ def response_drawing(
     errors = [Curve(measured, f, np.where(np.isfinite(level), 0.0, np.nan), low - level, high - level)]
     for name, one in ((model, found), (was, before)):
         if one is not None:
-            levels.append(Curve(name, f, level_dB(one.model[row])))
+            levels.append(Curve(name, f, decibels(one.model[row])))
             phases.append(Curve(name, f, with_gaps(phase_deg(one.model[row]))))
             errors.append(Curve(name, f, one.error_dB[row]))
     worst = max(float(np.nanquantile(np.abs(curve.y), 0.98)) for curve in errors)
@@ -368,7 +369,7 @@ class MeasuredTransfer:
     @property
     def error_dB(self) -> Real:
         """Level of the measurement less that of the model."""
-        return np.asarray(level_dB(self.measured) - level_dB(self.model))
+        return np.asarray(decibels(self.measured) - decibels(self.model))
 
     def by_misfit(self) -> list[int]:
         """Numbers of the channels in use, that with the largest error in units of the uncertainty first."""
@@ -411,9 +412,3 @@ def measured_transfer(observation: FrfObservation, predicted: Real) -> MeasuredT
         along,
         np.degrees(across),
     )
-
-
-def level_dB(response: Complex) -> Real:
-    """``20 log10 |H|``, minus infinity of zero."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(20 * np.log10(np.abs(response)))

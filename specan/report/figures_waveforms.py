@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from specan.data.channel import Channel
 from specan.data.decay import ImpulseResponses
+from specan.data.levels import decibels
 from specan.data.recording import Recording
 from specan.report.figure_style import COLOURS, heading, new_figure, remark, styled
 from specan.report.panels import Drawing, level_panels
@@ -84,9 +85,7 @@ def figure_impulse_responses(found: ImpulseResponses) -> Drawing:
     """Levels of impulse responses over time, one pair of axes a unit: the highest sample of each column."""
     size = max(found.time_s.size // COLUMNS, 1)
     highest = np.maximum.reduceat(np.abs(found.samples), np.arange(0, found.time_s.size, size), axis=1)
-    with np.errstate(divide="ignore"):
-        level = 20 * np.log10(highest)
     labels = [printed_unit(f"Level / dB re 1 {unit}/{found.reference_unit}") for unit in found.units]
-    panels = level_panels(labels, found.channels, found.time_s[::size], level, _DYNAMICS_DB)
+    panels = level_panels(labels, found.channels, found.time_s[::size], decibels(highest), _DYNAMICS_DB)
     facts = (f"{found.method} over {found.reference}",)
     return Drawing(found.label or "Impulse responses", facts, "Time / s", tuple(panels))

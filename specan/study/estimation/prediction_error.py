@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.data.levels import level
 from specan.errors import ComputationError
 from specan.result import picked
 from specan.study.estimation.fit import Fit
@@ -148,13 +149,10 @@ def _levels_dB(observation: KeptLines, predicted: Array) -> Array:
     _, cell = np.unique(np.stack(own), axis=1, return_inverse=True)
     counted, noise = observation.powers()
     floor = np.bincount(cell.ravel(), weights=noise)
-    power = [
-        np.bincount(cell.ravel(), weights=counted * values**2) for values in (predicted, observation.measured)
-    ]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found = 10 * np.log10((power[0] + floor) / (power[1] + floor))
-    seen = np.isfinite(found) & (power[1] > ABOVE_NOISE * floor)
-    return np.asarray(found[seen])
+    each = (np.bincount(cell.ravel(), counted * values**2) for values in (predicted, observation.measured))
+    power = np.array([*each], dtype=float) + floor
+    found = level(power[0], power[1])
+    return found[np.isfinite(found) & (power[1] > (1 + ABOVE_NOISE) * floor)]
 
 
 def errors_of(
