@@ -15,16 +15,7 @@ from specan.arrays import Real
 from specan.data.channel import Channel
 from specan.data.recording import Recording, properties_called
 from specan.data.tone import Excitation, ExcitationKind
-from specan.dsp.tonality import (
-    TONE_SHARE,
-    Appearance,
-    appearance,
-    narrow_band_is_noise,
-    path,
-    scatters_as_noise,
-    tonal_share,
-    track,
-)
+from specan.dsp import tonality
 from specan.errors import RequestError, nearest
 from specan.units import number, spoken
 
@@ -156,7 +147,7 @@ def _from_channels(recording: Recording) -> Excitation:
                 f"{channel.label} holds samples that are not finite, or too large for their squares"
             )
             continue
-        looks = [appearance(s, channel.sampling_rate) for s in sections]
+        looks = [tonality.appearance(s, channel.sampling_rate) for s in sections]
         sections, looks = _without_switching(sections, looks)
         if any(look.look != "silence" for look in looks):
             return _verdict(channel, sections, looks)
@@ -174,12 +165,14 @@ def _may_be_a_tone(recording: Recording) -> bool:
     for channel in [*recording.by_role("generator"), *recording.by_role("vibrometer")]:
         if channel.n_samples >= MIN_SAMPLES and channel.sampling_rate > 0:
             size = min(channel.n_samples, max(MIN_SAMPLES, int(LEAST_SECTION_S * channel.sampling_rate)))
-            if tonal_share(recording.read([channel], 0, size)[0]) >= TONE_SHARE:
+            if tonality.tonal_share(recording.read([channel], 0, size)[0]) >= tonality.TONE_SHARE:
                 return True
     return False
 
 
-def _without_switching(sections: list[Real], looks: list[Appearance]) -> tuple[list[Real], list[Appearance]]:
+def _without_switching(
+    sections: list[Real], looks: list[tonality.Appearance]
+) -> tuple[list[Real], list[tonality.Appearance]]:
     """Without the first or the last section where a tone begins or ends in it."""
     first = 1 if looks and looks[0].look == "transient" else 0
     last = len(looks) - 1 if len(looks) > first and looks[-1].look == "transient" else len(looks)
@@ -212,7 +205,7 @@ def _sections(recording: Recording, channel: Channel) -> list[Real] | None:
     return [s for s, level in zip(sections, rms) if level > floor]
 
 
-def _verdict(channel: Channel, sections: Sequence[Real], looks: Sequence[Appearance]) -> Excitation:
+def _verdict(channel: Channel, sections: Sequence[Real], looks: Sequence[tonality.Appearance]) -> Excitation:
     where = f"{channel.role} channel {channel.label!r}"
     kinds = {look.look for look in looks}
     frequencies = [look.frequency_hz for look in looks]
@@ -251,11 +244,11 @@ _SAID = {
 
 
 def _moving(
-    channel: Channel, sections: Sequence[Real], looks: Sequence[Appearance], where: str
+    channel: Channel, sections: Sequence[Real], looks: Sequence[tonality.Appearance], where: str
 ) -> Excitation | None:
     """A sweep, steps, or a tone that moves otherwise; None where there is no tone to follow."""
     rate = channel.sampling_rate
-    tracks = [found for s in sections if (found := track(s, rate)) is not None]
+    tracks = [found for s in sections if (found := tonality.track(s, rate)) is not None]
     several = sum(look.look == "several tones" for look in looks)
     if len(tracks) < len(sections) or 2 * several > len(sections):
         return None
@@ -263,7 +256,9 @@ def _moving(
     every = np.concatenate([t.frequency_hz for t in tracks])
     low, high = (float(x) for x in np.percentile(every, [2, 98]))
     ways = f"from about {spoken(low, high, digits=2)} Hz"
-    match path(tracks, [look.look == "tone" for look in looks], size, channel.n_samples / rate - size):
+    match tonality.path(
+        tracks, [look.look == "tone" for look in looks], size, channel.n_samples / rate - size
+    ):
         case "sweep":
             return Excitation("sweep", None, f"{where}: a swept tone {ways}")
         case "steps":
@@ -273,13 +268,13 @@ def _moving(
     return None
 
 
-def _is_noise(channel: Channel, sections: Sequence[Real], looks: Sequence[Appearance]) -> bool:
+def _is_noise(channel: Channel, sections: Sequence[Real], looks: Sequence[tonality.Appearance]) -> bool:
     """Whether the sections scatter as noise does, and so does what surrounds the strongest line of any of them."""
-    broad = scatters_as_noise(sections)
+    broad = tonality.scatters_as_noise(sections)
     narrow = any(look.look != "broad" for look in looks)
     low, high = min(look.band_hz[0] for look in looks), max(look.band_hz[1] for look in looks)
     if broad is False or (broad is None and not narrow):
         return False
     if not narrow and high - low > 0.25 * channel.sampling_rate:
         return True
-    return narrow_band_is_noise(sections, low / channel.sampling_rate, high / channel.sampling_rate)
+    return tonality.narrow_band_is_noise(sections, low / channel.sampling_rate, high / channel.sampling_rate)

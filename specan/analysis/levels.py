@@ -15,13 +15,7 @@ from specan.arrays import Flags, Real
 from specan.data.band_levels import EDGES_DB, apart
 from specan.data.levels import Quality, SignalLevels, level
 from specan.data.recording import Recording
-from specan.dsp.band_history import (
-    SETTLING_TIME_CONSTANTS,
-    Average,
-    BandHistoryAccumulator,
-    Record,
-    weighting_filter,
-)
+from specan.dsp import band_history
 from specan.dsp.statistics import exceeded
 from specan.dsp.weighting import FAST, SLOW, WEIGHTINGS, Weighting
 from specan.units import level_reference
@@ -34,7 +28,7 @@ _EARLY_DB = 0.1
 _ALIKE = 10.0 ** (-_EARLY_DB / 20.0)
 _SETTLING = (
     "about the mean; the response of A, B and C to the cut at the start of the section is removed; percentiles and "
-    f"minimum leave out the first {SETTLING_TIME_CONSTANTS:g} time constants after 0.09 s"
+    f"minimum leave out the first {band_history.SETTLING_TIME_CONSTANTS:g} time constants after 0.09 s"
 )
 
 
@@ -106,17 +100,19 @@ class LevelsAccumulator:
         # The weighting's, that of channels for which there is none, and what else sound pressure has.
         first: list[Weighting] = [self._weighting, "Z"]
         self._weightings = [*first, *(w for w in WEIGHTINGS if w not in first and self._pressure.any())]
-        filters = [weighting_filter(w) for w in self._weightings]
+        filters = [band_history.weighting_filter(w) for w in self._weightings]
         tau = settings.time_constant
         step = max(tau / READINGS_PER_TIME_CONSTANT, self.duration / READINGS)
-        times = np.arange(SETTLING_TIME_CONSTANTS * tau + filters[0].settling, self.duration, step)
+        times = np.arange(
+            band_history.SETTLING_TIME_CONSTANTS * tau + filters[0].settling, self.duration, step
+        )
         rows = len(self.channels)
         slow = slow_part(recording, self.channels, self.start, self.stop)
         self._constant = slow.constant
-        self._history = BandHistoryAccumulator(
-            Record(rows, self.sampling_rate, self.stop - self.start, slow=slow),
+        self._history = band_history.BandHistoryAccumulator(
+            band_history.Record(rows, self.sampling_rate, self.stop - self.start, slow=slow),
             filters,
-            Average(tau, None, times),
+            band_history.Average(tau, None, times),
             peak_of=self._weightings.index("C") if self._pressure.any() else None,
             read=len(first),
         )

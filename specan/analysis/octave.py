@@ -21,15 +21,8 @@ from specan.data.band_levels import BandLevels, LevelHistory, OtherSettling
 from specan.data.levels import Quality, level
 from specan.data.recording import Recording
 from specan.divisions import division_name
+from specan.dsp import band_history
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
-from specan.dsp.band_history import (
-    Average,
-    BandHistoryAccumulator,
-    Histories,
-    Record,
-    band_filter,
-    weighting_filter,
-)
 from specan.dsp.bands import Bands
 from specan.dsp.multirate import LOWEST_BAND
 from specan.dsp.record_edges import Fade
@@ -253,22 +246,22 @@ class OctaveAccumulator:
         self._derivatives = np.array([channel.derivatives for channel in self.channels])
         rows, n, lowest = len(self.channels), self.stop - self.start, float(self.bands.lower[0])
         slow = slow_part(recording, self.channels, self.start, self.stop, lowest)
-        self._at_work: BandEnergyAccumulator | BandHistoryAccumulator
+        self._at_work: BandEnergyAccumulator | band_history.BandHistoryAccumulator
         if settings.averaging == "linear":
             weighted = self._pressure.tolist()
             self._at_work = BandEnergyAccumulator(rows, self.sampling_rate, n, slow, weighted=weighted)
             return
-        filters = [band_filter(band, settings.weighting) for band in self.bands]
-        filters += [weighting_filter(weighting) for weighting in self._overall]
+        filters = [band_history.band_filter(band, settings.weighting) for band in self.bands]
+        filters += [band_history.weighting_filter(weighting) for weighting in self._overall]
         self._duration = n / self.sampling_rate
         interval = settings.reading_interval(self._duration)
         count = int(self._duration / interval + 1e-9)
         self._times = np.linspace(interval, interval * count, count)
         decay = IMPULSE_DECAY if settings.averaging == "impulse" else None
-        self._at_work = BandHistoryAccumulator(
-            Record(rows, self.sampling_rate, n, self._derivatives.tolist(), slow),
+        self._at_work = band_history.BandHistoryAccumulator(
+            band_history.Record(rows, self.sampling_rate, n, self._derivatives.tolist(), slow),
             filters,
-            Average(settings.time_constant, decay, np.append(self._times, self._duration)),
+            band_history.Average(settings.time_constant, decay, np.append(self._times, self._duration)),
         )
 
     def add(self, samples: Real) -> None:
@@ -318,7 +311,7 @@ class OctaveAccumulator:
             other=OtherSettling(self._exchanged, other, with_cut),
         )
 
-    def _of_histories(self, histories: Histories) -> BandLevels:
+    def _of_histories(self, histories: band_history.Histories) -> BandLevels:
         """Time-weighted mean squares of the bands, then of the weightings of the whole signal."""
         settings, n, zero, elapsed = self.settings, len(self.bands), self._zero, self._times
         shown, highest, other, settling = _held(histories, settings)
@@ -407,7 +400,7 @@ class OctaveAccumulator:
         return {name: level(values, self._zero) for name, values in overall.items()}
 
 
-def _held(histories: Histories, settings: Octave) -> tuple[Real, Real, Real, str]:
+def _held(histories: band_history.Histories, settings: Octave) -> tuple[Real, Real, Real, str]:
     """Mean squares that are shown, the maximum, that of the other settling, and words on what is shown."""
     counted, left_out = histories.maximum, histories.later_maximum
     highest, other = (counted, left_out) if settings.settling == "counted" else (left_out, counted)
@@ -419,7 +412,7 @@ def _held(histories: Histories, settings: Octave) -> tuple[Real, Real, Real, str
 
 
 def _exceeded(
-    histories: Histories, highest: Real, elapsed: Real, percentiles: Sequence[float]
+    histories: band_history.Histories, highest: Real, elapsed: Real, percentiles: Sequence[float]
 ) -> dict[float, Real]:
     """Mean squares (channels, filters) exceeded during so many percent of the time, with the extremes.
 

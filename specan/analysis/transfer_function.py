@@ -22,15 +22,7 @@ from specan.arrays import Complex, Real
 from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse, leaking
 from specan.data.recording import Recording
-from specan.dsp.transfer_function import (
-    Estimate,
-    Estimator,
-    Instrument,
-    arrivals,
-    estimate,
-    leakage_bias,
-    u_phase_deg,
-)
+from specan.dsp import transfer_function
 from specan.dsp.welch import CrossSpectra, SpectralMatrix, effective_averages, hop_of
 from specan.dsp.windows import WindowName, line_correlation, window, window_correlation
 from specan.errors import InputError
@@ -86,7 +78,7 @@ class TransferFunction(SectionSettings):
 
     reference: str | None = None
     instrument: str | None = None
-    estimator: Estimator = "H1"
+    estimator: transfer_function.Estimator = "H1"
     lines: int | None = Field(default=None, ge=8, le=10_000_000)
     window: WindowName = "hann"
     overlap: float = Field(default=0.5, ge=0.0, le=0.95)
@@ -210,13 +202,13 @@ class TransferFunctionAccumulator:
             spectra.add(samples)
         spectra.add(silence)
         seen = spectra.result()
-        first = estimate("H1", seen.auto[0], seen.auto, seen.cross[0], seen.n_effective)
+        first = transfer_function.estimate("H1", seen.auto[0], seen.auto, seen.cross[0], seen.n_effective)
         # Lines without coherence would drown the peak; 2/n is what chance gives.
         weight = np.maximum(first.coherence - 2 / max(seen.n_effective, 2.0), 0.0)
         weighted = np.where(np.isfinite(first.response), first.response, 0.0) * np.nan_to_num(weight)
         impulse = np.abs(np.fft.irfft(weighted, longest, axis=-1))
         distinct = impulse.max(axis=-1) > _DISTINCT_PEAK * np.sqrt(np.mean(impulse**2, axis=-1))
-        lags = arrivals(impulse) * distinct
+        lags = transfer_function.arrivals(impulse) * distinct
         count = len(self.channels)
         response = first.response[:count, 1:].copy()
         for row in np.flatnonzero(lags[:count]):
@@ -265,7 +257,7 @@ class TransferFunctionAccumulator:
             response=response,
             coherence=found.coherence,
             u_magnitude_percent=100 * u_relative,
-            u_phase_deg=u_phase_deg(u_relative),
+            u_phase_deg=transfer_function.u_phase_deg(u_relative),
             u_leakage_percent=100 * u_leakage,
             degrees_of_freedom=found.degrees_of_freedom,
             u_common_percent=self._together(lambda c: np.full(len(f), c.u_gain_percent)),
@@ -300,12 +292,14 @@ class TransferFunctionAccumulator:
             cut /= spectra.n_blocks * hop * self.reference.sampling_rate / 2 * spectra.auto[0]
             return cut / np.maximum(1 - cut, 0)
 
-    def _estimate(self, spectra: SpectralMatrix) -> Estimate:
+    def _estimate(self, spectra: SpectralMatrix) -> transfer_function.Estimate:
         first = len(self.channels) - len(self.responses)
         instrument = None
         if self.instrument is not None:
-            instrument = Instrument(spectra.auto[1], spectra.cross[1, 0], spectra.cross[1, first:])
-        return estimate(
+            instrument = transfer_function.Instrument(
+                spectra.auto[1], spectra.cross[1, 0], spectra.cross[1, first:]
+            )
+        return transfer_function.estimate(
             self.settings.estimator,
             spectra.auto[0],
             spectra.auto[first:],
@@ -319,7 +313,7 @@ class TransferFunctionAccumulator:
         """Uncertainty of response and reference in quadrature, (responses, lines)."""
         return np.stack([np.hypot(of(c), of(self.reference)) for c in self.responses])
 
-    def _remarks(self, found: Estimate, lost: Real, cut: Real, drive: Real) -> list[str]:
+    def _remarks(self, found: transfer_function.Estimate, lost: Real, cut: Real, drive: Real) -> list[str]:
         remarks = self._on_lines(found, lost)
         if self.instrument is None and self.foreign_share > _FOREIGN:
             remarks.append(
@@ -338,7 +332,7 @@ class TransferFunctionAccumulator:
             remarks.append(f"aligned before the analysis and turned back after it: {', '.join(late)}")
         return remarks
 
-    def _on_lines(self, found: Estimate, lost: Real) -> list[str]:
+    def _on_lines(self, found: transfer_function.Estimate, lost: Real) -> list[str]:
         """Who chose the number of lines, and whether the blocks are too short for the response."""
         settings, rate = self.settings, self.reference.sampling_rate
         remarks = []
@@ -454,7 +448,7 @@ class Look:
         """
         ratio = self.block // block
         rows = [
-            leakage_bias(h, v, self.window, ratio)
+            transfer_function.leakage_bias(h, v, self.window, ratio)
             for h, v in zip(self.response[first:], self.variance[first:], strict=True)
         ]
         return np.stack(rows)[:, ratio - 1 :: ratio]
@@ -579,7 +573,7 @@ def leakage(
     for row, (own, u, shift) in enumerate(zip(response, u_relative, shifts, strict=True)):
         turned = own * np.exp(2j * np.pi * f * shift / block) if shift else own
         variance = 2 * (u * np.abs(own)) ** 2
-        square[row] = np.abs(leakage_bias(turned, variance, window)) ** 2
+        square[row] = np.abs(transfer_function.leakage_bias(turned, variance, window)) ** 2
         if seen is not None:
             longer = np.abs(seen[row, : len(f)]) ** 2
             more = _mean_over(longer, _NEIGHBOURS) > 2 * _mean_over(square[row], _NEIGHBOURS)

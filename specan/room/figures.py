@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from specan.report.figure_style import (
-    COLOURS,
-    heading,
-    legend_above,
-    new_figure,
-    octave_axis,
-    styled,
-)
+from specan.report import figure_style
 from specan.report.figures_study import measured_transfer, response_drawing
 from specan.report.panels import draw_panels
 from specan.report.residual_map import axis_text
@@ -34,7 +27,7 @@ if TYPE_CHECKING:
 _LEAST_SCALE_DB = 1.0
 
 
-@styled
+@figure_style.styled
 def figure_impedance(found: Impedance) -> Figure:
     """Absorption coefficient, and real and imaginary part of Z/(rho c), of every wall with 95 % intervals.
 
@@ -42,7 +35,7 @@ def figure_impedance(found: Impedance) -> Figure:
     as an impedance.
     """
     walls = found.walls
-    figure = new_figure(6.2, max(5.6, 1.0 + 1.7 * len(walls)))
+    figure = figure_style.new_figure(6.2, max(5.6, 1.0 + 1.7 * len(walls)))
     grid = figure.subplots(3, len(walls), squeeze=False, sharex="col", sharey="row")
     for column, wall in enumerate(walls):
         rows = found.of(wall)
@@ -50,7 +43,7 @@ def figure_impedance(found: Impedance) -> Figure:
             _bars(axes, rows, name)
         grid[0, column].set_title(f"Wall {wall}")
         grid[2, column].set_xlabel("Frequency / Hz")
-        octave_axis(grid[2, column], rows["mid_hz"].min() / 1.15, rows["mid_hz"].max() * 1.15)
+        figure_style.octave_axis(grid[2, column], rows["mid_hz"].min() / 1.15, rows["mid_hz"].max() * 1.15)
     grid[0, 0].set(ylabel="Absorption coefficient,\nnormal incidence", ylim=(0, 1))
     grid[1, 0].set(ylabel="Re Z / (rho c)", yscale="log")
     grid[2, 0].set(ylabel="Im Z / (rho c)", yscale="symlog")
@@ -62,7 +55,7 @@ def figure_impedance(found: Impedance) -> Figure:
         for axes in grid[0]:
             axes.plot(mean["mid_hz"], mean["absorption_normal"], ":", color="0.4", lw=1, label="all walls")
     known = found.table["determined"][found.table["wall"] != ALL]
-    heading(
+    figure_style.heading(
         figure, "Surface impedance of the walls",
         f"{known.sum()} of {known.size} bands are determined. Bars: 95 % intervals; pale: upper limit only, not "
         "determined. Dotted: all walls together.",
@@ -73,7 +66,7 @@ def figure_impedance(found: Impedance) -> Figure:
 def _bars(axes: Axes, rows: pd.DataFrame, name: str) -> None:
     """Intervals with their values; of what is not determined the absorption alone, pale and without a value."""
     absorption = name == "absorption_normal"
-    style: dict[str, Any] = {"color": COLOURS[0 if absorption else 1]}
+    style: dict[str, Any] = {"color": figure_style.COLOURS[0 if absorption else 1]}
     for mid_hz, known, value, *ends in rows[
         ["mid_hz", "determined", name, f"{name}_low", f"{name}_high"]
     ].to_numpy():
@@ -84,7 +77,7 @@ def _bars(axes: Axes, rows: pd.DataFrame, name: str) -> None:
             axes.plot(mid_hz, value, "o", ms=4, **style)
 
 
-@styled
+@figure_style.styled
 def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     """Level error by third octave and microphone, on a plan of the microphones, and one microphone's curves.
 
@@ -96,7 +89,7 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     shown : int
         Number of the microphone whose magnitude and phase are drawn.
     """
-    figure = new_figure(7.0, 10.6)
+    figure = figure_style.new_figure(7.0, 10.6)
     panels = figure.subplot_mosaic([["map", "plan", "side"], ["level", "level", "level"], ["phase", "phase", "phase"]],
                                    width_ratios=[1.6, 1, 1], height_ratios=[2, 1.2, 1])  # fmt: skip
     clear = np.abs(errors.level_dB) > 2 * errors.u_level_dB
@@ -124,7 +117,7 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
         axes.set(xlabel=f"{'xyz'[seen[0]]} / m", ylabel=f"{'xyz'[seen[1]]} / m")
     _curves(panels["level"], panels["phase"], study, errors, shown)
     figure.align_ylabels([panels["level"], panels["phase"]])
-    heading(
+    figure_style.heading(
         figure, f"{study.directory.resolve().name}, {errors.recording}: where the model fails", *state_of(study),
         f"Dots: more than two standard uncertainties. Plans: third octave of {errors.bands[band]:g} Hz, with the "
         f"largest error; square: {errors.channels[shown]}, whose curves are below.",
@@ -141,10 +134,10 @@ def _curves(level: Axes, phase: Axes, study: Study, errors: FrfErrors, shown: in
     drawing = response_drawing(found, shown, study.model.observables["frf"].unit)
     draw_panels([level, phase], drawing.panels[:2])
     level.set_ylabel(drawing.panels[0].label.replace("Magnitude", "|H|"))
-    legend_above(level)
+    figure_style.legend_above(level)
     phase.set_xlabel(drawing.x_label)
     for axes in (level, phase):
-        octave_axis(axes, *drawing.span)
+        figure_style.octave_axis(axes, *drawing.span)
     level.tick_params(labelbottom=False)
 
 
@@ -153,7 +146,7 @@ _FINER = 6  # points of the picture for one of the map, along each axis
 _DEPTH_DB = 50.0  # below the loudest point the colours end
 
 
-@styled
+@figure_style.styled
 def field_figure(found: FieldMap) -> Figure:
     """Two maps side by side.
 
@@ -162,7 +155,7 @@ def field_figure(found: FieldMap) -> Figure:
     """
     first, second = found.first_m[-1], found.second_m[-1]
     height = float(np.clip(4.0 * second / first, 2.0, 5.6)) + 1.2
-    sheet = new_figure(height, 10.6)
+    sheet = figure_style.new_figure(height, 10.6)
     axes = sheet.subplots(1, 2, sharey=True)
     found = _finer(found)
     level, phase = found.level_dB, found.phase_deg
@@ -181,7 +174,7 @@ def field_figure(found: FieldMap) -> Figure:
         _microphones(place, found)
         place.set(xlabel=f"{found.along[0]} / m", aspect="equal", xlim=(0.0, first), ylim=(0.0, second))
     axes[0].set_ylabel(f"{found.along[1]} / m")
-    heading(
+    figure_style.heading(
         sheet, f"Sound pressure over the diaphragm's velocity at {found.frequency_hz:g} Hz",
         f"Plane {found.axis} = {found.at_m:g} m. White: microphones within {100 * NEAR_M:g} cm of it.",
     )  # fmt: skip

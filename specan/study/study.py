@@ -19,6 +19,7 @@ from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
 from specan.result import counted
+from specan.study import history, study_file, user_effects
 from specan.study.build_problem import assemble
 from specan.study.comparison import Comparison
 from specan.study.estimation.continuation import continuation_fit, linearised
@@ -30,38 +31,12 @@ from specan.study.estimation.prediction_error import (
     observable_errors,
 )
 from specan.study.estimation.problem import Problem
-from specan.study.history import (
-    History,
-    KeptResults,
-    Step,
-    changing,
-    commit,
-    line_of,
-    recover,
-)
 from specan.study.localisation.localise import MistakenSetUp, localise, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles, brought, kind_named, together
 from specan.study.progress import Progress
 from specan.study.selection.candidates import grouped_by
 from specan.study.selection.refits import POOR_FIT
 from specan.study.selection.starting_values import kept_values, starting_values
-from specan.study.study_file import (
-    NAME,
-    DataEntry,
-    StudyText,
-    content_hash,
-    file_hash,
-    read_study_file,
-    rig_hash,
-)
-from specan.study.user_effects import (
-    EffectFile,
-    load_own_effects,
-    load_own_model,
-    read_effect_file,
-    try_effects,
-    with_own_effects,
-)
 from specan.study.verdict import Diagnosis, Ranked, parameter_table
 from specan.units import spoken
 
@@ -86,26 +61,26 @@ class Study:
         directory: Path,
         accept_changes: bool = False,
         effects: Sequence[Path] = (),
-        draft: StudyText | None = None,
+        draft: study_file.StudyText | None = None,
         near: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         self.directory, self._given = directory, near
         if draft is None:
-            recover(directory)
-        self.content = read_study_file(directory) if draft is None else draft.content
+            history.recover(directory)
+        self.content = study_file.read_study_file(directory) if draft is None else draft.content
         self.draft = draft
-        self.history = History(directory)
+        self.history = history.History(directory)
         self.accepted = self._check_data(accept_changes)
         if self.accepted:
             self.content = self.text().content
-        named = [read_effect_file(path) for path in effects]
+        named = [user_effects.read_effect_file(path) for path in effects]
         self.model = self._load_model(named)
         files = self._measured_files().items()
         self.data = together([kind_named(kind).open_data(self.model, wanted) for kind, wanted in files])
         self.model = grouped_by(self.data.model or self.model, self.data.fitted)
         self._assembled = assemble(self.model, self.content, self.data.fitted)
         for file in named:
-            try_effects(file, self.model, self.data.fitted)
+            user_effects.try_effects(file, self.model, self.data.fitted)
         self._keep(named)
 
     def __repr__(self) -> str:
@@ -115,20 +90,22 @@ class Study:
 
     # --- files ------------------------------------------------------------------------------------
 
-    def _load_model(self, named: Sequence[EffectFile]) -> Model:
+    def _load_model(self, named: Sequence[user_effects.EffectFile]) -> Model:
         """The model with the study's own effects and those of files that the user has just named."""
         replaced = {file.entry.file for file in named}
         known = [entry for entry in self.content.effect_file if entry.file not in replaced]
         content = self.content
         rig = read_rig_file(self.directory / content.rig) if content.rig else {}
         if is_file(content.model):
-            model = load_own_model(self.directory, content.model, content.model_sha256, rig)
+            model = user_effects.load_own_model(self.directory, content.model, content.model_sha256, rig)
         else:
             model = load_model(content.model, rig)
         model = with_groups(model, content.groups)
-        return with_own_effects(model, load_own_effects(self.directory, known), named)
+        return user_effects.with_own_effects(
+            model, user_effects.load_own_effects(self.directory, known), named
+        )
 
-    def _keep(self, named: Sequence[EffectFile]) -> None:
+    def _keep(self, named: Sequence[user_effects.EffectFile]) -> None:
         """Write what opening the study has changed: accepted data, effect files that were named and work."""
         for file in named:
             file.copy_to(self.directory)
@@ -141,20 +118,20 @@ class Study:
                 text.append("effect_file", entry.model_dump())
         self.content = text.content
         if self.draft is None:
-            with changing(self.directory):
-                commit(self.directory, text.text, "")
+            with history.changing(self.directory):
+                history.commit(self.directory, text.text, "")
 
-    def text(self) -> StudyText:
+    def text(self) -> study_file.StudyText:
         """The study file with what was accepted on opening; to be changed and handed to another `Study` as draft."""
-        text = self.draft.copy() if self.draft else StudyText(self.directory / NAME)
+        text = self.draft.copy() if self.draft else study_file.StudyText(self.directory / study_file.NAME)
         for name in self.accepted:
-            text.set_hash(name, file_hash(self.directory / name))
+            text.set_hash(name, study_file.file_hash(self.directory / name))
         return text
 
     def _check_data(self, accept: bool) -> tuple[str, ...]:
         """Measured files must be those of the last step; returns the changed ones that were accepted."""
         entries = (*self.content.measurement, *self.content.validation)
-        changed = [e.file for e in entries if file_hash(self.directory / e.file) != e.sha256]
+        changed = [e.file for e in entries if study_file.file_hash(self.directory / e.file) != e.sha256]
         if changed and not accept:
             raise RequestError(
                 f"{', '.join(changed)} changed since the study's last step",
@@ -174,7 +151,7 @@ class Study:
         short = [Path(e.file).name for e in everything]
         names = {e.file: s if short.count(s) == 1 else e.file for e, s in zip(everything, short, strict=True)}
 
-        def files(entries: Sequence[DataEntry], kind: str) -> list[DataFile]:
+        def files(entries: Sequence[study_file.DataEntry], kind: str) -> list[DataFile]:
             columns = self.content.columns
             return [
                 DataFile(names[e.file], self._path(e.file), e.estimator, e.conditions, columns, e.sheet)
@@ -199,8 +176,8 @@ class Study:
         """Hashes of everything that the numbers rest on."""
         everything = (*self.content.measurement, *self.content.validation)
         return {
-            "study": content_hash(self.content),
-            "rig": rig_hash(self.directory / self.content.rig) if self.content.rig else "",
+            "study": study_file.content_hash(self.content),
+            "rig": study_file.rig_hash(self.directory / self.content.rig) if self.content.rig else "",
             "files": {e.file: e.sha256 for e in everything},
             "effect_files": {e.file: e.sha256 for e in self.content.effect_file},
         }
@@ -245,7 +222,7 @@ class Study:
         return tuple(str(e.use) for e in self.content.effect if e.role == "model")
 
     @cached_property
-    def kept(self) -> KeptResults:
+    def kept(self) -> history.KeptResults:
         """Results of the study as it is, of this and of earlier commands."""
         calibration = self.content.calibration
         # Fits of the others do not look at earlier steps.
@@ -254,12 +231,12 @@ class Study:
         state = {
             **self.hashes,
             "model": self.content.model_sha256 or "",
-            "calibration": file_hash(self.directory / calibration) if calibration else "",
+            "calibration": study_file.file_hash(self.directory / calibration) if calibration else "",
             "last": [last.parameters, last.model_effects]
             if last
             else {name: np.asarray(value).tolist() for name, value in self._given.items()},
         }
-        return KeptResults(self.directory, state)
+        return history.KeptResults(self.directory, state)
 
     @cached_property
     def best(self) -> Fit:
@@ -423,10 +400,10 @@ class Study:
 
     def step(
         self, action: str, effect: str = "", because: str = "", diagnosis: Mapping[str, Any] | None = None
-    ) -> Step:
+    ) -> history.Step:
         """The state of the study as a step of its history; `diagnosis` is that of the state before."""
         known, held = self.data.known, self.held_out
-        return Step(
+        return history.Step(
             step=len(self.history.steps),
             action=action,
             effect=effect,
@@ -449,20 +426,20 @@ class Study:
             diagnosis=diagnosis,
         )
 
-    def record_changes(self) -> Step | None:
+    def record_changes(self) -> history.Step | None:
         """Keep what somebody did to the study by hand as a step; None if nothing was done."""
         step = self.unrecorded()
         if step is not None:
-            with changing(self.directory):
+            with history.changing(self.directory):
                 self.keep(step)
         return step
 
-    def keep(self, step: Step) -> None:
+    def keep(self, step: history.Step) -> None:
         """Write a step, and the study as it is then; the caller holds it by `changing`."""
-        commit(self.directory, self.text().text if self.draft else None, line_of(step))
+        history.commit(self.directory, self.text().text if self.draft else None, history.line_of(step))
         self.history.steps.append(step)
 
-    def unrecorded(self) -> Step | None:
+    def unrecorded(self) -> history.Step | None:
         """What a person changed by hand since the last step, as a step that is not kept yet."""
         if not self.edited:
             return None

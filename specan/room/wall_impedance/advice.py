@@ -13,13 +13,8 @@ import numpy as np
 
 from specan.result import gathered
 from specan.room.model.places import free_places, receivers_of, with_microphones
+from specan.room.study import receiver_places
 from specan.room.study.field_observation import field_observations
-from specan.room.study.receiver_places import (
-    by_receiver,
-    few_lines,
-    planned,
-    spoken_place,
-)
 from specan.room.wall_impedance.surface_impedance import ALL, Impedance
 from specan.room.wall_impedance.wall_admittance import WallFit, WallProblem
 from specan.study.observation import Array
@@ -82,8 +77,8 @@ def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal:
     places = free_places(receivers_of(problem.assembly.model).rig)
     model, names = with_microphones(problem.assembly.model, places)
     wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
-    further = planned(field_observations(problem.observations)[0], names)
-    each = [part.T @ part for part in by_receiver(*_seen(wider, further, theta))]
+    further = receiver_places.planned(field_observations(problem.observations)[0], names)
+    each = [part.T @ part for part in receiver_places.by_receiver(*_seen(wider, further, theta))]
     chosen: list[int] = []
     for _ in range(min(MICROPHONES, len(places))):
         left = [k for k in range(len(places)) if k not in chosen]
@@ -91,7 +86,7 @@ def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal:
         chosen.append(best)
         known = known + each[best]
     taken = places[chosen].tolist()
-    what = f"{len(taken)} further microphones at {', '.join(map(spoken_place, taken))}"
+    what = f"{len(taken)} further microphones at {', '.join(map(receiver_places.spoken_place, taken))}"
     return goal.advice("positions", known, what, places_m=taken)
 
 
@@ -105,7 +100,7 @@ def _covered_wall(fit: WallFit, known: Array, goal: _Goal) -> dict[str, Any]:
     """A wall behind a rigid board takes nothing: what changes was its own."""
     tried = []
     bands = len(fit.mid_hz)
-    few = few_lines(field_observations(fit.problem.observations)[0])
+    few = receiver_places.few_lines(field_observations(fit.problem.observations)[0])
     for number, wall in enumerate(fit.walls):
         beta = fit.beta.copy()
         beta[number] = 0.0

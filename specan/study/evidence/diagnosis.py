@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import SpecanError, reason_of
+from specan.study import verdict
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import describe
 from specan.study.estimation.problem import Problem
@@ -20,19 +21,6 @@ from specan.study.observation import brought
 from specan.study.observation.time import TimeObservation
 from specan.study.selection.refits import TOO_FAR, Pull, Refit, pulls, shown, what_would_tell
 from specan.study.selection.starting_values import about_itself
-from specan.study.verdict import (
-    LEAST_TOLD,
-    Diagnosis,
-    LackOfFit,
-    Probability,
-    Ranked,
-    error_fall,
-    errors,
-    likeliest_faults,
-    parameter_table,
-    percent,
-    places_of,
-)
 from specan.units import spoken
 
 
@@ -151,7 +139,7 @@ LACK_OF_FIT = 1e-3  # probability below which a model does not fit
 DOUBT = 0.2  # probability of something else from which it is said: twice what it is before any data
 
 
-def told(explanations: Explanations, given: Refit | None = None) -> Diagnosis:
+def told(explanations: Explanations, given: Refit | None = None) -> verdict.Diagnosis:
     """What is said of all explanations of some data; where the model fails is told of a `given` fit of it."""
     judged = judge(explanations)
     explanations.progress("where the model fails, and what to measure next", 0.9)
@@ -186,7 +174,7 @@ class _Telling:
             self._refits[id(one)] = Refit(one.uses, problem, fitted)
         return self._refits[id(one)]
 
-    def diagnosis(self) -> Diagnosis:
+    def diagnosis(self) -> verdict.Diagnosis:
         """All of it."""
         judged, base = self.judged, self.base
         kind, sets = judged.kind, judged.sets
@@ -196,7 +184,9 @@ class _Telling:
         fails_at = self.try_to(
             "where the model fails", lambda: localise(self.given.problem, self.given.fit).fails_at, ()
         )
-        error = self.try_to("the error", lambda: error_fall(self.given, best if sets else self.given), None)
+        error = self.try_to(
+            "the error", lambda: verdict.error_fall(self.given, best if sets else self.given), None
+        )
         law = None
         if kind == "unknown-effect":
             law = self.try_to("a law for the residuals", lambda: likeliest_law(base), None)
@@ -206,17 +196,17 @@ class _Telling:
             "the smallest detectable sizes", lambda: self.explanations.visible(self._best.best), {}
         )
         remarks = self._remarks()
-        return Diagnosis(
+        return verdict.Diagnosis(
             verdict=kind,
             reason=self._only_with(best, pulled) if kind == "fits-only-if" else self._reason(kind),
             alternatives=tuple(tuple(sorted({u.name for u in one.uses})) for one in sets),
-            at=places_of(u for one in sets for u in one.uses),
+            at=verdict.places_of(u for one in sets for u in one.uses),
             unknown_possible=kind in ("fits-only-if", "unknown-effect")
             or self.explanations.probability_of_something_else > DOUBT
             or self._off_form,
             probabilities=tuple(self._probabilities()),
             ranking=rows,
-            lack_of_fit=LackOfFit(
+            lack_of_fit=verdict.LackOfFit(
                 self.given.fit.reduced_chi2, self.given.fit.p_value, self.problem.n_effective
             ),
             model_discrepancy_percent=float(self.problem.assembly.model.rig.discrepancy_percent),
@@ -239,14 +229,14 @@ class _Telling:
         kind = "nothing" if self.judged.kind == "nothing-missing" else "unknown"
         return next(one for one in self.judged.stated if one.kind == kind)
 
-    def _probabilities(self) -> list[Probability]:
+    def _probabilities(self) -> list[verdict.Probability]:
         # 1e-4: probability below which an explanation is not listed
         return [
-            Probability(
+            verdict.Probability(
                 one.text,
                 one.kind,
                 tuple(sorted({u.name for u in one.uses})) if one.kind != "unknown" else (),
-                places_of(one.uses),
+                verdict.places_of(one.uses),
                 one.probability,
             )
             for one in self.judged.stated
@@ -271,7 +261,7 @@ class _Telling:
             likelier = [o for o in likelier if o.probability > max(least, DOUBT)]
             if likelier:
                 parts.append(
-                    f"{likelier[0].text} is likelier ({percent(likelier[0].probability)}), but not likely "
+                    f"{likelier[0].text} is likelier ({verdict.percent(likelier[0].probability)}), but not likely "
                     "enough to be named"
                 )
             else:
@@ -304,9 +294,9 @@ class _Telling:
         """The likeliest explanation without what is named."""
         named = [one.uses for one in self.judged.sets]
         rest = [one for one in self.judged.stated if not any(uses <= one.uses for uses in named)]
-        if not rest or rest[0].probability < LEAST_TOLD:
+        if not rest or rest[0].probability < verdict.LEAST_TOLD:
             return "no explanation without what is named is nearly as probable"
-        return f"the likeliest other explanation is {rest[0].text} ({percent(rest[0].probability)})"
+        return f"the likeliest other explanation is {rest[0].text} ({verdict.percent(rest[0].probability)})"
 
     def _partly(self) -> str:
         """The set that takes most away where none is named, with both errors."""
@@ -314,13 +304,13 @@ class _Telling:
         if not found:
             return ""
         best = max(found, key=lambda one: one.best.ln_joint)
-        before, after = errors(self.given)[0], errors(self.refit(best.best))[0]
+        before, after = verdict.errors(self.given)[0], verdict.errors(self.refit(best.best))[0]
         if after.rms > 0.8 * before.rms:
             return ""
         fall = spoken(before.rms, after.rms, unit=before.unit)
         return f"{best.text} would reduce the error from {fall} and leave the rest"
 
-    def _ranking(self) -> tuple[Ranked, ...]:
+    def _ranking(self) -> tuple[verdict.Ranked, ...]:
         rows = []
         tried = [one for one in self.judged.stated if one.kind == "effects" and one.best.fitted]
         # Of each form of the noise, the best: an effect under which readings scatter more is no better for that.
@@ -333,18 +323,18 @@ class _Telling:
             refit = self.refit(one.best)
             named = one in self.judged.sets
             told = about_itself(refit) if named else refit
-            error, *more = errors(refit)
+            error, *more = verdict.errors(refit)
             own, pulled = {str(u) for u in one.uses}, pulls(refit)
             rows.append(
-                Ranked(
+                verdict.Ranked(
                     effects=tuple(sorted(u.name for u in one.uses)),
-                    at=places_of(one.uses),
+                    at=verdict.places_of(one.uses),
                     probability=one.probability,
                     ln_evidence=one.best.ln_evidence - bare.get(type(one.best.noise), bare[type(None)]),
                     error_after=error.rms,
                     level_after_dB=error.level_dB,
                     others_after={e.observable: e.rms for e in more},
-                    parameters=parameter_table(told.problem, told.fit, own, profiled=named),
+                    parameters=verdict.parameter_table(told.problem, told.fit, own, profiled=named),
                     plausible=not any(abs(p.pull) > TOO_FAR for p in pulled),
                     at_bound=any(n.owner in own for n in refit.fit.at_bound),
                     pulls=shown(pulled),
@@ -388,13 +378,13 @@ class _Telling:
         whole = self.judged.probability("fault")
         if self.judged.kind == "faulty-data" or whole < DOUBT:
             return ""
-        return f"{self._faults()} ({percent(whole)} that the data have a fault)"
+        return f"{self._faults()} ({verdict.percent(whole)} that the data have a fault)"
 
     def _faults(self) -> str:
         """Sentences of the faults that may be the one; three at most."""
         found = [one for one in self.judged.stated if one.kind == "fault"]
         texts = {one.fault: one.best.fault.text for one in reversed(found) if one.best.fault}
-        names = likeliest_faults((one.fault, one.probability) for one in found)
+        names = verdict.likeliest_faults((one.fault, one.probability) for one in found)
         return "; or ".join(texts[name] for name in list(names)[:3])
 
 
