@@ -60,7 +60,14 @@ setup(
     ],
     package_dir={"specan_cli": "cli", "specan_cli.sample_data": "sample_data"},
     package_data={
-        "specan": ["py.typed", "*.pyi", "inspect/browser/*", "report/page.css", "report/figures.mplstyle"],
+        "specan": [  # files that are no modules
+            "py.typed",
+            "*.pyi",
+            "inspect/browser/*",
+            "report/page.css",
+            "report/figures.mplstyle",
+            "*/model/example.toml",
+        ],
         "specan_cli": ["py.typed"],
         "specan_cli.sample_data": samples(),
     },

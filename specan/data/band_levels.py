@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Flags, Real
+from specan.data.limits import Kept, LimitCurve
 from specan.divisions import division_name
 from specan.result import RecordingResult, Sheet, cell, counted, explained, picked
 from specan.units import LevelReference
-
-if TYPE_CHECKING:
-    from specan.data.limits import Kept, LimitCurve
-
 
 # 18.9 degrees of freedom of bandwidth times time: a level that scatters by more than 1 dB.
 LOW_BT_DB = 1.0

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
 from specan.arrays import Flags, Real
 from specan.data.levels import level
+from specan.data.limits import Kept, LimitCurve
 from specan.result import RecordingResult, Sheet, cell, counted, picked
 from specan.units import level_reference
-
-if TYPE_CHECKING:
-    from specan.data.limits import Kept, LimitCurve
 
 Scaling = Literal["amplitude", "rms", "psd"]
 SCALINGS: tuple[Scaling, ...] = get_args(Scaling)

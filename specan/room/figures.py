@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from specan.report import figure_style
 from specan.report.figures_study import measured_transfer, response_drawing
@@ -16,13 +19,7 @@ from specan.room.model.field_map import FieldMap
 from specan.room.model.places import receivers_of
 from specan.room.wall_impedance.surface_impedance import ALL, Impedance
 from specan.study.localisation.by_band_and_channel import FrfErrors
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from specan.study.study import Study
+from specan.study.study import Study
 
 _LEAST_SCALE_DB = 1.0
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.figure import Figure
 
 from specan.models.chosen_model import ChosenModel, grid, span
 from specan.report.figure_style import heading, new_figure, styled
 from specan.worm_gear.model.simulated_table import simulated_table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @styled

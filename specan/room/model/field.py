@@ -13,11 +13,10 @@ from specan.arrays import Complex
 from specan.models.effect import Parameter
 from specan.models.kept import kept
 from specan.models.quantity import quantity
-from specan.room.model.box_field import box, with_leans
+from specan.room.model.box_field import BoxField, box, with_leans
 from specan.room.model.port import Port, point
 
 if TYPE_CHECKING:
-    from specan.room.model.box_field import BoxField
     from specan.room.model.mesh_field import MeshField
 
 COLD = 325.0  # m/s, at -11 degC

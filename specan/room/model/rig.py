@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from pydantic import Field
 
 from specan.errors import RequestError
 from specan.room.model.known_walls import KnownWall
-from specan.schema import Settings, parse
+from specan.schema import Settings, parse, read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -333,18 +334,4 @@ def _check_cards(rig: Rig) -> None:
         seen |= numbers
 
 
-EXAMPLE_RIG = {
-    "room": {"dims_m": [0.9, 0.6, 0.7]},
-    "piston": {"wall": "x0", "centre_m": [0.0, 0.246, 0.3229], "radius_m": 0.05},
-    "air": {"nominal_temperature_C": 20.0},
-    "band": {"f_min_hz": 40.0, "f_max_hz": 600.0},
-    "mics": {
-        "position_m": [
-            [0.1548, 0.0931, 0.1376],
-            [0.1709, 0.228, 0.5666],
-            [0.62, 0.41, 0.29],
-            [0.8, 0.12, 0.6],
-        ],
-        "cards": [[1, 2], [3, 4]],
-    },
-}
+EXAMPLE_RIG = read_toml(Path(__file__).with_name("example.toml"))

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,9 +29,7 @@ from specan.room.model.known_walls import diffuse_absorption, normal_absorption
 from specan.room.wall_impedance.wall_admittance import WallFit, wall_fit
 from specan.study.build_problem import assemble
 from specan.study.observation import Array
-
-if TYPE_CHECKING:
-    from specan.study.study import Study
+from specan.study.study import Study
 
 QUANTILE = 3.841458820694124  # chi-square, one degree of freedom, 95 %
 ACCURACY = 0.1  # of an absorption coefficient: what counts as determined
