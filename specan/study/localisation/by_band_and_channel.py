@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.arrays import Complex
+from specan.dsp.bands import band_at, band_edges
 from specan.errors import require_known
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.problem import Problem
@@ -385,5 +386,5 @@ def _sentences(errors: _Errors, groups: Sequence[tuple[str, Sequence[int]]]) -> 
 
 def _edges(bands: Array, reach_hz: tuple[float, float]) -> str:
     """Lower and upper edge of a run of third octaves, as far as lines reach: ``178-224 Hz``."""
-    exact = 1000 * 10 ** (np.round(10 * np.log10(bands / 1000)) / 10)
-    return f"{max(exact[0] * 10**-0.05, reach_hz[0]):.0f}-{min(exact[-1] * 10**0.05, reach_hz[1]):.0f} Hz"
+    low, high = band_edges([band_at(f, 3) for f in bands], 3)
+    return f"{max(low[0], reach_hz[0]):.0f}-{min(high[-1], reach_hz[1]):.0f} Hz"

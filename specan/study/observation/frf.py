@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.bands import nominal_frequency
+from specan.dsp.bands import band_at, band_edges, nominal_frequency
 from specan.models import Assembly, Evaluation
 from specan.study.observation import Array, Observation, Strategy, Variable
 from specan.study.observation.window_leakage import Folding
@@ -211,8 +211,7 @@ class FrfObservation(KeptLines):
     @cached_property
     def labels(self) -> Mapping[str, NDArray[Any]]:
         """Third octave and receiver of every row."""
-        band = np.round(10 * np.log10(self.frequency_hz / 1000.0)).astype(int)
-        thirds = np.array([nominal_frequency(b, 3) for b in band])
+        thirds = np.array([nominal_frequency(band_at(f, 3), 3) for f in self.frequency_hz])
         return {"third_octave_hz": self.rows(thirds), "channel": self.channel_of_row}
 
     @property
@@ -227,10 +226,10 @@ class FrfObservation(KeptLines):
         used = self.frequency_hz[self.kept.any(axis=0)]
         step = float(np.median(np.diff(used))) if used.size > 1 else 0.0
         found = set()
-        for frequency, side in ((used[0], -0.5), (used[-1], 0.5)):
-            number = round(10 * np.log10(frequency / 1000.0))
-            if abs(1000.0 * 10 ** ((number + side) / 10) - frequency) > step:
-                found.add(nominal_frequency(number, 3))
+        for side, frequency in enumerate((used[0], used[-1])):
+            band = band_at(frequency, 3)
+            if abs(band_edges(band, 3)[side] - frequency) > step:
+                found.add(nominal_frequency(band, 3))
         return frozenset(found)
 
     @property
