@@ -29,6 +29,7 @@ WIDGETS, _SAVE, _COPY = (
 )
 PANEL = {
     "background": "var(--panel)",
+    "--under": "var(--panel)",
     "border": "1px solid var(--line)",
     "border-radius": "6px",
     "padding": "6px",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from html import escape
 from itertools import zip_longest
@@ -154,6 +155,7 @@ class PanelPlot(Spectral):
         # Figures under one another have their frames in line: the toolbar is inside, three lines of label fit.
         self.sheet.update(min_border_left=88, min_border_right=12, toolbar_inner=True)
         super().__init__(self.sheet)
+        self.sheet.yaxis[0].major_label_policy = NoOverlap(min_distance=2)
         if hertz:
             hertz_axis(self.sheet.xaxis[0])
             self.sheet.xgrid.ticker = self.sheet.xaxis[0].ticker
@@ -198,7 +200,7 @@ class PanelPlot(Spectral):
             mark.update(
                 visible=place is not None, location=place or 0.0, line_dash="dashed" if place else "solid"
             )
-        self.label(shown.label)
+        self.sheet.yaxis[0].axis_label = plain(shown.label)
         axis = self.sheet.yaxis[0]
         if shown.phase:  # ticks at halves, quarters and eighths of a turn
             axis.ticker = AdaptiveTicker(base=10, mantissas=[1.8, 4.5, 9], min_interval=1)
@@ -225,7 +227,7 @@ class PanelPlot(Spectral):
         self._legend.items = [
             LegendItem(label={"value": plain(c.name)}, renderers=[of], index=first)
             for first, c in zip(firsts, shown.curves)
-            if shown.leads and c.name in styles
+            if shown.leads and c.name and c.name in styles
         ]
 
     def span(self, low: float, high: float) -> None:
@@ -238,11 +240,12 @@ class PanelPlot(Spectral):
         if (axis.reset_start, axis.reset_end) != (low, high):
             axis.update(start=low, end=high, reset_start=low, reset_end=high)
 
-    def label(self, text: str) -> None:
-        """Name of the vertical axis."""
-        if " / " in text:
-            text = text.partition("\n")[0].replace(" / ", "\n/ ", 1).replace(" over ", "\nover ")
-        self.sheet.yaxis[0].axis_label = plain(text.replace(" - ", "\n- "))
+
+def _folded(label: str) -> str:
+    """Name of a vertical axis in lines that fit beside a low figure."""
+    if " / " in label:
+        label = label.partition("\n")[0].replace(" / ", "\n/ ", 1).replace(" over ", "\nover ")
+    return label.replace(" - ", "\n- ")
 
 
 LINE = ("x", "y", "colour", "dash", "name", "alpha")  # columns of the lines
@@ -324,7 +327,7 @@ class Plots:
         shown, styles = [], styles_of(drawing.panels) if styles is None else styles
         for number, one in enumerate(drawing.panels):
             plot = self._plot(number, one.share)
-            plot.draw(one, styles)
+            plot.draw(one if len(drawing.panels) == 1 else replace(one, label=_folded(one.label)), styles)
             shown.append(plot.sheet)
         for number, picture in enumerate(drawing.pictures):
             make = partial(HeatMap, self.first.sheet.x_range, picture.hertz)
@@ -352,7 +355,7 @@ class HeatMap(Spectral):
         sheet = figure(
             sizing_mode="stretch_both", tools="pan,box_zoom,wheel_zoom,reset,save", x_range=x_range, min_height=120,
             y_range=Range1d(20, 20000), y_axis_type="log" if hertz else "linear", min_border_left=88,
-            styles=share(4), toolbar_inner=True,
+            min_border_right=12, styles=share(4), toolbar_inner=True,
         )  # fmt: skip
         super().__init__(sheet, *(("width", "#ffffff") if hertz else ()))
         sheet.toolbar.update(logo=None, autohide=True)
@@ -362,7 +365,7 @@ class HeatMap(Spectral):
         if hertz:
             hertz_axis(sheet.yaxis[0])
         self._bar = ColorBar(color_mapper=self._colours, title="dB", title_text_font_style="normal")
-        sheet.add_layout(self._bar, "right")
+        sheet.add_layout(self._bar, "below")
 
     def draw(self, shown: Picture, dynamics_dB: float) -> None:
         """Exchange the picture."""

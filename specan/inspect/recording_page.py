@@ -98,7 +98,7 @@ class RecordingPage(Page):
         self._controls = row(
             *self.tabs[view.tab].controls, styles={"flex-wrap": "wrap"}, sizing_mode="stretch_width"
         )
-        self._body = column(self._waiting, sizing_mode="stretch_both", styles=GROWS)
+        self._body = column(self._waiting, sizing_mode="stretch_both", styles=GROWS, css_classes=["front"])
         self._side = column(self.readout, sizing_mode="stretch_width")
         middle = column(
             self.waveform.sheet, self._front, self._controls, self.status.div, self._body,

@@ -61,7 +61,7 @@ class StudyPage(Page):
         self.now: Trial | None = None
         self.adding = False
         self.ranking = Ranking(self._try, self.dressed)
-        self.agreement = agreement_of(self.study)
+        self.agreement = agreement_of(self.study, kept.current)
         for part in self.agreement:
             if isinstance(part, TransferAgreement):  # the address keeps the chosen receivers
                 part.choose(self.view.microphone)

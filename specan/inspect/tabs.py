@@ -52,8 +52,11 @@ class LevelsTab(Tab):
         self.choice("weighting", "Weighting", ["A", "B", "C", "Z"], 80, "A")
         self.choice("averaging", "Time weighting", ["fast", "slow"])
         self.numbers = Div(sizing_mode="stretch_width", name="levels")
-        below = ScrollBox(child=self.numbers, sizing_mode="stretch_both", styles=share(2))
-        self.body = [*self.body, below]
+        below = ScrollBox(
+            child=self.numbers, sizing_mode="stretch_both", styles=share(2), css_classes=["whole"]
+        )
+        self.plots.body.styles = share(3) | {"min-height": "250px"}
+        self.body = [self.plots.body, below]
         self._kept: dict[tuple[Any, ...], BandLevels] = {}
 
     def analyse(self, view: View, chosen: Chosen, recording: Recording) -> _Levels:
@@ -284,7 +287,9 @@ class InfoTab(Tab):
         content = Div(
             text="<hr>".join(map(_contents, self.opened.recordings)), sizing_mode="stretch_width", name="info"
         )
-        self.body = [ScrollBox(child=content, sizing_mode="stretch_both", styles=share())]
+        self.body = [
+            ScrollBox(child=content, sizing_mode="stretch_both", styles=share(), css_classes=["whole"])
+        ]
 
     def compute(self, view: View, tell: Tell) -> Found:
         """Nothing."""

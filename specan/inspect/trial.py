@@ -20,7 +20,7 @@ from specan.study.estimation.prediction_error import ObservableError, observable
 from specan.study.estimation.problem import Problem
 from specan.study.history import NAME as HISTORY
 from specan.study.selection.candidates import candidates
-from specan.study.selection.starting_values import kept_values, starting_values
+from specan.study.selection.starting_values import starting_values
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME
 from specan.study.verdict import Diagnosis, parameter_table
@@ -57,12 +57,7 @@ class Trial:
 
 
 def as_it_is(study: Study) -> Trial:
-    """The study's model, fitted; of many rows from where its last step left it, unless somebody changed it since."""
-    last = study.history.last
-    if study.problem.strategy.frugal and last is not None and not study.edited and "best" not in vars(study):
-        return _trial(
-            (), study.problem, fit(study.problem, start=kept_values(study.problem, last.parameters))
-        )
+    """The study's model, fitted as ``specan study compare`` shows it."""
     return _trial((), study.problem, study.shown)
 
 

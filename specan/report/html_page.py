@@ -39,9 +39,12 @@ def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     >>> "<b>" in table(["channel"], [["<b>Mic 1</b>"]])
     False
     """
-    heads = "".join(f"<th>{escape(name)}</th>" if name else "<td></td>" for name in header)
-    lines = [*([heads] if any(header) else []), *("".join(map(_cell, row)) for row in rows)]
-    return "<table>" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+    texts = [[str(value) for value in row] for row in rows]
+    right = [all(map(_NUMBER.fullmatch, filter(None, column))) for column in zip(*texts, strict=True)]
+    kinds = [' class="n"' * numbers for numbers in right or [False] * len(header)]
+    head = _line((f"th{kind}" if name else "td", name) for kind, name in zip(kinds, header))
+    body = (_line((f"td{kind}", text) for kind, text in zip(kinds, row, strict=True)) for row in texts)
+    return f"<table><thead>{head * any(header)}</thead><tbody>" + "\n".join(body) + "</tbody></table>"
 
 
 def shown(sheet: Sheet) -> str:
@@ -61,10 +64,9 @@ def shown(sheet: Sheet) -> str:
 _NUMBER = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?( (\(.*\)|\S+))?")
 
 
-def _cell(value: Any) -> str:
-    text = str(value)
-    number = isinstance(value, (int, float)) or _NUMBER.fullmatch(text) is not None
-    return f'<td class="n">{escape(text)}</td>' if number and len(text) < 12 else f"<td>{escape(text)}</td>"
+def _line(cells: Iterable[tuple[str, str]]) -> str:
+    """Cells of a tag with its attributes and a text."""
+    return "<tr>" + "".join(f"<{tag}>{escape(text)}</{tag[:2]}>" for tag, text in cells) + "</tr>"
 
 
 def bar(part: float) -> str:

@@ -24,6 +24,7 @@ _LEAST_END = 6.0  # of the colour scale: what is below is what chance may do
 _MOST_SHARE = 0.95  # of the cells that the scale separates where the model fails everywhere
 _FREQUENCY = "third_octave_hz"  # always lies across
 _LINE = 'style="white-space:nowrap"'
+_UPRIGHT = 12  # columns of which the names lie across
 # Violet to orange, by C. Brewer (PuOr): distinguished by every kind of colour vision.
 _DIVERGING = (
     "#2d004b", "#542788", "#8073ac", "#b2abd2", "#d8daeb", "#f7f7f7", "#fee0b6", "#fdb863", "#e08214", "#b35806",
@@ -164,13 +165,16 @@ def failing_map(found: ResidualMap | None, known: bool) -> str:
     for i in reversed(range(len(found.rows))):
         cells = "".join(_cell(found, i, j, across, up) for j in range(len(found.columns)))
         lines.append(f"<tr><th {_LINE}>{escape(found.rows[i])}</th>{cells}</tr>")
-    style = "writing-mode:vertical-rl;vertical-align:top;padding:2px 0"
+    turned = "writing-mode:vertical-rl;white-space:nowrap" if len(found.columns) > _UPRIGHT else ""
+    style = "border:0;padding:2px 0;text-align:center;vertical-align:top"
     foot = "".join(
-        f'<td style="border:0"><span style="{style}">{escape(text)}</span></td>' for text in found.columns
+        f'<td style="{style}"><span style="{turned}">{escape(text)}</span></td>' for text in found.columns
     )
+    names = 1 + max(map(len, found.rows))
     return (
         f"<p><b>Where the model fails</b> ({escape(title)})</p>"
-        f'<table style="width:100%;border-spacing:2px;border-collapse:separate">{"".join(lines)}'
+        '<table style="width:100%;table-layout:fixed;border-spacing:2px;border-collapse:separate">'
+        f'<col style="width:{names}ch">{"".join(lines)}'
         f"<tr><td style='border:0'></td>{foot}</tr></table>{escape(across)}{escape(f'; up: {up}' if up else '')}"
     )
 

@@ -18,6 +18,9 @@ from specan.inspect.trial import KeptStudy, as_it_is, try_effects
 from specan.inspect.work import Superseded, heard
 from specan.report.residual_map import failing_map
 from specan.study.edit import add_effect
+from specan.study.estimation.fit import describe, fit
+from specan.study.observation import Strategy
+from specan.study.observation.frf import FrfObservation
 from specan.study.selection.candidates import candidates
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked
@@ -317,3 +320,49 @@ def test_the_map_says_that_nothing_is_significant(directory):
     assert "framed: significant" in shown
     assert shown.count("outline:2px") == 1
     assert shown.count("outline:1px") == np.isfinite(found.z).sum() - 1
+
+
+RESONATOR = """
+import numpy as np
+from specan.models import Frf, Model
+
+def x(frequency, f0, loss):
+    return 1 / (1 - (frequency / f0) ** 2 + 1j * loss)
+
+model = Model.from_function(
+    x, conditions={"frequency": ("Hz", 5, 60)}, observables={"x": Frf("um/N", response="x", reference="force")},
+    parameters={"f0": (30, 10, 50, "Hz"), "loss": (0.05, 0.001, 0.2, "1")},
+)
+"""
+
+
+def test_the_page_shows_the_fit_that_compare_shows(tmp_path, monkeypatch):
+    """Where another than the best one is shown: as where instruments would be bent far beyond their certificates."""
+    (tmp_path / "m.py").write_text(RESONATOR, encoding="utf-8")
+    f = np.arange(10.0, 50.0)
+    rows = [f"{a};{b.real};{b.imag};0.1" for a, b in zip(f, 1 / (1 - (f / 31) ** 2 + 0.04j), strict=True)]
+    header = "frequency [Hz];x re [um/N];x im [um/N];x u [um/N]"
+    (tmp_path / "t.csv").write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    arguments = ["--model", str(tmp_path / "m.py"), "--measurement", str(tmp_path / "t.csv")]
+    result = CliRunner().invoke(study_new, [str(tmp_path / "s"), *arguments], catch_exceptions=False)
+    assert result.exit_code == 0
+    monkeypatch.setattr(FrfObservation, "strategy", Strategy(frugal=True))
+    study = Study(tmp_path / "s")
+    vars(study)["shown"] = describe(study.problem, study.problem.start({}))
+    assert as_it_is(study).fit.reduced_chi2 == study.shown.reduced_chi2
+    assert fit(study.problem).reduced_chi2 < study.shown.reduced_chi2 / 2
+
+
+def test_a_figure_that_a_model_brings_is_drawn_of_the_model_as_it_is():
+    from types import SimpleNamespace
+
+    from matplotlib.figure import Figure
+
+    from specan.inspect.study_views.agreement import DrawnAgreement
+
+    drawn = []
+    view = DrawnAgreement(lambda study: drawn.append(study) or Figure(), lambda: "now")
+    view.show(SimpleNamespace(uses=()))
+    view.show(SimpleNamespace(uses=("backlash",)))
+    assert drawn == ["now"]
+    assert 'src="data:image/png' in view.body.child.text

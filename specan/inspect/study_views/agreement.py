@@ -7,12 +7,15 @@ from dataclasses import replace
 from typing import Any
 
 from bokeh.layouts import column, row
-from bokeh.models import MultiSelect, Select
+from bokeh.models import Div, MultiSelect, ScrollBox, Select
+from matplotlib.figure import Figure
 
 from specan.inspect.look import COLOURS, GROWS
 from specan.inspect.plots import Plots, plain
 from specan.inspect.trial import Trial
+from specan.report.figures import figure_named
 from specan.report.figures_study import RESPONSES, MeasuredTransfer, measured_transfer, response_drawing
+from specan.report.html_page import picture
 from specan.report.panels import Curve, Drawing, joined
 from specan.report.residual_map import axis_text
 from specan.report.study_rows import Rows, table_rows
@@ -157,12 +160,32 @@ class TransferAgreement:
         self.plots.draw(replace(joined(drawings), facts=(self._title,)), styles)
 
 
-def agreement_of(study: Study) -> list[TableAgreement | TransferAgreement]:
+class DrawnAgreement:
+    """The figure of ``specan study compare --plot``, where a model brings its own; of the model as it is."""
+
+    def __init__(self, draw: Callable[[Study], Figure], current: Callable[[], Study]) -> None:
+        self._draw, self._current = draw, current
+        self.body: Any = ScrollBox(
+            child=Div(name="drawn", sizing_mode="stretch_width"), sizing_mode="stretch_both", styles=GROWS,
+            css_classes=["whole"],
+        )  # fmt: skip
+
+    def show(self, trial: Trial) -> None:
+        """Draw it, but for a trial."""
+        if not trial.uses:
+            self.body.child.text = picture(self._draw(self._current()), "Measured and model")
+
+
+def agreement_of(
+    study: Study, current: Callable[[], Study]
+) -> list[TableAgreement | TransferAgreement | DrawnAgreement]:
     """Figures that hold a fitted model beside its measurement: one for every kind of measurement of a study."""
     data = study.data.fitted  # not of the problem, whose covariances may rest on a fit
-    found: list[TableAgreement | TransferAgreement] = []
+    found: list[TableAgreement | TransferAgreement | DrawnAgreement] = []
     if any(isinstance(o, TableObservation) for o in data):
         found.append(TableAgreement(study))
     if any(isinstance(o, FrfObservation) for o in data):
         found.append(TransferAgreement(study))
+    if not found and (draw := figure_named(f"Comparison {data[0].kind}")) is not None:
+        found.append(DrawnAgreement(draw, current))
     return found
