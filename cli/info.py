@@ -70,11 +70,16 @@ def command(files: tuple[Path, ...], levels: bool, show_all: bool, deliver: Deli
 
 
 def _print_rows(rows: list[list[Any]]) -> None:
-    """A line for each recording; one calibration of all stands below them."""
-    same = len({row[-1] for row in rows}) == 1
-    header = ["file", "excitation", "tone", "channels", "s", "Hz", "", "calibration"]
-    table("", header[: len(header) - same], [row[: len(header) - same] for row in rows])
-    click.echo(f"Calibration: {rows[0][-1]}." if same else "", nl=same)
+    """A line for each recording, without columns that hold nothing; one calibration of all stands below them."""
+    header = ["file", "excitation", "tone", "channels", "s", "Hz", "flags", "calibration"]
+    calibrations = [row.pop() for row in rows]
+    same = len(set(calibrations)) == 1
+    if not same:
+        rows = [[*row, text.removesuffix(" sensitivities")] for row, text in zip(rows, calibrations)]
+    kept = [k for k, column in enumerate(zip(*rows)) if any(column)]
+    table("", [header[k] for k in kept], [[row[k] for k in kept] for row in rows])
+    if same:
+        click.echo(f"Calibration: {calibrations[0]}.")
 
 
 def _row(recording: Recording, excitation: Excitation) -> list[Any]:
@@ -100,8 +105,9 @@ def _lines(recording: Recording, size: int, excitation: Excitation) -> list[str]
     written = dict.fromkeys(
         " ".join(str(text).split()) for _, text in properties_called("Description", recording)
     )
+    amount = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.0f} kB"
     return [
-        f"{recording.label}: {counted(len(channels), 'channel')}, {longest:g} s at {rate} Hz, {size / 1e6:.1f} MB",
+        f"{recording.label}: {counted(len(channels), 'channel')}, {longest:g} s at {rate} Hz, {amount}",
         f"Excitation: {excitation.kind}{tone} ({excitation.reason})",
         f"Calibration: {recording.calibration_of([c.name for c in channels])}",
         *(f"Description: {text}" for text in written),

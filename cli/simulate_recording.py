@@ -18,6 +18,8 @@ from specan_cli.verb import SAMPLES, OutputFile
 if TYPE_CHECKING:
     from specan.models.model import Model
 
+_ROUNDING = 1e-9  # of the RMS: no converter resolves it
+
 
 def output_path(path: Path | None, *suffixes: str) -> Path:
     """A path whose suffix says what is to be written, in a directory that exists."""
@@ -71,7 +73,12 @@ def show_recording(channels: Sequence[SimulatedChannel], as_json: bool, **facts:
     if as_json:
         emit_json({**facts, "channels": rows})
         return
-    cells = [[str(r["channel"]), f"{r['mean']:.4g}", f"{r['rms']:.4g}", str(r["unit"])] for r in rows]
+    # A mean that rounding alone makes is none.
+    means = [r["mean"] if abs(r["mean"]) > _ROUNDING * r["rms"] else 0.0 for r in rows]
+    cells = [
+        [r["channel"], f"{mean:.4g}", f"{r['rms']:.4g}", r["unit"]]
+        for r, mean in zip(rows, means, strict=True)
+    ]
     table("", ["channel", "mean", "RMS about the mean", "unit"], cells)
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 _STANDARD_OUTPUT = Path("-")
 _FORCE = "specan_cli.force"
+_LEFT_OUT = "specan_cli.left_out"  # files by their reason
 
 
 class OutputFile(click.Path):
@@ -314,7 +315,20 @@ def left_out(file: str, faults: dict[str, Exception], several: bool = True) -> I
         if not several or (isinstance(fault, OSError) and fault.errno == errno.ENOSPC):
             raise
         faults[file] = fault
-        say(f"Left out: {_reason(file, fault)}")
+        context, reason, name = click.get_current_context(), _reason(file, fault), Path(file).name
+        alike = context.meta.setdefault(_LEFT_OUT, {}).setdefault(reason.replace(name, ""), [])
+        alike.append(name)
+        if len(alike) == 1:
+            say(f"Left out: {reason}")
+        elif len(alike) == 2:
+            context.call_on_close(lambda: say(_left_out_too(alike)))
+
+
+def _left_out_too(names: Sequence[str]) -> str:
+    """Of files with the reason of the first."""
+    from specan.result import first_of
+
+    return f"Left out for the same reason as {names[0]}: {first_of(names[1:], 4, ' files')}."
 
 
 def failures(faults: Mapping[str, Exception]) -> list[dict[str, str]]:

@@ -242,12 +242,12 @@ def cell(value: Any, form: str = ".2f") -> str:
 
     Examples
     --------
-    >>> cell(94.0123), cell(float("nan")), cell(0.012345, ".3g"), cell("Pa")
-    ('94.01', '', '0.0123', 'Pa')
+    >>> cell(94.0123), cell(float("nan")), cell(0.012345, ".3g"), cell("Pa"), cell(-0.001)
+    ('94.01', '', '0.0123', 'Pa', '0.00')
     """
     if value is None or value != value:
         return ""
-    return str(value) if isinstance(value, str) else format(value, form)
+    return str(value) if isinstance(value, str) else format(value, f"z{form}")
 
 
 def _as_html(sheet: Sheet) -> str:

@@ -219,9 +219,8 @@ class BandLevels(RecordingResult):
         }
         if self.other is not None:
             way = "with" if self.other.name == "counted" else "without"
-            meanings["edges"] = (
-                f"the ends of the section change the level ({self.other.name}: the level {way} them)"
-            )
+            where = self.other.name if len(self.channels) == 1 else "--json, -o"
+            meanings["edges"] = f"the ends of the section change the level ({where}: the level {way} them)"
         below = "u: standard deviation of noise." + explained(meanings, found)
         if self.settings.get("settling") == "left-out":
             below += f" Settling: {self.settling}."
@@ -231,22 +230,22 @@ class BandLevels(RecordingResult):
     def _wide(self, reference: str, rows: Sequence[int]) -> Sheet:
         """A row for each of many channels."""
         names = [self.channels[r] for r in rows]
-        header, *columns = zip(["Hz", *names, "u dB", ""], *self._lines(rows, values=False), strict=True)
+        header, *columns = zip(["Hz", *names, "u dB", ""], *self._lines(rows, "\n"), strict=True)
         return Sheet(f"dB re {reference}", list(header), [list(column) for column in columns if any(column)])
 
-    def _lines(self, rows: Sequence[int], values: bool = True) -> list[list[str]]:
+    def _lines(self, rows: Sequence[int], breaks: str = " ") -> list[list[str]]:
         """A line for each band and overall level: its name, levels of some channels, uncertainty, common flags."""
         own = [self.flags[r] for r in rows]
         return [
             [
                 f"{nominal:g}", *(cell(self.level_dB[r, band]) for r in rows), f"{self.u_dB[band]:.2f}",
-                _common_words([self.band_flags(r, band) for r in rows], own, values),
+                _common_words([self.band_flags(r, band) for r in rows], own, breaks),
             ]
             for band, nominal in enumerate(self.nominal_hz)
         ] + [
             [
                 f"overall {weighting}", *(cell(levels[r]) for r in rows), "",
-                _common_words([self.overall_flags(r, weighting) for r in rows], own, values),
+                _common_words([self.overall_flags(r, weighting) for r in rows], own, breaks),
             ]
             for weighting, levels in self.overall_dB.items()
             if np.isfinite(levels[list(rows)]).any()
@@ -310,15 +309,10 @@ class BandLevels(RecordingResult):
         return tuple(words)
 
 
-def _common_words(flags: Sequence[tuple[str, ...]], known: Sequence[tuple[str, ...]], values: bool) -> str:
-    """Words for one line of several channels; what has a value has one for each channel, - where it does not hold."""
-    found = [[word for word in words if word not in mine] for words, mine in zip(flags, known)]
-    plain = sorted({word for words in found for word in words if "=" not in word})
-    names = dict.fromkeys(word.split("=")[0] for words in found for word in words if "=" in word)
-    for name in names if values else ():
-        each = [next((w.split("=")[1] for w in words if w.startswith(f"{name}=")), "-") for words in found]
-        plain.append(f"{name}=" + "/".join(v if v == "-" else f"{float(v):.2f}" for v in each))
-    return (" " if values else "\n").join(plain)
+def _common_words(flags: Sequence[tuple[str, ...]], known: Sequence[tuple[str, ...]], breaks: str) -> str:
+    """Words for one line of several channels, beside those known of a channel; a level of one channel alone."""
+    found = [word for words, mine in zip(flags, known) for word in words if word not in mine]
+    return breaks.join(dict.fromkeys(word for word in found if len(flags) == 1 or "=" not in word))
 
 
 def all_flags(found: Any) -> list[list[tuple[str, ...]]]:

@@ -359,8 +359,8 @@ def write_result(
         return
     settings = dict(found.settings)
     said = settings.pop("calibration", None)
-    calibration = [f"calibration: {said}"] if said else []
-    header = [f"specan {__version__} {found.verb}", *found.about(), f"settings: {settings}", *calibration]
+    stated = [f"settings: {json.dumps(finite(settings))}", *([f"calibration: {said}"] if said else [])]
+    header = [f"specan {__version__} {found.verb}", *found.about(), *stated]
     parts = iter(tables or found.tables())
     first = next(parts)
     lines = (table_lines(piece) for part in chain([first], parts) for piece in _pieces(part))

@@ -109,7 +109,7 @@ def from_increment(properties: Mapping[str, Any], n_samples: int, names: str = "
     if not 1.0 / FASTEST_HZ <= step * scale <= 1.0 / SLOWEST_HZ:
         return f"wf_increment is {step * scale:g} s, which is not a sampling interval"
     hz, rounded = _snap(step * scale)
-    how = f"wf_increment {increment!r} {unit or 's'}"
+    how = f"wf_increment {step:.12g} {unit or 's'}"
     return Rate(hz, how + (f", rounded from {hz:g} Hz" if rounded else ""))
 
 

@@ -70,7 +70,7 @@ def _row(c: Channel, quality: tuple[float, Quality] | None) -> dict[str, str]:
         "rate Hz": f"{c.sampling_rate:g}",
         "samples": str(c.n_samples),
         "sensitivity": _sensitivity(c),
-        "full scale": "" if c.full_scale is None else f"{c.full_scale:.4g} {c.unit}".removesuffix(" 1"),
+        "full scale": "" if c.full_scale is None else f"{c.full_scale:.6g} {c.unit}".removesuffix(" 1"),
         "delay s": f"{c.delay_s:g} +- {c.u_delay_s:g}" if c.delay_s or c.u_delay_s else "",
     }
     if quality is not None:

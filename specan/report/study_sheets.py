@@ -41,10 +41,16 @@ def errors(found: Iterable[ObservableError], title: str = "", data: Sequence[str
 def parameters(found: Mapping[str, Mapping[str, Any]]) -> Sheet:
     """Fitted parameters with their 95 % intervals."""
     rows = [
-        [name, *(spoken(p[key], digits=4) for key in _INTERVAL), printed_unit(p["unit"]), _remark(p)]
+        [name, *(spoken(_within(p, key), digits=4) for key in _INTERVAL), printed_unit(p["unit"]), _remark(p)]
         for name, p in found.items()
     ]
     return Sheet("Parameters (95 %)", ["parameter", "value", "from", "to", "unit", ""], rows)
+
+
+def _within(p: Mapping[str, Any], key: str) -> float:
+    """A value to a thousandth of its interval: what is less is nothing."""
+    step = (p["high"] - p["low"]) / 1000
+    return round(p[key], -int(np.floor(np.log10(step)))) + 0.0 if 0 < step < np.inf else p[key]
 
 
 def _remark(p: Mapping[str, Any]) -> str:

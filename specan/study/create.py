@@ -87,6 +87,8 @@ def begin(
     """
     if not measurements:
         raise RequestError("a study needs a measurement", remedy="give one with --measurement FILE")
+    if sheet and all(path.suffix.lower() != ".xlsx" for path in (*measurements, *validations)):
+        raise RequestError(f"none of the tables has a sheet {sheet!r}", expected="a workbook (.xlsx)")
     model = load_model(model_name, read_rig_file(rig) if rig else {})
     paths = {"rig": rig, "calibration": calibration}
     data = {"measurement": measurements, "validation": validations}

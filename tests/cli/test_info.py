@@ -170,3 +170,29 @@ def test_a_name_too_long_for_the_file_system_is_no_fault_of_specan(words, tmp_pa
     monkeypatch.chdir(tmp_path)
     found = CliRunner().invoke(main, [word.format("a" * 300) for word in words], standalone_mode=False)
     assert isinstance(found.exception, InputError | RequestError | click.ClickException)
+
+
+def test_of_files_that_are_left_out_for_one_reason_it_is_said_once(tmp_path):
+    rig(tmp_path / "good.tdms")
+    for name in ("first.csv", "note.csv", "second.csv"):
+        (tmp_path / name).write_text("no recording")
+    first, *more = run(tmp_path).stderr.splitlines()
+    assert first.startswith("Left out: first.csv is a text file")
+    assert more == ["Left out for the same reason as first.csv: note.csv, second.csv."]
+
+
+def test_of_several_files_only_columns_that_hold_something_are_shown(tmp_path):
+    rig(tmp_path / "a.tdms")
+    rig(tmp_path / "b.tdms")
+    assert run(tmp_path).stdout.splitlines()[0].split() == [
+        "file",
+        "excitation",
+        "tone",
+        "channels",
+        "s",
+        "Hz",
+    ]
+    rig(tmp_path / "b.tdms", cut=400)
+    head, _, cut = run(tmp_path).stdout.splitlines()[:3]
+    assert head.split()[-1] == "flags"
+    assert cut.split()[-1] == "truncated"

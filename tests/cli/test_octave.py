@@ -151,3 +151,16 @@ def test_figures_and_text(directory, tmp_path):
 def test_what_cannot_be_done(directory, arguments, kind, message):
     with pytest.raises(kind, match=message):
         run(directory / "tone.wav", *arguments)
+
+
+def test_a_level_without_the_ends_stands_beside_one_channel_alone(directory):
+    """Of several channels the table says where; the values are in the JSON and in the file."""
+    t = np.arange(RATE) / RATE
+    burst = np.where(t > 0.9, np.sin(2 * np.pi * 250 * t), 0.0).astype(np.float32)
+    wavfile.write(directory / "burst.wav", RATE, np.stack([burst, burst / 2], axis=1))
+    one = run(directory / "burst.wav", "--channel", "Channel 1", "--fraction", 1).stdout
+    both = run(directory / "burst.wav", "--fraction", 1).stdout
+    assert "edges left-out=" in one
+    assert " edges\n" in both
+    assert "left-out" not in both
+    assert "(--json, -o: the level without them)" in both

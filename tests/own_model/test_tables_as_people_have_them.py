@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from specan.errors import InputError
+from specan.errors import InputError, RequestError
 from specan.models import Model
 from specan.models.catalogue import example_model
 from specan.study.data.operating_table import join
@@ -272,3 +272,11 @@ def test_a_title_that_is_nearly_as_wide_as_the_table(tmp_path):
     table = read_table(path)
     assert list(table.frame) == ["flow [m3/h]", "speed [1/min]", "head [m]"]
     assert table.notes == ["lines above the header ignored: Pump bench 12 May"]
+
+
+def test_a_sheet_of_what_has_no_sheets_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    begin = ["study", "new", "s", "--model", "pump.py", "--measurement", "pump.csv", "--sheet", "Runs"]
+    CliRunner().invoke(main, ["model", "new", "pump.py"])
+    with pytest.raises(RequestError, match=r"none of the tables has a sheet 'Runs'; expected a workbook"):
+        CliRunner().invoke(main, begin, catch_exceptions=False, standalone_mode=False)

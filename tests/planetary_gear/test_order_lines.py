@@ -373,6 +373,15 @@ def test_a_contact_that_stiffens_mixes_the_lines_of_a_fault():
     assert found == pytest.approx(PRODUCTS * np.array([[0.9, 0.9, 0.9, 0.01, 0.01]]))
 
 
+def test_marks_that_are_even_but_for_rounding_are_even() -> None:
+    turns = 8 * np.arange(4 * 12800) / 12800 + 0.1
+    plain = specan.Recording.from_arrays(
+        {"Tacho sun": np.sin(2 * np.pi * 32 * turns)}, 12800, roles={"Tacho sun": "tacho"}
+    )
+    tacho = replace(plain.channels[0], properties={"PulsesPerRevolution": 32})
+    assert not _uneven(replace(plain, channels=(tacho,)), "Tacho sun").any()
+
+
 def test_marks_of_the_tacho_that_are_uneven_are_found_and_what_they_make_of_lines() -> None:
     """One line of a steady machine: its false companions in an order analysis are as large as is allowed for."""
     rate, ratio, peak, order = 12800, 3.75, np.radians(0.2), 66.0

@@ -78,3 +78,23 @@ def test_a_shock_response_is_drawn_in_its_unit_on_a_logarithmic_axis():
     ticks = {text.get_text(): at for at, text in zip(axes.get_yticks(), axes.get_yticklabels(), strict=True)}
     assert [ticks[text] for text in ("10", "100", "1000")] == pytest.approx([20, 40, 60])
     assert ticks["5"] == pytest.approx(20 * np.log10(5))
+
+
+def test_a_value_that_is_nothing_beside_its_interval_is_shown_as_nothing():
+    from specan.report import study_sheets
+
+    def shown(value, low, high):
+        row = {
+            "value": value,
+            "low": low,
+            "high": high,
+            "unit": "percent",
+            "at_bound": False,
+            "plausible": True,
+        }
+        return study_sheets.parameters({"torque-gain-error.input": row}).rows[0][1:4]
+
+    assert shown(-2.045e-05, -0.4196, 0.4196) == ["0", "-0.4196", "0.4196"]
+    assert shown(9.6472, 7.653, 11.46) == ["9.647", "7.653", "11.46"]
+    assert shown(1.489e6, 1.462e6, 1.516e6) == ["1.489e+06", "1.462e+06", "1.516e+06"]
+    assert shown(3.0, 3.0, 3.0) == ["3", "3", "3"]

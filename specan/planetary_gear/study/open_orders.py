@@ -146,13 +146,16 @@ def observe(
         observable=observable.name,
     )
     said = ", ".join(f"{words.words} {value:g} {words.unit}" for value, words in levels.values())
-    return observation, [
-        f"{file.name}: {len(sensors)} sensors, {known.order.size} order lines over {lines.turns} turns, angle from "
-        f"{tacho}; {said} (carrier torque {how})",
-        f"{file.name}: marks of {tacho} uneven by up to {np.degrees(uneven.max(initial=0)):.2g} degree, or the speed "
-        "varies so; the uncertainty of lines beside strong ones includes it",
-        *(f"{file.name}: {note}" for note in (*unseen, *found.notes)),
+    notes = [
+        f"{len(sensors)} sensors, {known.order.size} order lines over {lines.turns} turns, angle from {tacho}; {said} "
+        f"(carrier torque {how})"
     ]
+    if uneven.any():
+        notes.append(
+            f"marks of {tacho} uneven by up to {np.degrees(uneven.max()):.2g} degree, or the speed varies so; the "
+            "uncertainty of lines beside strong ones includes it"
+        )
+    return observation, [f"{file.name}: {note}" for note in (*notes, *unseen, *found.notes)]
 
 
 def _as_printed(model: Model, name: str, value: float) -> tuple[float, Variable]:
@@ -183,7 +186,7 @@ def _leakage(
 
 
 def _uneven(recording: Recording, tacho: str) -> NDArray[np.float64]:
-    """By how much the tacho's marks are off at multiples of its turn, peaks in rad of its shaft.
+    """By how much the tacho's marks are off at multiples of its turn, peaks in rad of its shaft; 0 below rounding.
 
     A mark's place is compared with the mean over the turn about it. What the shaft itself does with each turn looks
     the same and is in it.
@@ -200,7 +203,8 @@ def _uneven(recording: Recording, tacho: str) -> NDArray[np.float64]:
     turn = np.diff(time[::count])[:, None]
     off = (place - place[:, :1]) / turn - np.arange(count) / count
     mean = 2 * np.pi * (off - off.mean(axis=1, keepdims=True)).mean(axis=0)
-    return np.abs(np.fft.rfft(mean))[multiple] * 2 / count
+    found = np.abs(np.fft.rfft(mean))[multiple] * 2 / count
+    return np.where(found > 2 * np.pi * np.spacing(time[-1]) / turn.min(), found, 0.0)
 
 
 def _pulses(recording: Recording, tacho: str) -> Pulses:
