@@ -66,18 +66,16 @@ def write_recording(
 
 def show_recording(channels: Sequence[SimulatedChannel], as_json: bool, **facts: Any) -> None:
     """Print mean and scatter of every channel, or, with what else is known, JSON."""
-    rows = [
-        {"channel": c.name, "unit": c.unit, "mean": float(c.samples.mean()), "rms": float(c.samples.std())}
-        for c in channels
-    ]
+    found = [(c.name, c.unit, float(c.samples.mean()), float(c.samples.std())) for c in channels]
     if as_json:
+        rows = [dict(zip(("channel", "unit", "mean", "rms"), one, strict=True)) for one in found]
         emit_json({**facts, "channels": rows})
         return
     # A mean that rounding alone makes is none.
-    means = [r["mean"] if abs(r["mean"]) > _ROUNDING * r["rms"] else 0.0 for r in rows]
+    means = [mean if abs(mean) > _ROUNDING * rms else 0.0 for *_, mean, rms in found]
     cells = [
-        [r["channel"], f"{mean:.4g}", f"{r['rms']:.4g}", r["unit"]]
-        for r, mean in zip(rows, means, strict=True)
+        [name, f"{mean:.4g}", f"{rms:.4g}", unit]
+        for mean, (name, unit, _, rms) in zip(means, found, strict=True)
     ]
     table("", ["channel", "mean", "RMS about the mean", "unit"], cells)
 

@@ -202,3 +202,8 @@ def test_a_room_has_no_options_of_gears(rig):
     )
     assert result.exit_code == 2
     assert "No such option" in result.stderr
+
+
+def test_the_mean_of_a_sine_over_whole_periods_is_shown_as_nothing(rig, tmp_path):
+    said = run(rig, "-o", tmp_path / "a.tdms", "--duration", 1, "--frequency", 100).stdout
+    assert [line.split()[2] for line in said.splitlines() if line.startswith("Mic ")] == ["0", "0", "0"]
