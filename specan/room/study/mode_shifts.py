@@ -43,7 +43,7 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
         return values
     whole = problem.with_uses(use for use in assembly.uses if use not in own)
     theta, z = whole.start(values), shifts_of(values, shifts)
-    low, high = whole.bounds()
+    low, high = whole.bounds
 
     def at(over: Problem, z: Array) -> Problem:
         return replace(over, values={**whole.values, **named_shifts(z)})

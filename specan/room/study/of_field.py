@@ -147,7 +147,7 @@ def _led(refit: Refit, found: Sequence[Candidate], rows: Mapping[Use, NDArray[np
     problem = refit.problem.with_uses([c.use for c in found])
     neutral: dict[str, float] = {name: c.neutral(name) for c in found for name in c.amplitudes}
     theta = problem.start({**refit.fit.values, **neutral})
-    low, high = problem.bounds()
+    low, high = problem.bounds
     own = {c.use: np.array([problem.names.index(name) for name in c.amplitudes]) for c in found}
     # 0.1: of a usual size, for slopes
     size = {c.use: 0.1 * np.array([default_value(c, n) - c.neutral(n) for n in c.amplitudes]) for c in found}

@@ -213,7 +213,7 @@ def _exact(problem: Problem, start: Array) -> Minimum:
     They end where the residual is orthogonal to all that the parameters can do, which is no matter of how uncertain the
     data are said to be.
     """
-    low, high = problem.bounds()
+    low, high = problem.bounds
     slopes = finite(problem.jacobian(start))
     predicted = float(np.linalg.norm(problem.whiten(np.concatenate(problem.predictions(start)))))
 
@@ -257,7 +257,7 @@ def _from_nearer(problem: Problem, theta0: Array) -> Minimum:
 
 def _other_starts(problem: Problem, count: int) -> list[Array]:
     """Places in the plausible ranges."""
-    low, high = problem.bounds()
+    low, high = problem.bounds
     start, scale = problem.start(), problem.scale
     inner = [problem.assembly.parameters[name.whole].si for name in problem.names]
     low = np.maximum(low, [s.min for s in inner])
@@ -311,7 +311,7 @@ def _snap(problem: Problem, theta: Array) -> tuple[Array, tuple[ParameterName, .
     """Put parameters that stopped a hair from an end of their domain on it, where that is no worse."""
     if not theta.size:
         return theta, ()
-    low, high = problem.bounds()
+    low, high = problem.bounds
     near = 1e-4 * problem.scale
     snapped = np.where(theta - low < near, low, np.where(high - theta < near, high, theta))
     touching = (snapped == low) | (snapped == high)
@@ -404,7 +404,7 @@ def intervals_95(
     known = np.inf if all(o.kind == "time" for o in problem.observations) else problem.noise_dof
     allowed = best.dispersion * quantile(1 - 0.95, 1, known)
     found = {}
-    for k, (name, low, high) in enumerate(zip(problem.names, *problem.bounds(), strict=True)):
+    for k, (name, low, high) in enumerate(zip(problem.names, *problem.bounds, strict=True)):
         if names is not None and name not in names:
             continue
         value, reach = float(best.theta[k]), float(np.sqrt(allowed)) * best.standard_error(name)
@@ -452,7 +452,7 @@ def _profile(problem: Problem, best: Fit, index: int, allowed: float) -> tuple[f
     """Where the least chi-square has risen by `allowed`; an end beyond the domain is the end of the domain."""
     excess = _excess(problem, best, index, allowed)
     centre, ends = float(best.theta[index]), []
-    for side, bounds in zip((-1, 1), problem.bounds(), strict=True):
+    for side, bounds in zip((-1, 1), problem.bounds, strict=True):
         end = found = float(bounds[index])
         inner, step = centre, float(np.sqrt(allowed)) * best.standard_error(best.names[index])
         # 12: steps outward to an end of a profile
@@ -483,7 +483,7 @@ def _excess(problem: Problem, best: Fit, index: int, allowed: float) -> Callable
     """Least chi-square with one element of theta held at a value, less that of the fit and what it may rise."""
     others = np.arange(best.theta.size) != index
     direction = best.covariance[:, index] / max(best.covariance[index, index], 1e-300)
-    low, high = (ends[others] for ends in problem.bounds())
+    low, high = (ends[others] for ends in problem.bounds)
 
     where, kept = np.inf, best.jacobian
 

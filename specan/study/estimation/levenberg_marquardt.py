@@ -136,7 +136,7 @@ class _Descent:
 
     def __init__(self, problem: Problem, start: Array) -> None:
         self.problem, self.size = problem, problem.scale
-        self.low, self.high = problem.bounds()
+        self.low, self.high = problem.bounds
         self.theta, residual = self.at(np.asarray(start, dtype=float))
         if residual is None:
             raise ComputationError("the model gives values that are not finite at the start of a fit")

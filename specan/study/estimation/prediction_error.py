@@ -273,7 +273,7 @@ class LeftOut:
 
     def __init__(self, problem: Problem, best: Fit) -> None:
         self.problem = problem
-        low, high = problem.bounds()
+        low, high = problem.bounds
         free = np.array([name not in best.at_bound for name in problem.names], dtype=bool)
         hold = np.diag(2 / (high - low))[free]  # zero where the domain has no end
         jacobian = np.vstack([best.jacobian, hold])[:, free]

@@ -215,14 +215,9 @@ class Problem:
 
     def values_at(self, theta: Array) -> dict[str, Any]:
         """SI value of every parameter, those held and linked included."""
-        values: dict[str, Any] = dict(self._held)
-        position = 0
-        for name in self.free:
-            size = len(self.elements.get(name, ("",)))
-            own = np.asarray(theta[position : position + size], dtype=float)
-            values[name] = own if name in self.elements else float(own[0])
-            position += size
-        return values
+        theta = np.asarray(theta, dtype=float)
+        own = {name: theta[at] if isinstance(at, slice) else float(theta[at]) for name, at in self._places}
+        return {**self._held, **own}
 
     def of_elements(self, values: Mapping[str, float]) -> dict[str, Any]:
         """SI value of each parameter out of those of its elements; of none that lacks some."""
@@ -233,6 +228,15 @@ class Problem:
                 own = np.array([values[name] for name in names])
                 found[whole] = own if whole in self.elements else float(own[0])
         return found
+
+    @cached_property
+    def _places(self) -> list[tuple[str, int | slice]]:
+        """Where each free parameter is in theta: one place, or those of its elements."""
+        ends = np.cumsum([len(self.elements.get(name, ("",))) for name in self.free]).tolist()
+        return [
+            (name, slice(first, end) if name in self.elements else first)
+            for name, first, end in zip(self.free, [0, *ends], ends, strict=False)
+        ]
 
     @cached_property
     def _held(self) -> dict[str, Any]:
@@ -252,9 +256,10 @@ class Problem:
             size = len(self.elements.get(name, ("",)))
             parts.append(np.broadcast_to(np.asarray(value, dtype=float), (size,)))
         theta = np.concatenate(parts)
-        low, high = self.bounds()
+        low, high = self.bounds
         return np.clip(theta, low, high)
 
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper end of the domain of theta."""
         ends = [self.domain(name) for name in self._owner]
@@ -317,7 +322,7 @@ class Problem:
         theta = np.asarray(theta, dtype=float)
         if not theta.size:
             return [np.empty((o.n, 0)) for o in self.observations]
-        low, high = self.bounds()
+        low, high = self.bounds
         if steps is None:
             steps = STEP * np.maximum(self.scale, np.abs(theta))
             order = 1 if self.strategy.frugal or self.one_sided else 2

@@ -21,7 +21,6 @@ from math import comb, log, prod
 from typing import Any
 
 import numpy as np
-from scipy.special import logsumexp
 
 from specan.errors import ComputationError
 from specan.models import Use
@@ -419,7 +418,7 @@ class Explanations:
                 each.append(one.ln_evidence)
                 largest += [one.ln_evidence] if share == FORMS[-1] else []
         assert best is not None
-        self._largest[theta] = float(np.exp(logsumexp(largest) - logsumexp(each)))
+        self._largest[theta] = float(np.exp(np.logaddexp.reduce(largest) - np.logaddexp.reduce(each)))
         return best, float(ln_mean(each))
 
     def _change(self, form: Form, problem: Problem, theta: Array) -> Array:
@@ -572,7 +571,7 @@ class Explanations:
     def probabilities(self) -> list[tuple[float, Explanation]]:
         """Of every explanation, the likeliest first."""
         joint = np.array([e.ln_joint for e in self.found])
-        found = np.exp(joint - logsumexp(joint))
+        found = np.exp(joint - np.logaddexp.reduce(joint))
         return sorted(zip(found.tolist(), self.found, strict=True), key=lambda one: -one[0])
 
 

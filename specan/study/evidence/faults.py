@@ -14,7 +14,7 @@ from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import betaln, logsumexp
+from scipy.special import betaln
 
 from specan.arrays import Flags
 from specan.dsp.clipping import SAME, is_cut_off
@@ -223,7 +223,7 @@ class Faults:
 
 def ln_mean(ln: ArrayLike) -> Array:
     """ln of the mean over the first axis."""
-    return np.asarray(logsumexp(ln, axis=0) - np.log(np.shape(ln)[0]))
+    return np.asarray(np.logaddexp.reduce(ln, axis=0) - np.log(np.shape(ln)[0]))
 
 
 def _followed(
@@ -277,7 +277,7 @@ def _of_another_machine(
     """Parameters that are others in some rows, by a share each."""
     own, ratio = [problem.names.index(name) for name in names], np.ones(theta.size)
     ratio[own] += by
-    other = np.clip(theta * ratio, *problem.bounds())
+    other = np.clip(theta * ratio, *problem.bounds)
     predicted = np.where(after, problem.predictions(other)[0], problem.predictions(theta)[0])
 
     def slopes() -> tuple[Array, Array]:

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import toeplitz
-from scipy.special import logsumexp
 
 from specan.study.data.open_tables import choices, stretched
 from specan.study.data.setpoints import operating
@@ -133,7 +132,8 @@ class OverConditions:
             kinds.append((share, gains))
         if best.size:
             own[place] = beside.with_pulls(best, sizes)[0]
-        return float(logsumexp([logsumexp(g) + np.log(share / np.size(g)) for share, g in kinds if g]))
+        each = [ln_mean(np.ravel(gains)) + np.log(share) for share, gains in kinds if gains]
+        return float(np.logaddexp.reduce(each))
 
     def _unknown(self, problem: Problem, predicted: Array) -> Iterator[tuple[float, Iterable[Array]]]:
         """Columns of functions of the size of the prediction, of each kind with its share."""

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from specan.study.estimation.linear import held_inside
 from specan.study.estimation.problem import Problem
@@ -164,7 +163,7 @@ class Marginal:
         self._size, self._scale = size, np.concatenate([np.full(k, share), np.ones(size.size)])
         normal = columns.sums[0] * np.outer(self._scale, self._scale)
         along = columns.sums[1] * self._scale
-        ends = problem.bounds()[0] - tangent.theta, problem.bounds()[1] - tangent.theta
+        ends = problem.bounds[0] - tangent.theta, problem.bounds[1] - tangent.theta
         low, high = np.minimum(ends[0] / size, 0.0), np.maximum(ends[1] / size, 0.0)
         step = np.zeros(k + size.size)
         # 3: linear steps in which the pulls of known ranges settle
@@ -176,7 +175,7 @@ class Marginal:
             matrix[k:, k:] += pull.T @ pull
             right[k:] += pull.T @ (problem.pseudo.residual(theta) - pull @ step[k:])
             before, step = step, _least(matrix, right, k, low, high)
-            if np.allclose(step, before, rtol=1e-3, atol=1e-6):
+            if np.all(np.abs(step - before) <= 1e-6 + 1e-3 * np.abs(before)):
                 break
         pulls = problem.pseudo.residual(tangent.theta + step[k:] * size)
         self.step, self._step = step[k:] * size, step
@@ -204,9 +203,15 @@ class Marginal:
         return np.asarray(self.tangent.residual + self._whole @ self._step)
 
     @cached_property
-    def _factor(self) -> tuple[Array, bool]:
-        factor: tuple[Array, bool] = cho_factor(self._matrix)
-        return factor
+    def _root(self) -> Array:
+        """R with R'R the inverse of the matrix."""
+        scale = 1 / np.sqrt(np.diag(self._matrix))
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self._matrix * np.outer(scale, scale))) * scale)
+
+    @cached_property
+    def _taken(self) -> Array:
+        """R X': the squares of this times a column are what parameters and coefficients take of it."""
+        return np.asarray(self._root @ self._whole.T)
 
     def beside(self, columns: Array, sizes: Array) -> tuple[Array, Array]:
         """ln of the evidence with more columns over that without.
@@ -224,14 +229,14 @@ class Marginal:
             The likeliest.
         """
         seen = self.tangent.seen(columns)
-        along = self._whole.T @ seen
-        curvature = seen.T @ seen - along.T @ cho_solve(self._factor, along)
-        slope, squares = seen.T @ self._left, sizes[:, None] ** 2
-        matrix = np.eye(slope.size) + squares[:, :, None] * curvature
-        found = -squares * np.linalg.solve(matrix, slope[:, None])[:, :, 0]
-        volume = np.linalg.slogdet(matrix)[1]
-        gains = self.tangent.ln_likelihood(self.chi2 + found @ slope) - self.tangent.ln_likelihood(self.chi2)
-        return gains - 0.5 * volume, found
+        taken = self._taken @ seen
+        curvature, axes = np.linalg.eigh(seen.T @ seen - taken.T @ taken)
+        slope = axes.T @ (seen.T @ self._left)
+        drops, volumes, found = _alone(curvature, slope, sizes)
+        gains = self.tangent.ln_likelihood(self.chi2 + drops.sum(axis=1)) - self.tangent.ln_likelihood(
+            self.chi2
+        )
+        return gains - 0.5 * volumes.sum(axis=1), found @ axes.T
 
     def with_pulls(self, columns: Array, sizes: Array) -> tuple[Array, Array]:
         """What `beside` gives, with pulls and ends of ranges as they are where the parameters go to."""
@@ -244,37 +249,41 @@ class Marginal:
     def one_by_one(self, columns: Array, sizes: Array) -> tuple[Array, Array]:
         """What `beside` gives of each column alone; both of shape (m, q)."""
         seen = self.tangent.seen(columns)
-        along = self._whole.T @ seen
-        curvature = np.sum(seen**2, axis=0) - np.sum(along * cho_solve(self._factor, along), axis=0)
-        curvature, slope = np.maximum(curvature, 0.0), seen.T @ self._left
-        found = -slope / (curvature + 1 / sizes[:, None] ** 2)
-        volume = np.log1p(sizes[:, None] ** 2 * curvature)
-        gains = self.tangent.ln_likelihood(self.chi2 + found * slope) - self.tangent.ln_likelihood(self.chi2)
-        return gains - 0.5 * volume, found
+        curvature = np.sum(seen**2, axis=0) - np.sum((self._taken @ seen) ** 2, axis=0)
+        drops, volumes, found = _alone(curvature, seen.T @ self._left, sizes)
+        gains = self.tangent.ln_likelihood(self.chi2 + drops) - self.tangent.ln_likelihood(self.chi2)
+        return gains - 0.5 * volumes, found
 
     def curvature(self, column: Array) -> float:
         """Half the second derivative of chi-square by a coefficient of a column, all else free."""
         seen = self.tangent.seen(column[:, None])[:, 0]
-        along = self._whole.T @ seen
-        return float(seen @ seen - along @ cho_solve(self._factor, along))
+        return float(seen @ seen - np.sum((self._taken @ seen) ** 2))
 
     def shifted(self, columns: Array, coefficients: Array) -> Array:
         """Theta after a linear step beside columns with these coefficients."""
-        along = self._whole.T @ (self.tangent.seen(columns) @ coefficients)
-        more = -cho_solve(self._factor, along)[along.size - self._size.size :] * self._size
-        low, high = self.tangent.problem.bounds()
+        along = self._taken @ (self.tangent.seen(columns) @ coefficients)
+        more = -(along @ self._root)[-self._size.size :] * self._size
+        low, high = self.tangent.problem.bounds
         return np.asarray(np.clip(self.tangent.theta + self.step + more, low, high))
+
+
+def _alone(curvature: Array, slope: Array, sizes: Array) -> tuple[Array, Array, Array]:
+    """Of columns that do not act on each other: drops of chi-square, ln det, coefficients; each (m, q)."""
+    curvature = np.maximum(curvature, 0.0)
+    found = -slope / (curvature + 1 / sizes[:, None] ** 2)
+    return found * slope, np.log1p(sizes[:, None] ** 2 * curvature), found
 
 
 def _least(normal: Array, along: Array, k: int, low: Array, high: Array) -> Array:
     """The x that makes x' normal x + 2 along' x least; elements from the k-th on stay between two ends."""
     scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    root = np.linalg.cholesky(normal * np.outer(scale, scale) + 1e-12 * np.eye(scale.size))
-    below = solve_triangular(root, along * scale, lower=True)
-    found = -solve_triangular(root.T, below) * scale
+    scaled = normal * np.outer(scale, scale) + 1e-12 * np.eye(scale.size)
+    found = -np.linalg.solve(scaled, along * scale) * scale
     if np.all((found[k:] >= low) & (found[k:] <= high)):
         return np.asarray(found)
     # What is free of ends is eliminated first: the triangle's last rows are the problem of the others.
+    root = np.linalg.cholesky(scaled)
+    below = np.linalg.solve(root, along * scale)
     held = held_inside(root.T[k:, k:] / scale[k:], below[k:], low, high)
     right = below[:k] + root.T[:k, k:] @ (held / scale[k:])
-    return np.concatenate([-solve_triangular(root.T[:k, :k], right) * scale[:k], held])
+    return np.concatenate([-np.linalg.solve(root.T[:k, :k], right) * scale[:k], held])

@@ -78,9 +78,9 @@ class Rough:
 
 def means(columns: Array, groups: NDArray[np.intp]) -> Array:
     """Of the rows of each group."""
-    sums = np.zeros((groups.max() + 1, columns.shape[1]))
-    np.add.at(sums, groups, columns)
-    return sums / np.bincount(groups)[:, None]
+    count = np.bincount(groups)
+    first = np.cumsum(count) - count
+    return np.add.reduceat(columns[np.argsort(groups, kind="stable")], first) / count[:, None]
 
 
 def scatter(problem: Problem, residual: Array, predicted: Array, times: float) -> list[Rough]:
@@ -114,7 +114,7 @@ def scatter(problem: Problem, residual: Array, predicted: Array, times: float) -
                 if repeats
                 else f"the readings scatter more than declared ({', '.join(told)}{how}): correct their uncertainty"
             )
-            found.append(Rough(sizes, groups, text, price))
+            found.append(Rough(sizes, groups if repeats else None, text, price))
     return found
 
 

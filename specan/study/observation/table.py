@@ -196,8 +196,9 @@ class TableObservation(Observation):
                 {n: v[number] if n in of_recordings and np.ndim(v) == 1 else v for n, v in values.items()}
                 for values in many
             ]
-            # values that differ by those of other recordings alone are alike here
-            keys = [tuple(np.asarray(v).tobytes() for v in values.values()) for values in own]
+            keys: list[Any] = list(range(len(own)))
+            if of_recordings:  # values that differ by those of other recordings alone are alike here
+                keys = [tuple(np.asarray(v).tobytes() for v in values.values()) for values in own]
             first = {key: k for k, key in reversed([*enumerate(keys)])}
             wanted = list(quantities.values())
             with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place

@@ -358,7 +358,7 @@ def _slopes(fewer: Refit | None, problem: Problem, theta: Real) -> Real | None:
         return None
     known = {name: fewer.fit.jacobian[:, k] for k, name in enumerate(fewer.fit.names)}
     here = problem.residual(theta)
-    low, high = problem.bounds()
+    low, high = problem.bounds
     columns = []
     for k, name in enumerate(problem.names):
         if name in known and name.whole in fewer.problem.free:
@@ -387,7 +387,7 @@ def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dic
     fitted, size = start.fit, start.problem.scale
     columns = np.column_stack([fitted.jacobian * size, *(s.signature.columns for s in members)])
     step, *_ = np.linalg.lstsq(columns, -fitted.residual, rcond=1e-9)
-    low, high = start.problem.bounds()
+    low, high = start.problem.bounds
     theta = np.clip(fitted.theta + step[: size.size] * size, low, high)
     values: dict[str, float | Real] = dict(start.problem.values_at(theta))
     moved: dict[str, float] = {}
