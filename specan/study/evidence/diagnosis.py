@@ -14,8 +14,8 @@ from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import describe
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.explanations import OF_THE_BEST, SURE, EffectSet, Explanation, Explanations
-from specan.study.evidence.form_errors import FORMS
 from specan.study.evidence.law_search import likeliest_law
+from specan.study.evidence.marginal import FORMS
 from specan.study.localisation.localise import localise
 from specan.study.observation import brought
 from specan.study.observation.time import TimeObservation
@@ -83,6 +83,11 @@ class Judgement:
 def stated(explanations: Explanations) -> tuple[Stated, ...]:
     """Explanations summed over forms of the base and of the noise, the likeliest first."""
     kinds: dict[tuple[str, EffectSet, str], list[tuple[float, Explanation]]] = {}
+    alone: dict[EffectSet | str, float] = {}  # ln of the largest evidence of a set, of a fault
+    for _, one in explanations.probabilities:
+        if one.kind == "effects" or (one.fault and not one.uses):
+            by = one.fault.name if one.fault else one.uses
+            alone[by] = max(alone.get(by, -np.inf), one.ln_evidence)
     for probability, one in explanations.probabilities:
         kind, uses = one.kind, one.uses
         if kind in ("effects", "unknown") and one.names_its_effects:
@@ -91,8 +96,9 @@ def stated(explanations: Explanations) -> tuple[Stated, ...]:
             if kind == "effects":  # it stays among what was tried
                 kinds.setdefault((kind, uses, ""), []).append((0.0, one))
             kind, uses = "unknown", frozenset()
-        # effects beside it were fitted at conditions that are not the right ones
-        if one.fault and one.fault.of_condition and uses:
+        # effects beside what explains more than they do were fitted at conditions that are not the right ones
+        larger = one.fault and uses and alone.get(one.fault.name, 0.0) > alone.get(uses, -np.inf)
+        if larger and one.fault.of_condition:
             uses, one = frozenset(), replace(one, uses=frozenset(), tangent=one.form.tangent)
         key = kind, uses, one.fault.name if one.fault else ""
         kinds.setdefault(key, []).append((probability, one))

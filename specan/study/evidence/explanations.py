@@ -28,8 +28,8 @@ from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import Fault, Faults, ln_mean, unspoilt
-from specan.study.evidence.form_errors import FORMS, AlongLines, OverConditions
-from specan.study.evidence.marginal import Columns, Marginal, Tangent
+from specan.study.evidence.form_errors import AlongLines, OverConditions
+from specan.study.evidence.marginal import FORMS, Columns, Marginal, Tangent
 from specan.study.evidence.noise import Noise, autoregressions, chains_of, own_noises, scatter
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array

@@ -25,7 +25,7 @@ from specan.models.rates import TIME as OF_SAMPLES
 from specan.result import first_of, gathered
 from specan.study.data.setpoints import MOST_LEVELS, TIME, grouping_of, operating, round_step, slope_by
 from specan.study.estimation.problem import Problem
-from specan.study.evidence.marginal import Marginal, Tangent
+from specan.study.evidence.marginal import FORMS, Marginal, Tangent
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.study.observation.time import TimeObservation
@@ -167,6 +167,10 @@ class Fault:
         return replace(self, text=f"{self.text}, {name} by up to {size}")
 
 
+# ln of the evidence that a fault adds, its likeliest coefficients, and the fault there.
+Weighed = tuple[float, Array, Fault]
+
+
 class Faults:
     """Everything that is looked for in the rows of tables, beside fits of one form of the base.
 
@@ -191,7 +195,7 @@ class Faults:
 
     def beside(self, marginal: Marginal) -> list[tuple[float, Fault]]:
         """ln of the evidence with a fault over that without, and the likeliest place and size, for each name."""
-        each: list[tuple[float, Array, Fault]] = []
+        each: list[Weighed] = []
 
         def add(faults: Sequence[Fault], gains: Array, coefficients: Array) -> None:
             means, places = ln_mean(gains), np.argmax(gains, axis=0)
@@ -226,16 +230,30 @@ def ln_mean(ln: ArrayLike) -> Array:
     return np.asarray(np.logaddexp.reduce(ln, axis=0) - np.log(np.shape(ln)[0]))
 
 
-def _followed(
-    marginal: Marginal, gain: float, coefficients: Array, fault: Fault
-) -> tuple[float, Array, Fault]:
-    """ln of the evidence that a fault adds, and its coefficients: of what bends, after steps as a fit takes them."""
-    problem, tangent, sizes = marginal.tangent.problem, marginal.tangent, np.array(fault.sizes)
+def _followed(marginal: Marginal, gain: float, coefficients: Array, fault: Fault) -> Weighed:
+    """The same of what bends, after steps as a fit takes them."""
+    tangent, sizes = marginal.tangent, np.array(fault.sizes)
+    white = tangent.problem.whiten(fault.columns)
     if fault.columns.size:
-        gains, each = marginal.with_pulls(problem.whiten(fault.columns), sizes)
+        gains, each = marginal.with_pulls(white, sizes)
         gain, coefficients = fault.ln_known + float(ln_mean(gains)), each[int(np.argmax(gains))]
     if fault.moves is None:
         return gain, coefficients, fault
+    found = [_after_steps(marginal, gain, coefficients, fault)]
+    if (
+        marginal.columns.size
+    ):  # of the likeliest size without the fault; beside it they may be as small as nothing
+        exact = Marginal(tangent)
+        gains, each = exact.beside(white, sizes)
+        gain, *rest = _after_steps(exact, float(ln_mean(gains)), each[int(np.argmax(gains))], fault)
+        found.append((gain + exact.ln_evidence - marginal.ln_evidence - np.log(len(FORMS)), *rest))
+    return max(found, key=lambda one: one[0])
+
+
+def _after_steps(marginal: Marginal, gain: float, coefficients: Array, fault: Fault) -> Weighed:
+    """The same after linear steps to the minimum, beside the columns of `marginal`."""
+    problem, tangent, sizes = marginal.tangent.problem, marginal.tangent, np.array(fault.sizes)
+    assert fault.moves is not None
     rows, size = tangent.residual.size, tangent.theta.size
     at, least = np.concatenate([tangent.theta, np.zeros(coefficients.size)]), 2 * tangent.chi2
     new = np.concatenate([marginal.shifted(problem.whiten(fault.columns), coefficients), coefficients])

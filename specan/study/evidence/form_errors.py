@@ -24,7 +24,7 @@ from specan.study.data.open_tables import choices, stretched
 from specan.study.data.setpoints import operating
 from specan.study.estimation.problem import Problem
 from specan.study.evidence.faults import SIZES, levels, ln_mean, sizes_of
-from specan.study.evidence.marginal import Marginal
+from specan.study.evidence.marginal import FORMS, Marginal
 from specan.study.evidence.noise import Noise, Rough
 from specan.study.observation import Array
 from specan.study.observation.time import TimeObservation
@@ -78,8 +78,6 @@ def kernel_root(points: Array, length: float) -> Array:
     return np.stack(columns, axis=1)
 
 
-# Shares of what an effect changes, to which its equation may be wrong: as likely each.
-FORMS = (0.01, 0.03, 0.1, 0.3)
 FORM_LENGTH = 0.5  # ranges of the operating variables, over which an error of form changes
 UNKNOWN_LENGTHS = (0.25, 0.5, 1.0)  # the same of what no effect describes
 LEVELS_APART = 1 / 16  # the same of what changes from level to level, where levels come again

@@ -24,6 +24,8 @@ from specan.study.estimation.problem import Problem
 from specan.study.evidence.noise import Noise
 from specan.study.observation import Array
 
+# Shares of what an effect changes, to which its equation may be wrong: as likely each.
+FORMS = (0.01, 0.03, 0.1, 0.3)
 AT_END = 1e-6  # sizes of a parameter, within which it rests on an end of its domain: what rounding leaves
 
 

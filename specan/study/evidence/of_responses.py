@@ -26,8 +26,8 @@ from specan.study.evidence.explanations import (
     Explanations,
     Form,
 )
-from specan.study.evidence.form_errors import FORMS, AlongLines
-from specan.study.evidence.marginal import Marginal, Tangent
+from specan.study.evidence.form_errors import AlongLines
+from specan.study.evidence.marginal import FORMS, Marginal, Tangent
 from specan.study.evidence.noise import Noise
 from specan.study.evidence.promises import Catalogue, Promise
 from specan.study.observation import Array

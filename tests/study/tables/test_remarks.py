@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from open_tables import read_tables
 
-from specan.models import Model
+from specan.models import Model, Parameter, effect
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.evidence.faults import faults
@@ -78,6 +78,37 @@ def test_a_thermometer_that_shows_the_room_costs_no_effect_a_name(tables, tmp_pa
     assert "its sensor may be in another place" in found.reason
     assert "it would be" not in found.reason
     assert found.alternatives == ((),)
+
+
+def test_an_effect_that_explains_more_than_a_condition_is_named_beside_it(tmp_path):
+    """A spring with a preload, and a thermometer that shows a tenth more of the difference to 25 degC."""
+
+    def force(x, stiffness, warm):
+        return stiffness * x * warm
+
+    def warm(temperature):
+        return np.exp(1800 / (temperature + 273.15) - 1800 / 298.15)
+
+    known = Parameter(3, "N", min=0.1, max=30, lower=0)
+
+    @effect("preload", adds_to="force", neutral={"size": 0.0})
+    def preload(*, size=known):
+        return size
+
+    model = Model.from_function(
+        force, warm, effects=[preload], units={"warm": "1"},
+        conditions={"x": ("mm", 0, 10), "temperature": ("degC", -10, 50)},
+        observables={"force": ("N", 0.02)}, parameters={"stiffness": (3, 1, 9, "N/mm")},
+    )  # fmt: skip
+    rng = np.random.default_rng(2)
+    x, warmth = (a.ravel() for a in np.meshgrid(np.arange(1.0, 9.0), [-5.0, 10.0, 25.0, 33.0, 42.0]))
+    acts = 25 + (warmth - 25) / 1.1
+    read = 3 * x * warm(acts) + 4.0 + rng.normal(0, 0.02, x.size)
+    rows = [f"{x[k]},{warmth[k]},{read[k]:.4f}" for k in rng.permutation(x.size)]
+    (tmp_path / "t.csv").write_text("\n".join(["x,temperature,force", *rows]) + "\n", encoding="utf-8")
+    found = diagnose(base_problem(model, read_tables(model, [tmp_path / "t.csv"]).fitted))
+    assert "temperature of another place" in headline(found)
+    assert headline(found).endswith("Missing beside it: preload (above 99 %).")
 
 
 def test_readings_that_share_a_set_up_are_no_drift(tmp_path):
