@@ -97,10 +97,10 @@ def stated(explanations: Explanations) -> tuple[Stated, ...]:
                 kinds.setdefault((kind, uses, ""), []).append((0.0, one))
             kind, uses = "unknown", frozenset()
         # effects beside what explains more than they do were fitted at conditions that are not the right ones
-        larger = one.fault and uses and alone.get(one.fault.name, 0.0) > alone.get(uses, -np.inf)
-        if larger and one.fault.of_condition:
+        fault = one.fault
+        if fault and uses and fault.of_condition and alone.get(fault.name, 0.0) > alone.get(uses, -np.inf):
             uses, one = frozenset(), replace(one, uses=frozenset(), tangent=one.form.tangent)
-        key = kind, uses, one.fault.name if one.fault else ""
+        key = kind, uses, fault.name if fault else ""
         kinds.setdefault(key, []).append((probability, one))
     found = [Stated(*key, sum(p for p, _ in own), own[0][1]) for key, own in kinds.items()]
     return tuple(sorted(found, key=lambda one: -one.probability))
