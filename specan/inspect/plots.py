@@ -244,8 +244,10 @@ class PanelPlot(Spectral):
 def _folded(label: str) -> str:
     """Name of a vertical axis in lines that fit beside a low figure."""
     if " / " in label:
-        label = label.partition("\n")[0].replace(" / ", "\n/ ", 1).replace(" over ", "\nover ")
-    return label.replace(" - ", "\n- ")
+        label = label.partition("\n")[0]
+    for word in ("/", "over", "-"):
+        label = label.replace(f" {word} ", f"\n{word} ", 1)
+    return label
 
 
 LINE = ("x", "y", "colour", "dash", "name", "alpha")  # columns of the lines

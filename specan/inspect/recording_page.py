@@ -35,6 +35,7 @@ from specan.report.figures import figure_of
 from specan.report.html_page import table
 from specan.report.panels import Panel
 from specan.report.waveform import read_overviews
+from specan.units import printed_unit
 
 FIRST_CHANNELS = 4  # on screen when nothing else is said
 _LEFT, _RIGHT = 214, 270  # px
@@ -119,7 +120,10 @@ class RecordingPage(Page):
 
     def _left(self) -> Any:
         view, keys = self.view, self.opened.keys
-        texts = [(key, plain(self.opened.text(n, f"{c.label}  [{c.unit}]"))) for key, (n, c) in keys.items()]
+        texts = [
+            (key, plain(self.opened.text(n, f"{c.label}  [{printed_unit(c.unit)}]")))
+            for key, (n, c) in keys.items()
+        ]
         self._channels = MultiSelect(
             title="Channels (Ctrl, Shift: several)", options=texts, value=list(view.channel),
             size=min(max(len(texts), 4), 28), width=_LEFT - 24, name="channels", sizing_mode="stretch_height",

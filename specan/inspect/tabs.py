@@ -26,9 +26,9 @@ from specan.inspect.work import Tell
 from specan.report.contents import sheets
 from specan.report.figures_bands import band_panels, history_panels
 from specan.report.figures_spectra import figure_frequency_response, figure_order_map, figure_orders
-from specan.report.html_page import table
-from specan.report.panels import Drawing
-from specan.result import cell
+from specan.report.html_page import shown, table
+from specan.report.panels import Drawing, grouped
+from specan.result import Sheet, cell
 from specan.units import printed_unit
 
 _READINGS = 2000  # readings of a history
@@ -129,22 +129,20 @@ class OctaveTab(Tab):
     def draw(self, found: Found, view: View) -> None:
         """The bands, and the table of overall levels."""
         super().draw(found, view)
-        self.overall.text = "<b>Overall levels / dB</b>" + "".join(
-            table(
-                [printed_unit(f"re {text}"), *r.overall_dB, ""],
-                [
+        content = "<b>Overall levels / dB</b>"
+        for number, r in found:
+            for text, rows in grouped(reference.text for reference in r.references).items():
+                header = [printed_unit(f"re {text}"), *r.overall_dB, ""]
+                lines = [
                     [
-                        self.opened.text(number, name),
+                        self.opened.text(number, r.channels[row]),
                         *(cell(levels[row]) for levels in r.overall_dB.values()),
                         " ".join(r.flags[row]),
                     ]
-                    for row, name in enumerate(r.channels)
-                    if r.references[row].text == text
-                ],
-            )
-            for number, r in found
-            for text in dict.fromkeys(reference.text for reference in r.references)
-        )
+                    for row in rows
+                ]
+                content += shown(Sheet("", header, lines))
+        self.overall.text = content
 
     def line(self, result: Any, axis: Any, frequency: float) -> int | None:
         """The band that contains the frequency."""

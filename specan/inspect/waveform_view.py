@@ -13,6 +13,7 @@ from specan.inspect.plots import PanelPlot
 from specan.inspect.view import View
 from specan.report.panels import Curve, Panel
 from specan.report.waveform import COLUMNS, Waveform, common_reach
+from specan.units import printed_unit
 
 
 class WaveformView:
@@ -82,7 +83,8 @@ class WaveformView:
         part of the largest magnitude of their unit.
         """
         parts = [
-            (name, w.channel.unit, *w.part(start_s, stop_s, COLUMNS)) for name, w in self.waveforms(view)
+            (name, printed_unit(w.channel.unit), *w.part(start_s, stop_s, COLUMNS))
+            for name, w in self.waveforms(view)
         ]
         reach = common_reach((unit, y) for _, unit, _, y in parts)
         scales = reach if len(reach) > 1 else dict.fromkeys(reach, 1.0)
