@@ -71,11 +71,9 @@ def show_recording(channels: Sequence[SimulatedChannel], as_json: bool, **facts:
         rows = [dict(zip(("channel", "unit", "mean", "rms"), one, strict=True)) for one in found]
         emit_json({**facts, "channels": rows})
         return
-    # A mean that rounding alone makes is none.
-    means = [mean if abs(mean) > _ROUNDING * rms else 0.0 for *_, mean, rms in found]
     cells = [
-        [name, f"{mean:.4g}", f"{rms:.4g}", unit]
-        for mean, (name, unit, _, rms) in zip(means, found, strict=True)
+        [name, f"{mean if abs(mean) > _ROUNDING * rms else 0:.4g}", f"{rms:.4g}", unit]
+        for name, unit, mean, rms in found
     ]
     table("", ["channel", "mean", "RMS about the mean", "unit"], cells)
 

@@ -288,7 +288,7 @@ class RecordingVerb(Verb):
         for name in ("output", "plot"):
             if ctx.params.get(name) is not None:
                 raise RequestError(
-                    f"--{name} writes one recording, and there are {len(files)}",
+                    f"--{name} is for one recording, and there are {len(files)}",
                     remedy="name one, or take --json or specan batch",
                 )
         done, faults, code = [], dict[str, Exception](), 0
@@ -321,14 +321,8 @@ def left_out(file: str, faults: dict[str, Exception], several: bool = True) -> I
         if len(alike) == 1:
             say(f"Left out: {reason}")
         elif len(alike) == 2:
-            context.call_on_close(lambda: say(_left_out_too(alike)))
-
-
-def _left_out_too(names: Sequence[str]) -> str:
-    """Of files with the reason of the first."""
-    from specan.result import first_of
-
-    return f"Left out for the same reason as {names[0]}: {first_of(names[1:], 4, ' files')}."
+            text = "Left out for the same reason as"
+            context.call_on_close(lambda: say(f"{text} {alike[0]}: {', '.join(alike[1:])}."))
 
 
 def failures(faults: Mapping[str, Exception]) -> list[dict[str, str]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from typing import Any, Self
 
 
@@ -86,7 +86,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     >>> nearest("torqe", ["torque", "speed"])
     "did you mean 'torque'?"
     """
-    known = sorted(known)
+    known = sorted(known) if isinstance(known, Set) else list(known)
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     if close:
         return f"did you mean {close[0]!r}?"

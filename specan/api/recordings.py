@@ -452,7 +452,7 @@ def _opened(recording: Source) -> Recording:
         return read(recording)
     if not isinstance(recording, Recording):
         raise RequestError(
-            f"expected a Recording or the path of one file, found a {type(recording).__name__}",
+            f"expected a Recording or the path of one file, found: {type(recording).__name__}",
             remedy="use Recording.from_arrays for arrays",
         )
     return recording

@@ -368,7 +368,8 @@ def _paths(given: Measured, place: Path, name: str) -> list[Path]:
             continue
         if not hasattr(one, "to_csv"):
             raise RequestError(
-                f"the measured data are a {type(one).__name__}", expected="a path or a data frame, or several"
+                f"the measured data are of type {type(one).__name__}",
+                expected="a path or a data frame, or several",
             )
         place.mkdir(parents=True, exist_ok=True)
         found.append(place / f"{name}{'' if len(whole) == 1 else f'_{number}'}.csv")

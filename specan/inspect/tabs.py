@@ -26,9 +26,9 @@ from specan.inspect.work import Tell
 from specan.report.contents import sheets
 from specan.report.figures_bands import band_panels, history_panels
 from specan.report.figures_spectra import figure_frequency_response, figure_order_map, figure_orders
-from specan.report.html_page import shown, table
+from specan.report.html_page import table
 from specan.report.panels import Drawing, grouped
-from specan.result import Sheet, cell
+from specan.result import cell
 from specan.units import printed_unit
 
 _READINGS = 2000  # readings of a history
@@ -141,7 +141,7 @@ class OctaveTab(Tab):
                     ]
                     for row in rows
                 ]
-                content += shown(Sheet("", header, lines))
+                content += table(header, lines)
         self.overall.text = content
 
     def line(self, result: Any, axis: Any, frequency: float) -> int | None:
@@ -272,9 +272,6 @@ class OrdersTab(Tab):
             figure.per_hertz = self.per_hertz(found[0][1])
 
 
-_LONGEST, _MOST = 300, 300  # characters of a cell, and rows of a table that are shown
-
-
 class InfoTab(Tab):
     """Headers only; nothing is computed, and all of it is shown when the page opens."""
 
@@ -299,12 +296,11 @@ class InfoTab(Tab):
 
 
 def _contents(recording: Recording) -> str:
-    """What ``specan info --all`` shows."""
+    """What ``specan info`` shows."""
     parts = [f"<h2>{notice(recording.label)}</h2>"]
     parts += [f"<p>{notice(note)}</p>" for note in (*recording.flags, *recording.notes)]
-    for one in filter(lambda one: one.rows, sheets(recording, {}, show_all=True)):
-        rows = [[str(cell)[:_LONGEST] for cell in row] for row in one.rows[:_MOST]]
-        parts += [f"<h3>{notice(one.title)}</h3>", table(one.header, rows)]
+    for one in filter(lambda one: one.rows, sheets(recording, {})):
+        parts += [f"<h3>{notice(one.title)}</h3>", table(one.header, one.rows), notice(one.below)]
     return "".join(parts)
 
 

@@ -32,32 +32,26 @@ def page(title: str, parts: Iterable[str]) -> str:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A table.
+    """A table, without the columns that hold nothing.
 
     Examples
     --------
-    >>> "<b>" in table(["channel"], [["<b>Mic 1</b>"]])
-    False
+    >>> "<b>" in table(["channel"], [["<b>Mic 1</b>"]]), "held out" in table(["step", "held out"], [[0, ""]])
+    (False, False)
     """
-    texts = [[str(value) for value in row] for row in rows]
-    right = [all(map(_NUMBER.fullmatch, filter(None, column))) for column in zip(*texts, strict=True)]
-    kinds = [' class="n"' * numbers for numbers in right or [False] * len(header)]
-    head = _line((f"th{kind}" if name else "td", name) for kind, name in zip(kinds, header))
-    body = (_line((f"td{kind}", text) for kind, text in zip(kinds, row, strict=True)) for row in texts)
+    columns = [[str(value) for value in column] for column in zip(*rows, strict=True)]
+    heads = [*header, *[""] * (len(columns) - len(header))]
+    kept = [(head, column) for head, column in zip(heads, columns, strict=True) if any(column)]
+    kinds = [' class="n"' * all(map(_NUMBER.fullmatch, filter(None, column))) for _, column in kept]
+    head = _line((f"th{kind}" if name else "td", name) for kind, (name, _) in zip(kinds, kept, strict=True))
+    lines = zip(*(column for _, column in kept), strict=True)
+    body = (_line((f"td{kind}", text) for kind, text in zip(kinds, line, strict=True)) for line in lines)
     return f"<table><thead>{head * any(header)}</thead><tbody>" + "\n".join(body) + "</tbody></table>"
 
 
 def shown(sheet: Sheet) -> str:
-    """A table of a result, without the columns that hold nothing.
-
-    Examples
-    --------
-    >>> from specan.result import Sheet
-    >>> "held out" in shown(Sheet("", ["step", "held out"], [[0, ""]]))
-    False
-    """
-    kept = [k for k in range(len(sheet.header)) if any(row[k] != "" for row in sheet.rows)]
-    return table([sheet.header[k] for k in kept], [[row[k] for k in kept] for row in sheet.rows])
+    """The table of a result."""
+    return table(sheet.header, sheet.rows)
 
 
 # A number, perhaps with what follows in brackets or a unit.

@@ -259,8 +259,7 @@ class Diagnosis(Result):
 
     def summary(self) -> str:
         """The verdict, and its reason."""
-        names = " or ".join(" with ".join(members) for members in self.alternatives)
-        return f"{self.verdict}{': ' if names else ''}{names} ({self.reason})"
+        return f"{headline(self)} {reason(self.to_dict())}".rstrip()
 
     def columns(self) -> dict[str, Any]:
         """One row for each set of effects that was tried, most likely first."""

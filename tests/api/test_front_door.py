@@ -215,13 +215,13 @@ def test_a_model_is_built_from_a_rig_file_its_content_or_the_example(tmp_path):
 
 @pytest.mark.parametrize("wrong", [3, ["a.tdms"], None])
 def test_what_is_no_recording_is_said(wrong):
-    with pytest.raises(RequestError, match="expected a Recording or the path of one file, found a"):
+    with pytest.raises(RequestError, match="expected a Recording or the path of one file, found: "):
         specan.rms(wrong)
 
 
 @pytest.mark.parametrize(("model", "measured", "said"), [
-    (3, "t.csv", "3 is not a model"), ("worm-gear", 3, "the measured data are a int"),
-    ("worm-gear", None, "the measured data are a NoneType"),
+    (3, "t.csv", "3 is not a model"), ("worm-gear", 3, "the measured data are of type int"),
+    ("worm-gear", None, "the measured data are of type NoneType"),
 ])  # fmt: skip
 def test_what_is_no_study_is_said(model, measured, said, tmp_path):
     with pytest.raises(RequestError, match=said):
@@ -310,7 +310,7 @@ def test_a_study_does_what_the_verbs_do(tmp_path, monkeypatch):
         tmp_path / "s", SPRING, tmp_path / "spring.csv",
         rig=tmp_path / "rig.toml", hold_out="pull=30",
     )  # fmt: skip
-    with pytest.raises(RequestError, match="the measured data are a dict"):
+    with pytest.raises(RequestError, match="the measured data are of type dict"):
         specan.Study.new(tmp_path / "t", SPRING, [{"pull_N": 5}])
     assert study.assumptions
     assert "opening" not in study.effects
