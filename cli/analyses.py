@@ -130,7 +130,7 @@ def octave(
 @weighting_option("Weighting of the magnitudes of sound pressure; phases are not changed.  [default: Z]")
 @opt("--fmin", float, "Lowest line.", "HZ")
 @opt("--fmax", float, "Highest line.", "HZ")
-@opt("--peaks", click.IntRange(min=1), "Highest lines printed.", default=1, show_default=True)
+@opt("--peaks", click.IntRange(min=1), "Highest lines printed.", "N", default=1, show_default=True)
 @opt("--spectrogram", bool, "Spectra against time.")
 @opt("--columns", int, "Maximum number of columns of a spectrogram.  [default: 1000]")
 @limit_option
@@ -274,7 +274,7 @@ def frf(
 @opt("--quantity convert", QUANTITIES, "Convert vibration to this.")
 @opt("--envelope", None, "Analyse the envelope of this band, Hz.", "LOW:HIGH")
 @opt("--kurtosis", bool, "Also print the kurtosis in octave bands.")
-@opt("--peaks", click.IntRange(min=1), "Highest lines printed.", default=3, show_default=True)
+@opt("--peaks", click.IntRange(min=1), "Highest lines printed.", "N", default=3, show_default=True)
 @opt("--map as_map", bool, "Orders against speed: in --plot, -o and --json.")
 @plot_option()
 def orders(
@@ -345,7 +345,7 @@ def _kurtosis(recording: Recording, found: OrderSpectrum) -> dict[str, Any]:
 def rms(recording: Recording, deliver: Delivery, **options: Any) -> int:
     """Compute RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
 
-    The mean is subtracted for all other values.
+    All but the mean are values of the signal without its mean.
 
     \b
     specan rms sample_data/recordings/knock.tdms --averaging slow
@@ -384,7 +384,7 @@ def srs(recording: Recording, deliver: Delivery, **options: Any) -> int:
     "Approximate frequency of the tone.  [default: that of the file, else searched]",
     "HZ",
 )
-@opt("--harmonics", click.IntRange(min=1), "Harmonics that are fitted.  [default: 10]")
+@opt("--harmonics", click.IntRange(min=1), "Harmonics that are fitted.  [default: 10]", "N")
 @section_options
 def tones(recording: Recording, deliver: Delivery, **options: Any) -> int:
     """Compute frequency, amplitude, phase and distortion of a sine recording (IEEE Std 1057).
@@ -435,7 +435,7 @@ def decay(recording: Recording, deliver: Delivery, **options: Any) -> int:
 def impulse(file: Path, deliver: Delivery, **options: Any) -> int:
     """Compute impulse responses of microphones and accelerometers to the excitation, and write them.
 
-    Maximum length sequences, sweeps and impulses are deconvolved; of noise, the averaged transfer function is
+    Maximum length sequences, sweeps and impulses are deconvolved; for noise, the averaged transfer function is
     transformed back.
 
     \b

@@ -23,10 +23,12 @@ if TYPE_CHECKING:
     default=Path("calibration.toml"), show_default=True,
 )  # fmt: skip
 @opt(
-    "--level level_dB", float, "Level of the calibrator in dB re 20 uPa [default: that of the file, else 94]."
+    "--level level_dB",
+    float,
+    "Level of the calibrator in dB re 20 uPa.  [default: that of the file, else 94]",
 )
 @opt(
-    "--frequency frequency_hz", float, "Tone of the calibrator in Hz [default: that of the file, else searched]."
+    "--frequency frequency_hz", float, "Tone of the calibrator in Hz.  [default: that of the file, else searched]"
 )  # fmt: skip
 @opt("--u-level u_level_dB", float, "Standard uncertainty of the level, dB.", default=0.1, show_default=True)
 @opt(

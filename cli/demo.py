@@ -25,7 +25,7 @@ SAMPLES = (
 
 
 @click.command("demo")
-@click.argument("directory", type=click.Path(path_type=Path), metavar="DIR", default=Path("sample_data"))
+@click.argument("directory", type=click.Path(path_type=Path), metavar="[DIR]", default=Path("sample_data"))
 def command(directory: Path) -> None:
     """Write the sample data of the examples to DIR, by default sample_data.
 

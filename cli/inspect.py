@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.argument("place", type=click.Path(path_type=Path), metavar="FILE|STUDY")
 @opt("--overlay", Path, "A second recording, shown together with the first.", "FILE")
 @opt("--address", None, "Network address of the page.", default="127.0.0.1", show_default=True)
-@opt("--port", click.IntRange(0, 65535), "Port of the page.  [default: a free one]", default=0)
+@opt("--port", click.IntRange(0, 65535), "Port of the page.  [default: a free one]", "N", default=0)
 @opt("--no-browser", bool, "Print the address only; do not open a browser.")
 @opt(
     "--effect effects", Path, "For a study: add and trust a Python file with your own effects; repeatable.", "FILE",

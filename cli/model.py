@@ -55,7 +55,7 @@ def list_models(as_json: bool) -> None:
 @command.command("show")
 @click.argument("name")
 @click.argument("part", required=False, metavar="[EFFECT|QUANTITY]")
-@opt("--rig", Path, "A rig file [default: the model's example].")
+@opt("--rig", Path, "A rig file.  [default: the model's example]")
 @opt("--json as_json", bool, "Print everything as JSON.")
 def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
     """Show a model, or one of its effects or quantities.
@@ -130,7 +130,7 @@ def rig_template(name: str) -> None:
 @command.command("check")
 @click.argument("name")
 @click.argument("file", type=click.Path(path_type=Path), metavar="[EFFECT.py]", required=False)
-@opt("--rig", Path, "A rig file [default: the model's example].")
+@opt("--rig", Path, "A rig file.  [default: the model's example]")
 @opt("--measurement", Path, "A recording to check a model of rates with.", "FILE")
 @column_option('Name of a channel in the recording: "force=Load cell"; repeatable.')
 @json_option
@@ -144,7 +144,7 @@ def check(
 ) -> None:
     """Check a model of your own, or effects for a model.
 
-    Studies on this machine may run it then.
+    Afterwards the studies of this machine may run it.
 
     Of a model: units, finite values over its limits, parameters that some measurement determines, effects that some
     measurement distinguishes. Of an effect: no change at its neutral values, finite, determined by some measurement.

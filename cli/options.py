@@ -31,7 +31,7 @@ def opt(names: str, kind: Any = None, text: str = "", metavar: str | None = None
     if kind is bool:
         return click.option(*names.split(), is_flag=True, help=text, **more)
     if isinstance(kind, list):
-        kind = click.Choice(kind, case_sensitive=False)
+        metavar, kind = metavar or f"[{'|'.join(map(str, kind))}]", click.Choice(kind, case_sensitive=False)
     elif kind is Path:
         kind = click.Path(path_type=Path)
     return click.option(*names.split(), type=kind, help=text, metavar=metavar, **more)

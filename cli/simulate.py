@@ -48,7 +48,7 @@ ENTRY_POINTS = (
     "--noise", float, "Standard deviation of the noise of a reading or a channel, in its unit.", "SD",
     default=0.0,
 )  # fmt: skip
-@opt("--seed", click.IntRange(min=0), "Seed of the noise.", default=0, show_default=True)
+@opt("--seed", click.IntRange(min=0), "Seed of the noise.", "N", default=0, show_default=True)
 @opt("--json as_json", bool, "Print the rows as JSON.")
 def _simulate(
     model_name: str,
@@ -106,7 +106,7 @@ class Simulators(click.Group):
 def command() -> None:
     """Simulate a measurement with MODEL, by its name or in a file of your own.
 
-    specan simulate MODEL --help shows what can be chosen for it.
+    specan simulate MODEL --help lists its options.
 
     \b
     specan simulate worm-gear sample_data/worm_gear/rig.toml --effects seal-drag -o table.csv

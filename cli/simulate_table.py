@@ -34,7 +34,7 @@ table_options = together(
     ),
     decimal_option(),
     opt("--conditions", Path, "Use the conditions of the rows of a table, or the inputs of a recording."),
-    opt("--repeats", click.IntRange(1, 10_000), "Readings of each condition.", default=1),
+    opt("--repeats", click.IntRange(1, 10_000), "Readings of each condition.", "N", default=1),
 )  # fmt: skip
 
 

@@ -49,7 +49,7 @@ FILE = click.Path(path_type=Path)
 )  # fmt: skip
 @opt("--calibration", Path, "A calibration.toml for recordings.")
 @opt(
-    "--effects", None, "Initial effects [default: those of the model's base; none: without effects].",
+    "--effects", None, "Initial effects.  [default: those of the model's base; none: without effects]",
     "NAME,NAME...|none",
 )  # fmt: skip
 @json_option

@@ -98,7 +98,7 @@ def _print_comparison(study: Study, found: Comparison) -> None:
     if study.shown is not study.best:
         click.echo(
             f"The best fit (reduced chi-square {study.best.reduced_chi2:.2f}) needs instrument errors far beyond their "
-            "certificates. Shown is a fit with smaller ones."
+            "certificates. The fit that is shown has smaller ones."
         )
     for text in where.sentences():
         click.echo(f"  {text}")

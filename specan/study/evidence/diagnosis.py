@@ -301,7 +301,7 @@ class _Telling:
         named = [one.uses for one in self.judged.sets]
         rest = [one for one in self.judged.stated if not any(uses <= one.uses for uses in named)]
         if not rest or rest[0].probability < verdict.LEAST_TOLD:
-            return "no explanation without what is named is nearly as probable"
+            return f"every explanation without what is named is below {verdict.percent(verdict.LEAST_TOLD)}"
         return f"the likeliest other explanation is {rest[0].text} ({verdict.percent(rest[0].probability)})"
 
     def _partly(self) -> str:
