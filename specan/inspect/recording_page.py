@@ -41,7 +41,6 @@ FIRST_CHANNELS = 4  # on screen when nothing else is said
 _LEFT, _RIGHT = 214, 270  # px
 _FILTER = """const text = cb_obj.value_input.toLowerCase();
 list.options = all.filter(([key, label]) => label.toLowerCase().includes(text));"""
-_CENTRED = {"display": "flex", "align-items": "center", "justify-content": "center"}
 _SETTLE_MS = 60  # a pan sends many ranges; one drawing answers them
 
 
@@ -95,11 +94,10 @@ class RecordingPage(Page):
             css_classes=["tabs"],
         )
         self._front.on_change("active", lambda a, old, new: self.change(tab=list(self.tabs)[new]))
-        self._waiting = Div(text="", sizing_mode="stretch_both", styles=_CENTRED)
         self._controls = row(
             *self.tabs[view.tab].controls, styles={"flex-wrap": "wrap"}, sizing_mode="stretch_width"
         )
-        self._body = column(self._waiting, sizing_mode="stretch_both", styles=GROWS, css_classes=["front"])
+        self._body = column(sizing_mode="stretch_both", styles=GROWS, css_classes=["front"])
         self._side = column(self.readout, sizing_mode="stretch_width")
         middle = column(
             self.waveform.sheet, self._front, self._controls, self.status.div, self._body,
@@ -107,7 +105,7 @@ class RecordingPage(Page):
         )  # fmt: skip
         self._right = ScrollBox(
             child=self._side, width=_RIGHT, sizing_mode="stretch_height", styles=PANEL,
-            css_classes=["whole", "readout"],
+            css_classes=["whole"],
         )  # fmt: skip
         main = row(
             self._left(), middle, self._right, sizing_mode="stretch_both", styles={**GROWS, "gap": "8px"},
@@ -161,11 +159,9 @@ class RecordingPage(Page):
             self._side.children = side
 
     def _wait(self) -> None:
-        """In the place of figures that have nothing to show yet."""
-        tab = self.tabs[self.view.tab]
-        self._controls.children = list(tab.controls)
-        self._waiting.text = notice(f"{tab.title}: computing ...")
-        self._body.children, self._side.children = [self._waiting], [self.readout]
+        """Without figures, which have nothing to show yet."""
+        self._controls.children = list(self.tabs[self.view.tab].controls)
+        self._body.children, self._side.children = [], [self.readout]
 
     # --- what a person does -----------------------------------------------------------------------
 
@@ -257,7 +253,6 @@ class RecordingPage(Page):
 
     def _failed(self, message: str) -> None:
         super()._failed(self.tabs[self.view.tab].worded(message))
-        self._waiting.text = ""
 
     def _save(self, kind: str) -> None:
         for number, content in self._contents(kind):
