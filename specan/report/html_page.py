@@ -55,7 +55,7 @@ def shown(sheet: Sheet) -> str:
 
 
 # A number, perhaps with what follows in brackets or a unit.
-_NUMBER = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?( (\(.*\)|\S+))?")
+_NUMBER = re.compile(r"(< )?[-+]?[\d.]+(e[-+]?\d+)?( (\(.*\)|\S+))?")
 
 
 def _line(cells: Iterable[tuple[str, str]]) -> str:
