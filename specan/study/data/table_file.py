@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import math
 import re
@@ -16,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from specan.csv_rows import cells_of
 from specan.errors import InputError, RequestError
 from specan.result import first_of
 from specan.schema import decoded, regular
@@ -145,10 +145,7 @@ def _text_cells(path: Path, raw: bytes) -> tuple[Cells, bool, list[str]]:
             expected="a text file in UTF-8",
             remedy="save it as UTF-8 (spreadsheets call it CSV UTF-8)",
         ) from None
-    lines = {n: s for n, s in enumerate(text.splitlines(), 1) if s.strip() and not s.startswith("#")}
-    delimiter = max("\t;,", key=next(iter(lines.values()), "").count)
-    rows = csv.reader(lines.values(), delimiter=delimiter)
-    return {n: [c.strip() for c in row] for n, row in zip(lines, rows)}, delimiter != ",", []
+    return *cells_of(text), []
 
 
 def _frame_cells(path: Path, raw: bytes, sheet: str) -> tuple[Cells, bool, list[str]]:
