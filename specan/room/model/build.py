@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from specan.dsp.bands import band_range, mid_frequencies
 from specan.errors import RequestError
 from specan.models.catalogue import effects_in
 from specan.models.effect import Use
@@ -87,7 +86,7 @@ def build(rig: Mapping[str, Any]) -> Model:
             "wall": tuple(walls),
             "face": shape.walls,
             "known_wall": tuple(tables),
-            "octave": tuple(f"{f:.4g} Hz" for f in _bands(settings, 1)),
+            "octave": tuple(f"{f:.4g} Hz" for f in _bands(settings, per_octave=1)),
             "microphone": microphones,
             "place": places,
             "loudspeaker": loudspeakers,
@@ -204,7 +203,7 @@ def _constants(
         ("loudspeaker_nominal", np.array(ratios).reshape(-1, 3).T, "1",
          "Level (dB), delay (s) and sign against the piston.", ()),
         ("third_octave_hz", _bands(rig), "Hz", "Third octaves of the band.", ("third_octave",)),
-        ("octave_hz", _bands(rig, 1), "Hz", "Octaves of the band.", ("octave",)),
+        ("octave_hz", _bands(rig, per_octave=1), "Hz", "Octaves of the band.", ("octave",)),
         ("wall_of_face", wall_of, "1", "Number of the wall that each face belongs to.", ("face",)),
         ("known_walls", known, "1", "Numbers of the walls of which something is stated.", ()),
     ]  # fmt: skip
@@ -219,9 +218,11 @@ def _constants(
     return [*solver, *(constant(*one) for one in listed)]
 
 
-def _bands(rig: Rig, fraction: int = 3) -> np.ndarray:
-    """Exact mid-band frequencies of the third octaves or octaves of the band."""
-    return mid_frequencies(band_range(max(rig.band.f_min_hz, 1.0), rig.band.f_max_hz, fraction), fraction)
+def _bands(rig: Rig, per_octave: int = 3) -> np.ndarray:
+    """Exact mid-band frequencies of the third octaves or octaves of the band (IEC 61260-1, base 10)."""
+    ends = (max(rig.band.f_min_hz, 1.0), rig.band.f_max_hz)
+    low, high = (round(10 * np.log10(f / 1000) * per_octave / 3) for f in ends)
+    return 1000 * 10.0 ** (np.arange(low, high + 1) * 3 / (10 * per_octave))
 
 
 def _nuisances(rig: Rig, known: Iterable[str]) -> tuple[Nuisance, ...]:
