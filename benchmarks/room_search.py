@@ -5,7 +5,7 @@
 
 Each case hides something in a simulated room, nothing in some, asks for a verdict, and starts a fit at the truth
 besides. A search has missed the minimum where none of the first sets that it ranks comes as low as that fit. Strengths,
-walls, places and frequencies are drawn; intervals of what is named are held against the truth.
+walls, places and frequencies are drawn; intervals of what is named are compared with the truth.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ class Case:
     effects : dict
         Hidden effects with their strengths.
     held_out : tuple of str
-        Microphones that are put aside, none of which has a hidden error of its own.
+        Microphones that are held out, none of which has a hidden error of its own.
     validated : bool
         Whether a second recording with the same instruments takes their place: errors of microphones cannot be
         seen at others.

@@ -68,7 +68,7 @@ def _run(arguments: tuple[Case, str, Path | None]) -> Record:
 
 
 def read(path: Path, code: str) -> list[Record]:
-    """Records in a result file that the present code has made; a half line at the end is passed over."""
+    """Records in a result file that the present code has made; a half line at the end is ignored."""
     if not path.exists():
         return []
     found = []

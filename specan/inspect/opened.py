@@ -113,7 +113,7 @@ class Opened:
         return name if len(self.recordings) == 1 else f"{name} · {self.recordings[number].label}"
 
     def chosen(self, keys: Sequence[str]) -> list[Chosen]:
-        """The channels of the keys by recording and sampling rate; unknown keys are passed over."""
+        """The channels of the keys by recording and sampling rate; unknown keys are ignored."""
         shown = [of for key, of in self.keys.items() if key in keys]
         sorted_out = gathered(((number, channel.sampling_rate), channel) for number, channel in shown)
         return [Chosen(n, self.recordings[n], tuple(found)) for (n, _), found in sorted_out.items()]

@@ -175,7 +175,7 @@ def span(model: Model, condition: str) -> tuple[float, float]:
 
 
 def to_conditions(model: Model, columns: Mapping[str, NDArray[np.float64]]) -> Columns:
-    """SI conditions from the columns of a table; columns that are no condition are passed over."""
+    """SI conditions from the columns of a table; columns that are no condition are ignored."""
     return {
         c.name: np.asarray(convert(columns[c.column], c.column_unit, c.unit), dtype=float)
         for c in model.conditions.values()

@@ -69,7 +69,7 @@ def begin(
     measurements, validations : sequence of Path
         Data to fit, and data that are only ever predicted.
     hold_out : sequence of str
-        Rows or channels of the measurements to put aside: ``load=60,90``.
+        Rows or channels of the measurements to hold out: ``load=60,90``.
     calibration : Path, optional
     effects : sequence of str, optional
         Effects to begin with; the model's base effects by default.

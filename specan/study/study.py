@@ -284,7 +284,7 @@ class Study:
 
     @cached_property
     def held_out(self) -> HeldOut | None:
-        """Errors on the data that were put aside; None without such."""
+        """Errors on the held-out data; None without such."""
         return self._held_out_by(self.problem, self.shown) if self.data.held_out else None
 
     def _held_out_by(self, problem: Problem, best: Fit) -> HeldOut:

@@ -62,7 +62,7 @@ class DataEntry(Settings):
 
 
 class HoldOutEntry(Settings):
-    """Rows or channels of the measurements that are put aside: ``where = "load=60"``."""
+    """Rows or channels of the measurements that are held out: ``where = "load=60"``."""
 
     where: str
     file: str | None = None

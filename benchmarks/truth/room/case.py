@@ -82,7 +82,7 @@ def simulate(
         Draws the room, its true geometry and the open shapes of the effects, which do not depend on what is hidden.
     effects : mapping of str to float, optional
         Names in `EFFECTS`, with a place where wanted (``wall-impedance@z1``, ``microphone-gain@Mic 3``,
-        ``microphone-delay@2`` for a card, ``dimension-error@x``), and their strengths; ``none`` is passed over.
+        ``microphone-delay@2`` for a card, ``dimension-error@x``), and their strengths; ``none`` is ignored.
     take : int
         Draws excitation, noise, and the errors of the instruments anew in the same room.
     repeat : int

@@ -18,7 +18,7 @@ class FileResult:
     Attributes
     ----------
     kind : {"done", "aside", "failed"}
-        Put aside is what is not a failure: a calibrator, a spectrum, a table.
+        Skipped is what is not a failure: a calibrator, a spectrum, a table.
     reason : str
         Why there is no result, or why the file was taken for what it is.
     about : tuple of str

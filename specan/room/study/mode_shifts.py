@@ -91,7 +91,7 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
 
 
 def knowing_shifts(problem: Problem, unseen: Sequence[Observation]) -> list[Observation]:
-    """Observations that were put aside, with what the fitted ones tell of the shifts that they have in common."""
+    """Observations that are held out, with what the fitted ones tell of the shifts that they have in common."""
     told = [o for o in field_observations(problem.observations) if o.shifts]
     if not told:
         return list(unseen)

@@ -108,7 +108,7 @@ def wall_fit(
     Parameters
     ----------
     problem : Problem
-        A room over recordings. What it says of the walls is put aside; its other effects stay.
+        A room over recordings. What it says of the walls is ignored; its other effects stay.
     start : mapping, optional
         SI values of other effects to start from; what has a certificate starts there.
     progress : callable, optional
@@ -226,7 +226,7 @@ class WallProblem(Problem):
 
 
 def with_free_walls(model: Model, mid_hz: Array) -> Model:
-    """The model with walls of which nothing is stated, free in bands: what is found can be held against statements."""
+    """The model with walls of which nothing is stated, free in bands: what is found can be compared with statements."""
     bare = model.with_constants({"wall_tables": (), "known_walls": np.array([], dtype=int)})
     bands = constant("free_band_hz", mid_hz, "Hz", "Third octaves in which walls are free.")
     names = tuple(f"{wall} {f:.4g} Hz" for wall in model.axes["wall"] for f in mid_hz)

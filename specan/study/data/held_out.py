@@ -1,4 +1,4 @@
-"""Rows that are put aside: ``load=60,90``, ``mass=2..3 kg``, ``time=6..7``, ``channel=A 6``."""
+"""Rows that are held out: ``load=60,90``, ``mass=2..3 kg``, ``time=6..7``, ``channel=A 6``."""
 
 from __future__ import annotations
 

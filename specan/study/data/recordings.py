@@ -1,4 +1,4 @@
-"""Recordings as measurements of a study: what is one, which rows of it are put aside, what looks wrong."""
+"""Recordings as measurements of a study: what is one, which rows of it are held out, what looks wrong."""
 
 from __future__ import annotations
 

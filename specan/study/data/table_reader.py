@@ -134,7 +134,7 @@ class ColumnNames:
     ----------
     chosen : mapping
         ``{column of the model: header of the table}`` that a user gave; with one given, headers that are nothing
-        known are passed over.
+        known are ignored.
     lenient : bool
         Pass such headers over in any case.
     """

@@ -278,7 +278,7 @@ class DataFile:
 
 @dataclass(frozen=True)
 class MeasuredFiles:
-    """The files of one kind, and what is to be put aside: pairs (file name or None, ``load=60``)."""
+    """The files of one kind, and what is to be held out: pairs (file name or None, ``load=60``)."""
 
     measurements: Sequence[DataFile]
     validations: Sequence[DataFile] = ()

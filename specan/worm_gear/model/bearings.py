@@ -200,7 +200,7 @@ def bearing_drag_moment(bearing_speed, kinematic_viscosity, bearing_bath):
 
 
 # The constants are those that text books hand down (f0 2, z 0.0009, P0/C0 to the power 0.55, P1 = 3 Fa - 0.1 Fr);
-# they were not held against the standard, which is not free. A factor on the whole is fitted.
+# they were not compared with the standard, which is not free. A factor on the whole is fitted.
 PALMGREN = "Palmgren; Harris, Rolling Bearing Analysis; SKF General Catalogue 1989; ISO/TR 14179-2"
 SLOW = 2000.0  # nu n in mm^2/s r/min below which the moment without load no longer falls
 

@@ -107,9 +107,9 @@ def load_dependent_friction(
     mu = mu_0 + c ((x^a - 1)/(2^a - 1)) with x the load over 40 kN/m: the power law mu ~ (F/b)^a beside a share
     that does not depend on the load. The loss over torque is curved, which a constant coefficient of friction
     cannot cause. No
-    film makes friction rise as fast as the load itself: where the data ask for an exponent above 0.5 by
-    more than
-    its uncertainty, another effect is likely whose loss is a power of the torque (a collar, a twisted housing).
+    film makes friction rise as fast as the load itself: where the data support an exponent
+    above 0.5 by more than its uncertainty, another effect is likely whose loss is a power of the torque (a collar, a
+    twisted housing).
     """
     return change * power_step(np.hypot(tooth_load / REFERENCE_LOAD, NO_LOAD), exponent)
 
