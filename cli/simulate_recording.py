@@ -18,8 +18,6 @@ from specan_cli.verb import SAMPLES, OutputFile
 if TYPE_CHECKING:
     from specan.models.model import Model
 
-_ROUNDING = 1e-9  # of the RMS: no converter resolves it
-
 
 def output_path(path: Path | None, *suffixes: str) -> Path:
     """A path whose suffix says what is to be written, in a directory that exists."""
@@ -71,10 +69,8 @@ def show_recording(channels: Sequence[SimulatedChannel], as_json: bool, **facts:
         rows = [dict(zip(("channel", "unit", "mean", "rms"), one, strict=True)) for one in found]
         emit_json({**facts, "channels": rows})
         return
-    cells = [
-        [name, f"{mean if abs(mean) > _ROUNDING * rms else 0:.4g}", f"{rms:.4g}", unit]
-        for name, unit, mean, rms in found
-    ]
+    # Beyond fifteen places is what rounding makes of a sum.
+    cells = [[name, f"{round(mean, 15):z.4g}", f"{rms:.4g}", unit] for name, unit, mean, rms in found]
     table("", ["channel", "mean", "RMS about the mean", "unit"], cells)
 
 

@@ -98,8 +98,9 @@ class StudyPage(Page):
     def _left(self) -> Any:
         """The candidates, what one of them is, and the buttons."""
         explanation = ScrollBox(
-            child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=share(2)
-        )
+            child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height",
+            styles=share(2, **{"border-top": "1px solid var(--line)"}),
+        )  # fmt: skip
         return column(
             self.heading,
             ScrollBox(child=self.ranking.list, width=_SIDE, sizing_mode="stretch_height", styles=share(3)),

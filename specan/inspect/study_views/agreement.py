@@ -176,12 +176,13 @@ class DrawnAgreement:
             self.body.child.text = picture(self._draw(self._current()), "Measured and model")
 
 
-def agreement_of(
-    study: Study, current: Callable[[], Study]
-) -> list[TableAgreement | TransferAgreement | DrawnAgreement]:
+Agreement = TableAgreement | TransferAgreement | DrawnAgreement
+
+
+def agreement_of(study: Study, current: Callable[[], Study]) -> list[Agreement]:
     """Figures that hold a fitted model beside its measurement: one for every kind of measurement of a study."""
     data = study.data.fitted  # not of the problem, whose covariances may rest on a fit
-    found: list[TableAgreement | TransferAgreement | DrawnAgreement] = []
+    found = list[Agreement]()
     if any(isinstance(o, TableObservation) for o in data):
         found.append(TableAgreement(study))
     if any(isinstance(o, FrfObservation) for o in data):

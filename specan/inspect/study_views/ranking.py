@@ -42,7 +42,7 @@ class Ranking:
         self._ranked: dict[Uses, Ranked] = {}
         self._lines: dict[Uses, Any] = {}
         self.list = column(Div(text="", width=_WIDTH), name="candidates")  # empty, Bokeh would complain
-        self.explanation = Div(text="", name="explanation", width=_WIDTH)
+        self.explanation = Div(text="", name="explanation", sizing_mode="stretch_width")
 
     def show(
         self, study: Study, uses: Sequence[str], not_testable: Mapping[str, str], found: Diagnosis | None
