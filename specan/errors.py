@@ -30,7 +30,18 @@ class SpecanError(Exception):
         super().__init__(text if text.endswith("?") else text + ".")
 
     def within(self, where: str) -> Self:
-        """The same, with where it was found before it."""
+        """The same, with where it was found before it.
+
+        Parameters
+        ----------
+        where : str
+            A file, a line, a table.
+
+        Returns
+        -------
+        SpecanError
+            Of the same class.
+        """
         return type(self)(f"{where}: {self.found}", expected=self.expected, remedy=self.remedy)
 
     def __reduce__(self) -> tuple[object, ...]:
