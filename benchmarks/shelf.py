@@ -4,7 +4,7 @@
 
 The oscillator is driven by noise in a band. Its numbers, the size of the effect and the noise of the channel are drawn
 by the seed. A case is visible where the effect changes the recording by more than the base takes up: `lambda` is the
-chi-square that the refitted base leaves more than the number of its samples.
+chi-square that the refitted base leaves more than the noise that was drawn has itself.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ from specan.study.observation.time import TimeObservation  # noqa: E402
 from specan.study.selection.candidates import base_problem  # noqa: E402
 
 NOISE = 0.05  # mm
+RATE = 500.0
+FINER = 8  # samples between two of the recording, from which the truth is integrated
 VISIBLE = 100.0
 
 
@@ -60,17 +62,19 @@ def by_scipy(known: Model, effects: tuple[str, ...], given: dict, values: dict) 
         return space["rates"](s, smooth(t), p, ())
 
     start = np.zeros(len(program.states))
-    done = solve_ivp(rates, (0, clock[-1]), start, "LSODA", clock, rtol=1e-9, atol=1e-12, max_step=clock[1])
+    done = solve_ivp(rates, (0, clock[-1]), start, "LSODA", clock, rtol=1e-9, atol=1e-12, max_step=1 / RATE)
     states = dict(zip(program.states, done.y))
     return next(assembly.pointwise({**given, **states}, [values], ["x_measured"]))["x_measured"]
 
 
 def recordings(
     known: Model, name: str, seed: int, samples: int, noise: float
-) -> tuple[TimeObservation, float]:
-    """A recording with one effect at a drawn size, and the standard deviation of what it changes over the noise."""
+) -> tuple[TimeObservation, float, float]:
+    """A recording with one effect at a drawn size; the standard deviation of what it changes over the noise; and the
+    chi-square of the noise.
+    """
     rng = np.random.default_rng([seed, sum(map(ord, name))])
-    clock = np.arange(samples) / 500
+    clock = np.arange(samples * FINER) / (RATE * FINER)
     force = sum(np.cos(2 * np.pi * f * clock + rng.uniform(0, 2 * np.pi)) for f in np.arange(2, 40, 0.33))
     force *= 30 / np.std(force)
     truth = {
@@ -84,16 +88,18 @@ def recordings(
         grown = p.default * rng.uniform(1, 3)
         truth[f"{name}.{part}"] = min(grown, p.max)
     given = {"time": clock, "force_channel": force}
-    read = {effects: by_scipy(known, effects, given, truth) for effects in ((), (name,))}
-    measured = read[name,] + noise * rng.standard_normal(samples)
+    read = {effects: by_scipy(known, effects, given, truth)[::FINER] for effects in ((), (name,))}
+    drawn = rng.standard_normal(samples)
+    measured = read[name,] + noise * drawn
     rows = np.arange(samples)
+    given = {condition: values[::FINER] for condition, values in given.items()}
     observation = TimeObservation(
         name="planted", observable=np.full(samples, "x"), measured=measured, conditions=given,
         covariance=np.full(samples, noise**2), recordings=("planted",), recording=np.zeros(samples, dtype=np.intp),
         noise_dof=10.0, series=(given, np.zeros(samples, dtype=np.intp)), position=rows,
         lines=rows + 1,
     )  # fmt: skip
-    return observation, float(np.std(read[name,] - read[()]) / noise)
+    return observation, float(np.std(read[name,] - read[()]) / noise), float(drawn @ drawn)
 
 
 def main() -> None:
@@ -108,9 +114,9 @@ def main() -> None:
     known, counts, spent = model(NOISE), Counter(), []
     for seed in range(*map(int, asked.seeds.split(":"))):
         for name in asked.effects or known.effects:
-            observation, size = recordings(known, name, seed, asked.samples, NOISE)
+            observation, size, of_noise = recordings(known, name, seed, asked.samples, NOISE)
             problem = base_problem(known, [observation])
-            left = fit(problem, starts=2).chi2 - problem.n_data
+            left = fit(problem, starts=2).chi2 - of_noise
             began = time.process_time()
             found = diagnose(problem)
             spent.append(time.process_time() - began)

@@ -17,10 +17,12 @@ from functools import wraps
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import PPoly
 from scipy.signal import lfilter
 
 from specan.errors import RequestError
 from specan.models.effect import Effect, Parameter, effect
+from specan.models.march import as_cubics
 from specan.models.rates import State, Unsized
 
 Named = tuple[str, float, str]  # name, usual size, unit
@@ -434,6 +436,16 @@ def actuator(of: Named, *, late: float = 1e-3, prefix: str = "") -> Effects:
     return on.effects
 
 
+def _between_samples(time: Any, value: Any) -> PPoly:
+    """Cubics through the samples of a channel, which may be infinite."""
+    if np.size(time) < 2:
+        time, value = np.array([0.0, 1.0]) + time, np.repeat(value, 2)
+    slopes, change, step = as_cubics(value)[1], np.diff(value), time[1] - time[0]
+    here, there = slopes[:-1], slopes[1:]
+    parts = here + there - 2 * change, 3 * change - 2 * here - there, here, value[:-1]
+    return PPoly([part / step**power for power, part in zip((3, 2, 1, 0), parts, strict=True)], time)
+
+
 def _channel(on: _Shelf, late: float) -> None:
     """What may be wrong with a channel; `value` is what it should show."""
     usual, of_time = on.of.size, _Usual("", late, "s")
@@ -457,15 +469,22 @@ def _channel(on: _Shelf, late: float) -> None:
     @on("delay", OPPENHEIM)
     def delay(value, time, *, size=of_time.part("delay", 1, 0.05, 20, 0, 1e3)):
         """The channel is late."""
-        return np.interp(time - size, time, value) - value
+        return _between_samples(time, value)(np.maximum(time - size, np.min(time))) - value
 
     @on("lag", OPPENHEIM)
     def lag(value, time, *, size=of_time.part("time constant", 1, 0.05, 20, 0, 1e3)):
         """A filter of first order, as of a slow sensor or amplifier."""
-        step = float(time[1] - time[0]) if np.size(time) > 1 else 1.0
-        kept = float(np.exp(-step / max(float(size), 1e-12)))
-        first = np.ravel(value)[:1]
-        return lfilter([1 - kept], [1, -kept], np.atleast_1d(value), zi=kept * first)[0] - value
+        cubics, slow = _between_samples(time, value), max(float(size), 1e-12)
+        step, parts = cubics.x[1] - cubics.x[0], cubics.c[::-1]
+        for power in (
+            2,
+            1,
+            0,
+        ):  # what follows a cubic without a start of its own: y + slow dy/dt is the cubic
+            parts[power] -= (power + 1) * slow * parts[power + 1]
+        kept = np.exp(-step / slow)
+        grown = step ** np.arange(4) @ parts - kept * parts[0]
+        return lfilter([1.0], [1, -kept], np.append(np.ravel(value)[:1], grown))[: np.size(value)] - value
 
     @on("bend", GUIDE)
     def square(value, *, size=on.either("part at the usual size")):

@@ -3,9 +3,9 @@
 Rates, and the quantities and effects between them and the states, are written out as one function. With numba it is
 compiled once for a model with all of its effects, those that are off being skipped; without, all sets of parameter
 values march together, as columns. Quantities that no state moves are evaluated beforehand, and taken as cubics between
-the samples, with slopes by differences of fourth order.
+the samples.
 
-Runge-Kutta's method marches with as many steps a sample as its change on doubling them asks for. Where that takes too
+Runge-Kutta's method marches with as many steps a sample as its change on doubling them asks for, and more at corners. Where that takes too
 many the system is stiff, and the implicit method marches instead. Machine code is kept for the next program.
 """
 
@@ -147,12 +147,13 @@ class Program:
                 _giving("rate_{k}", states),
                 "def moved(s, h, slope):",
                 _giving("s[{k}] + h * slope[{k}]", states),
-                "def stiff(k1, k2, k3, most):",
-                self._of_any("abs(k3[{k}] - k2[{k}]) > most * abs(k2[{k}] - k1[{k}])"),
-                "def bent(k1, k2, k3, k4, most):",
+                "def stiff(k1, k2, k3, steps):",
+                self._of_any("abs(k3[{k}] - k2[{k}])", "STABLE * abs(k2[{k}] - k1[{k}])"),
+                "def bent(s, h, k1, k2, k3, k4, steps):",
                 self._of_any(
-                    "abs(k4[{k}] - k3[{k}] - k2[{k}] + k1[{k}])"
-                    " > most * (abs(k2[{k}] - k1[{k}]) + abs(k4[{k}] - k3[{k}]))"
+                    "abs(k4[{k}] - k3[{k}] - k2[{k}] + k1[{k}])",
+                    "STABLE * (abs(k2[{k}] - k1[{k}]) + abs(k4[{k}] - k3[{k}]))"
+                    " + CLOSE * abs(s[{k}]) / (h * steps**3)",
                 ),
                 "def between(drives, i, part):",
                 "    n, rest = drives.shape[0] // 2, 1 - part",
@@ -166,13 +167,13 @@ class Program:
             ]
         )
 
-    def _of_any(self, change: str) -> str:
+    def _of_any(self, change: str, most: str) -> str:
         """Whether a change of slopes of any state is large, or of any set of values.
 
-        Of the second over that of the first: |h df/ds| is above 2 `most` then (Hairer and Wanner 1996, IV.2).
+        Of the second over that of the first: |h df/ds| is above 2 STABLE then (Hairer and Wanner 1996, IV.2).
         """
         each = [
-            f"({change} + SHARE * (abs(k1[{{k}}]) + abs(k2[{{k}}])))".format(k=k)
+            f"(steps * {change} > {most} + SHARE * (abs(k1[{{k}}]) + abs(k2[{{k}}])))".format(k=k)
             for k in range(len(self.states))
         ]
         found = " or ".join(each) if self.switched else f"np.any({' | '.join(each)})"
@@ -207,7 +208,7 @@ class Program:
             space[name] = numba.njit(error_model="numpy", cache=cached, forceinline=inline)(space[name])
         n, d = len(self.states), max(len(self.drives), 1)
         p, on, start = (1.0,) * len(self.parameters), (True,) * len(self.uses), (1.0,) * n
-        space[method](np.arange(2.0), 1, np.ones((2 * d, 2)), p, on, start, np.ones((n, 2)), np.zeros(2, int))
+        space[method](np.arange(2.0), 1, np.ones((2 * d, 2)), p, on, start, np.ones((n, 2)), np.zeros(2))
         return space[method]
 
 
@@ -356,14 +357,15 @@ class Solver:
             found = np.empty((len(many), len(program.states), times.size)).transpose(1, 2, 0)
             found[:, 0] = starts
             way = program.march("implicit" if implicit else "explicit")
-            grid = np.zeros(times.size, int)
+            path = np.empty(times.size * (steps + 100))
+            path[0] = 0
             with np.errstate(all="ignore"):
                 if not program.switched and not implicit:  # all sets as columns
-                    way(times, steps, drives, tuple(values), on, tuple(starts), found, grid)
+                    way(times, steps, drives, tuple(values), on, tuple(starts), found, path)
                 else:
                     for k in range(len(many)):
                         own, start = tuple(values[:, k].tolist()), tuple(starts[:, k].tolist())
-                        way(times, steps, drives[:, :, k], own, on, start, found[:, :, k], grid)
+                        way(times, steps, drives[:, :, k], own, on, start, found[:, :, k], path)
             found[~(np.abs(found) < 1e100)] = np.nan
             return found
 
@@ -405,7 +407,7 @@ class Solver:
             f", a hundred times slower than others: numba cannot compile {self.slow} (it knows np.where, np.maximum, "
             "np.minimum, np.clip, np.interp and the functions of mathematics)"
         )
-        return f"{name}, at most {counted(most, 'step')} per sample{lacking}{slowly if self.slow else ''}"
+        return f"{name}, at least {counted(most, 'step')} per sample{lacking}{slowly if self.slow else ''}"
 
 
 def _given(
@@ -416,22 +418,41 @@ def _given(
     own = [f"{name}_start" for name in assembly.model.rates.states]
     wanted = [name for name in (*program.drives, *own) if name in assembly.model.quantities]
     rows = max(len(program.drives), 1)
-    drives = np.zeros((len(many), 2 * rows, times.size)).transpose(1, 2, 0)
+    held = np.zeros((len(many), 2 * rows, times.size))
     starts = np.zeros((len(program.states), len(many)))
     for k, found in enumerate(assembly.pointwise(conditions, many, wanted)):
         for i, name in enumerate(program.drives):
-            drives[i, :, k] = found[name]
+            held[k, i] = found[name]
         for i, (name, state) in enumerate(program.states.items()):
             start = found[f"{name}_start"] if f"{name}_start" in own else state.start
             starts[i, k] = np.ravel(start)[0]
-    if times.size > 1:
-        values, slopes = drives[:rows], np.gradient(drives[:rows], axis=1)
-        around = values[:, 3:-1] - values[:, 1:-3], values[:, 4:] - values[:, :-4]
-        slopes[:, 2:-2] = (8 * around[0] - around[1]) / 12
-        still = np.diff(values, axis=1) == 0  # what is switched has no slope before and after
-        slopes[:, :-1][still] = slopes[:, 1:][still] = 0.0
-        drives[rows:] = slopes
-    return times, drives, starts
+    held[:, :rows], held[:, rows:] = as_cubics(held[:, :rows])
+    return times, held.transpose(1, 2, 0), starts
+
+
+# what the polynomial through six samples is three, two and one samples before them
+BEFORE = np.vander([-3.0, -2, -1], 6) @ np.linalg.inv(np.vander(np.arange(6.0), 6))
+
+
+def as_cubics(values: Real) -> tuple[Real, Real]:
+    """Values and slopes at samples, along the last axis, of the cubics that a sampled signal is best taken as.
+
+    Slopes are differences of sixth order. A cubic loses (omega h)^4 / 720 of a tone of which it has values and slopes:
+    that much is added, which leaves a loss of 0.08 % at six samples a period and 0.002 % at ten. What is switched has
+    no slope before and after.
+    """
+    n = values.shape[-1]
+    if n < 7:
+        return values, np.gradient(values, axis=-1) if n > 1 else 0 * values
+    ends = values[..., :6] @ BEFORE.T, values[..., :-7:-1] @ BEFORE[::-1].T
+    longer = np.concatenate([ends[0], values, ends[1]], axis=-1)
+    ahead, behind = ([longer[..., 3 + sign * k :][..., :n] for k in (1, 2, 3)] for sign in (1, -1))
+    slopes = sum(part * (a - b) for part, a, b in zip((45, -9, 1), ahead, behind, strict=True)) / 60
+    still = np.pad(np.diff(values) == 0, [(0, 0)] * (values.ndim - 1) + [(3, 3)])
+    still[..., 1:-1] &= still[..., :-2] | still[..., 2:]  # two alike are at the top of a tone
+    slopes[still[..., 2:-3] | still[..., 3:-2]] = 0.0
+    moving = ~(still[..., 1:-4] | still[..., 2:-3] | still[..., 3:-2] | still[..., 4:-1])
+    return values + moving * np.diff(longer[..., 1:-1], 4) / 720, slopes
 
 
 def _not_compiled(program: Program) -> str:

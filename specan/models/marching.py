@@ -10,9 +10,11 @@ What goes from step to step are tuples, which a compiler keeps in registers: arr
 
 import numpy as np
 
-FINEST = 32  # steps between two samples, of those that are taken more finely
-CORNERS = 8  # where a slope has a corner
+FINEST = 1 / 32  # of the time between two samples, of steps
+HALVINGS = 30  # between two samples, for corners, which come closer than that
+STABLE = 0.5  # of Runge-Kutta's 1.4, where it gets unstable
 SHARE = 0.002  # of a slope, below which its changes matter to nothing
+CLOSE = 0.001  # of a state, below which its changes by a corner matter to nothing
 
 
 def rates(s, d, p, on):
@@ -27,40 +29,53 @@ def between(drives, i, part):
     """Drives on the cubic between two samples; written out too."""
 
 
-def stiff(k1, k2, k3, most):
+def stiff(k1, k2, k3, steps):
     """Whether the second and third slope of a step differ too much for what the first two do; written out too."""
 
 
-def bent(k1, k2, k3, k4, most):
+def bent(s, h, k1, k2, k3, k4, steps):
     """Whether slopes change over the second half of a step unlike over the first; written out too."""
 
 
-def explicit(times, steps, drives, p, on, s, states, grid):
-    """Runge-Kutta's method; more steps between two samples where a slope depends on its own state too much for them,
-    or turns a corner.
+def explicit(times, steps, drives, p, on, s, states, path):
+    """Runge-Kutta's method; a step is halved where a slope depends on its own state too much for it, or turns a corner.
 
-    `grid` holds how many, once one march has found them: others beside it then differ smoothly from it.
+    Halving closes in on a corner (Hairer, Norsett and Wanner 1993, II.6), after which steps grow again. `path` keeps
+    the steps of the first march, which others take where they can: they then differ smoothly from it.
     """
-    finer, most = steps, 1.0 if grid[0] else 0.5  # of Runge-Kutta's 1.4, where it gets unstable
+    first, j, full = path[0] == 0, 0, 1.0 / steps
+    share = full  # of the time between two samples, of a step
     for i in range(times.size - 1):
-        begin, done, finer = s, 0, grid[i] if grid[i] else max(finer // 2, steps)
-        while done < finer:
-            h = (times[i + 1] - times[i]) / finer
-            k1 = rates(s, between(drives, i, done / finer), p, on)
-            d = between(drives, i, (done + 0.5) / finer)
+        again, begun, part, halved, share = not first, j, 0.0, 0, min(2 * share, full)
+        while part < 1:
+            share = path[j] if again else share
+            h = (times[i + 1] - times[i]) * share
+            k1 = rates(s, between(drives, i, part), p, on)
+            d = between(drives, i, part + 0.5 * share)
             k2 = rates(moved(s, 0.5 * h, k1), d, p, on)
             k3 = rates(moved(s, 0.5 * h, k2), d, p, on)
-            k4 = rates(moved(s, h, k3), between(drives, i, (done + 1) / finer), p, on)
-            if (finer < FINEST and stiff(k1, k2, k3, most)) or (
-                finer < CORNERS and bent(k1, k2, k3, k4, most)
-            ):
-                s, done, finer = begin, 0, 2 * finer
+            k4 = rates(moved(s, h, k3), between(drives, i, part + share), p, on)
+            slow = stiff(k1, k2, k3, 0.5 if again else steps)
+            corner = not (again or slow) and halved < HALVINGS and bent(s, h, k1, k2, k3, k4, steps)
+            if corner or (slow and share > FINEST):
+                again, share, halved = False, 0.5 * share, halved + corner
                 continue
-            done += 1
+            if first and j < path.size:
+                path[j] = share
+            part += share
+            j += 1
             s = moved(moved(moved(moved(s, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
-        grid[i] = finer
+            if not again and share < full and int(part / share) % 2 == 0 and not stiff(k1, k2, k3, 2 * steps):
+                share *= 2
+        if not first and not again:  # the next sample of the path
+            j = begun
+            while part > 0:
+                part -= path[j]
+                j += 1
         for k in range(len(s)):
             states[k, i + 1] = s[k]
+    if j > path.size:
+        path[0] = 0
 
 
 def solve(matrix, right):
@@ -83,7 +98,7 @@ def solve(matrix, right):
     return found
 
 
-def implicit(times, steps, drives, p, on, s, states, grid):
+def implicit(times, steps, drives, p, on, s, states, path):
     """The method of Rosenbrock."""
     n, gamma = states.shape[0], 1 / (2 + np.sqrt(2.0))
     right, each, matrix = np.zeros(n), np.eye(n), np.eye(n)
