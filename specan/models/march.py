@@ -5,8 +5,9 @@ compiled once for a model with all of its effects, those that are off being skip
 values march together, as columns. Quantities that no state moves are evaluated beforehand, and taken as cubics between
 the samples.
 
-Runge-Kutta's method marches with as many steps a sample as its change on doubling them asks for, and more at corners. Where that takes too
-many the system is stiff, and the implicit method marches instead. Machine code is kept for the next program.
+Runge-Kutta's method marches with as many steps a sample as its change on doubling them asks for, and more at corners.
+Where that takes too many the system is stiff, and the implicit method marches instead. Machine code is kept for the
+next program.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from specan.arrays import Real
 from specan.errors import RequestError
@@ -208,7 +210,9 @@ class Program:
             space[name] = numba.njit(error_model="numpy", cache=cached, forceinline=inline)(space[name])
         n, d = len(self.states), max(len(self.drives), 1)
         p, on, start = (1.0,) * len(self.parameters), (True,) * len(self.uses), (1.0,) * n
-        space[method](np.arange(2.0), 1, np.ones((2 * d, 2)), p, on, start, np.ones((n, 2)), np.zeros(2))
+        space[method](
+            np.arange(2.0), 1, np.ones((2 * d, 2)), p, on, start, np.ones((n, 2)), np.zeros((2, 2), np.int8)
+        )
         return space[method]
 
 
@@ -357,8 +361,7 @@ class Solver:
             found = np.empty((len(many), len(program.states), times.size)).transpose(1, 2, 0)
             found[:, 0] = starts
             way = program.march("implicit" if implicit else "explicit")
-            path = np.empty(times.size * (steps + 100))
-            path[0] = 0
+            path = np.zeros((times.size, steps + 100), np.int8)
             with np.errstate(all="ignore"):
                 if not program.switched and not implicit:  # all sets as columns
                     way(times, steps, drives, tuple(values), on, tuple(starts), found, path)
@@ -426,12 +429,14 @@ def _given(
         for i, (name, state) in enumerate(program.states.items()):
             start = found[f"{name}_start"] if f"{name}_start" in own else state.start
             starts[i, k] = np.ravel(start)[0]
-    held[:, :rows], held[:, rows:] = as_cubics(held[:, :rows])
+    values = held[:, :rows]
+    alike = np.all(values == values[:1])
+    held[:, :rows], held[:, rows:] = as_cubics(values[:1] if alike else values)
     return times, held.transpose(1, 2, 0), starts
 
 
-# what the polynomial through six samples is three, two and one samples before them
-BEFORE = np.vander([-3.0, -2, -1], 6) @ np.linalg.inv(np.vander(np.arange(6.0), 6))
+# of the samples from three before to three behind: the slope; and what a cubic loses
+SLOPE, LOST = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60, np.array([0, 1, -4, 6, -4, 1, 0]) / 720
 
 
 def as_cubics(values: Real) -> tuple[Real, Real]:
@@ -441,18 +446,13 @@ def as_cubics(values: Real) -> tuple[Real, Real]:
     that much is added, which leaves a loss of 0.08 % at six samples a period and 0.002 % at ten. What is switched has
     no slope before and after.
     """
-    n = values.shape[-1]
-    if n < 7:
-        return values, np.gradient(values, axis=-1) if n > 1 else 0 * values
-    ends = values[..., :6] @ BEFORE.T, values[..., :-7:-1] @ BEFORE[::-1].T
-    longer = np.concatenate([ends[0], values, ends[1]], axis=-1)
-    ahead, behind = ([longer[..., 3 + sign * k :][..., :n] for k in (1, 2, 3)] for sign in (1, -1))
-    slopes = sum(part * (a - b) for part, a, b in zip((45, -9, 1), ahead, behind, strict=True)) / 60
-    still = np.pad(np.diff(values) == 0, [(0, 0)] * (values.ndim - 1) + [(3, 3)])
-    still[..., 1:-1] &= still[..., :-2] | still[..., 2:]  # two alike are at the top of a tone
-    slopes[still[..., 2:-3] | still[..., 3:-2]] = 0.0
-    moving = ~(still[..., 1:-4] | still[..., 2:-3] | still[..., 3:-2] | still[..., 4:-1])
-    return values + moving * np.diff(longer[..., 1:-1], 4) / 720, slopes
+    few = min(values.shape[-1], 6)  # samples at either end, whose polynomial goes on beyond it
+    before = np.vander([-3.0, -2, -1], few) @ np.linalg.inv(np.vander(np.arange(few), few))
+    ends = values[..., :few] @ before.T, (values[..., ::-1][..., :few] @ before.T)[..., ::-1]
+    around = sliding_window_view(np.concatenate([ends[0], values, ends[1]], axis=-1), 7, axis=-1)
+    alike = around[..., 1:5] == around[..., 2:6]
+    flat = np.any(alike[..., 1:] & alike[..., :-1], axis=-1)
+    return np.where(flat, values, values + around @ LOST), np.where(flat, 0.0, around @ SLOPE)
 
 
 def _not_compiled(program: Program) -> str:

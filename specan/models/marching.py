@@ -11,7 +11,7 @@ What goes from step to step are tuples, which a compiler keeps in registers: arr
 import numpy as np
 
 FINEST = 1 / 32  # of the time between two samples, of steps
-HALVINGS = 30  # between two samples, for corners, which come closer than that
+CORNERS = 30  # halvings between two samples, which come closer than that
 STABLE = 0.5  # of Runge-Kutta's 1.4, where it gets unstable
 SHARE = 0.002  # of a slope, below which its changes matter to nothing
 CLOSE = 0.001  # of a state, below which its changes by a corner matter to nothing
@@ -41,14 +41,15 @@ def explicit(times, steps, drives, p, on, s, states, path):
     """Runge-Kutta's method; a step is halved where a slope depends on its own state too much for it, or turns a corner.
 
     Halving closes in on a corner (Hairer, Norsett and Wanner 1993, II.6), after which steps grow again. `path` keeps
-    the steps of the first march, which others take where they can: they then differ smoothly from it.
+    how often steps of the first march were halved, plus one; others take the same: they then differ smoothly from it.
     """
-    first, j, full = path[0] == 0, 0, 1.0 / steps
-    share = full  # of the time between two samples, of a step
+    level = 0
     for i in range(times.size - 1):
-        again, begun, part, halved, share = not first, j, 0.0, 0, min(2 * share, full)
+        part, j, corners, level, again = 0.0, 0, 0, max(level - 1, 0), path[i, 0] > 0
         while part < 1:
-            share = path[j] if again else share
+            if again and j < path.shape[1]:
+                level = path[i, j] - 1
+            share = 1.0 / (steps << level)  # of the time between two samples
             h = (times[i + 1] - times[i]) * share
             k1 = rates(s, between(drives, i, part), p, on)
             d = between(drives, i, part + 0.5 * share)
@@ -56,26 +57,19 @@ def explicit(times, steps, drives, p, on, s, states, path):
             k3 = rates(moved(s, 0.5 * h, k2), d, p, on)
             k4 = rates(moved(s, h, k3), between(drives, i, part + share), p, on)
             slow = stiff(k1, k2, k3, 0.5 if again else steps)
-            corner = not (again or slow) and halved < HALVINGS and bent(s, h, k1, k2, k3, k4, steps)
+            corner = not (again or slow) and corners < CORNERS and bent(s, h, k1, k2, k3, k4, steps)
             if corner or (slow and share > FINEST):
-                again, share, halved = False, 0.5 * share, halved + corner
+                again, level, corners = False, level + 1, corners + corner
                 continue
-            if first and j < path.size:
-                path[j] = share
+            if j < path.shape[1]:
+                path[i, j] = level + 1
             part += share
             j += 1
             s = moved(moved(moved(moved(s, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
-            if not again and share < full and int(part / share) % 2 == 0 and not stiff(k1, k2, k3, 2 * steps):
-                share *= 2
-        if not first and not again:  # the next sample of the path
-            j = begun
-            while part > 0:
-                part -= path[j]
-                j += 1
+            if not again and level and int(part / share) % 2 == 0 and not stiff(k1, k2, k3, 2 * steps):
+                level -= 1
         for k in range(len(s)):
             states[k, i + 1] = s[k]
-    if j > path.size:
-        path[0] = 0
 
 
 def solve(matrix, right):
