@@ -386,6 +386,7 @@ def srs(recording: Recording, deliver: Delivery, **options: Any) -> int:
 )
 @opt("--harmonics", click.IntRange(min=1), "Harmonics that are fitted.  [default: 10]", "N")
 @section_options
+@plot_option("the harmonics")
 def tones(recording: Recording, deliver: Delivery, **options: Any) -> int:
     """Compute frequency, amplitude, phase and distortion of a sine recording (IEEE Std 1057).
 

@@ -83,6 +83,8 @@ def compare(study: Study, deliver: Delivery, channel: str | None) -> None:
 
 def _print_comparison(study: Study, found: Comparison) -> None:
     from specan.report import study_sheets
+    from specan.study.diagnose import untestable
+    from specan.study.selection.refits import Refit
 
     click.echo("Model: " + (", ".join(study.model_effects) or study.model.words.ideal))
     gains = [study_sheets.gains(one, found.errors[0].unit) for one in found.path_gains]
@@ -92,7 +94,10 @@ def _print_comparison(study: Study, found: Comparison) -> None:
     if where is None:
         return
     _print_fit(study, found.fit)
-    click.echo(_verdict(study, found, where))
+    untold = untestable(Refit(frozenset(), study.problem, found.fit))
+    click.echo(
+        f"These data cannot tell whether the model fits: {untold}." if untold else _verdict(found, where)
+    )
     if study.mistaken_set_up.text:
         click.echo(f"Check the set-up: {study.mistaken_set_up.sentence}.")
     if study.shown is not study.best:
@@ -100,9 +105,9 @@ def _print_comparison(study: Study, found: Comparison) -> None:
             f"The best fit (reduced chi-square {study.best.reduced_chi2:.2f}) needs instrument errors far beyond their "
             "certificates. The fit that is shown has smaller ones."
         )
-    for text in where.sentences():
+    for text in () if untold else where.sentences():
         click.echo(f"  {text}")
-    show_apart(study_sheets.blocks(where.fails_at[:BLOCKS]))
+    show_apart(study_sheets.blocks(() if untold else where.fails_at[:BLOCKS]))
     if found.fit.p_value <= FITS:
         click.echo(f"\nNext: specan study diagnose {study.directory}")
 
@@ -118,14 +123,8 @@ def _print_fit(study: Study, best: Fit) -> None:
     click.echo("\n" + "; ".join(filter(None, (chi2, allowed_for(study)))))
 
 
-def _verdict(study: Study, found: Comparison, where: Localisation) -> str:
+def _verdict(found: Comparison, where: Localisation) -> str:
     """Whether the model fits, in a sentence."""
-    from specan.study.diagnose import untestable
-    from specan.study.selection.refits import Refit
-
-    start = Refit(frozenset(), study.problem, found.fit)
-    if why := untestable(start):
-        return f"These data cannot tell whether the model fits: {why}."
     if found.fit.p_value <= FITS:
         return "The model does not fit."
     outside = [name for name, p in found.parameters.items() if not p["plausible"]]

@@ -25,6 +25,7 @@ FIGURES = {
     "Spectrogram": "specan.report.figures_spectra:figure_spectrogram",
     "FrequencyResponse": "specan.report.figures_spectra:figure_frequency_response",
     "ShockResponse": "specan.report.figures_spectra:figure_shock_response",
+    "ToneTable": "specan.report.figures_spectra:figure_tone",
     "SignalLevels": "specan.report.figures_bands:figure_levels",
     "OrderSpectrum": "specan.report.figures_spectra:figure_orders",
     "OrderSpectrum map": "specan.report.figures_spectra:figure_order_map",

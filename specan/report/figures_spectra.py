@@ -13,6 +13,7 @@ from specan.data.levels import decibels, rms_level
 from specan.data.limits import LimitCurve
 from specan.data.orders import OrderSpectrum
 from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum, SpectrumScale
+from specan.data.tone import ToneTable
 from specan.report.figure_style import band_about, level_label, with_gaps
 from specan.report.panels import Curve, Drawing, Panel, Picture, grouped, level_panels, with_bounds
 from specan.result import counted
@@ -139,6 +140,23 @@ def figure_shock_response(found: ShockResponse) -> Drawing:
     return Drawing(
         found.label or "Shock response", facts, "Natural frequency / Hz", tuple(panels), hertz=True
     )
+
+
+def figure_tone(found: ToneTable) -> Drawing:
+    """Levels of the harmonics over the fundamental of each channel."""
+    with np.errstate(invalid="ignore", divide="ignore"):  # a channel without the tone has no levels
+        level = decibels(found.harmonics_rms / found.harmonics_rms[:, :1])
+    number = np.arange(1.0, level.shape[1] + 1.0)
+    curves = (Curve(name, number, one) for name, one in zip(found.channels, level, strict=True))
+    limits = float(np.nanmin(np.where(np.isfinite(level), level, 0.0))) - 10.0, 10.0
+    panel = Panel("Level re fundamental / dB", tuple(curves), limits, share=6, kind="rows")
+    worst = int(np.argmax(np.nan_to_num(found.thd_percent)))
+    facts = (
+        f"{found.frequency_hz:.6g} Hz",
+        f"THD at most {found.thd_percent[worst]:.3g} %: {found.channels[worst]}",
+    )
+    ends = 0.5, number[-1] + 0.5
+    return Drawing(found.label or "Tone", facts, "Number of the harmonic", (panel,), x_limits=ends)
 
 
 def figure_orders(found: OrderSpectrum) -> Drawing:

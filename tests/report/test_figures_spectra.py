@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from specan.analysis.spectrum import FourierSpectrum, SpectrogramSettings
+from specan.analysis.tone import Tone
 from specan.analysis.transfer_function import TransferFunction
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
@@ -73,6 +74,16 @@ def test_many_channels_have_their_legend_outside():
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert texts[:2] == ["range of 11 channels", "median"]
     assert len(texts) == 5
+
+
+def test_harmonics_of_a_tone_over_its_fundamental():
+    turn = 2 * np.pi * 125 * np.arange(N) / RATE
+    samples = [np.sin(turn) + 0.1 * np.sin(2 * turn) + 0.001 * np.sin(3 * turn), np.zeros(N)]
+    channels = tuple(Channel(name, unit="Pa", sampling_rate=RATE, n_samples=N) for name in ("Mic 1", "Mic 2"))
+    found = Tone(frequency_hz=125.0, harmonics=3)(Recording("a.tdms", channels, ArraySource(samples)))
+    (axes,) = figure_of(found).axes
+    np.testing.assert_allclose(axes.lines[0].get_xdata(), [1, 2, 3])
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), [0, -20, -60], atol=0.01)
 
 
 def test_spectrum_with_and_without_phase():

@@ -14,6 +14,7 @@ from specan_cli.main import main
 ROOT = Path(__file__).parents[2]
 SAMPLES = ROOT / "sample_data" / "recordings"
 NOISE, KNOCK = str(SAMPLES / "noise" / "noise_24_microphones.tdms"), str(SAMPLES / "knock.tdms")
+SINE = str(SAMPLES / "sine" / "sine_0125.3Hz.tdms")
 TONES = sorted(map(str, (SAMPLES / "calibration").glob("*.tdms")))
 GEAR = ROOT / "sample_data" / "worm_gear"
 BEGINS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
@@ -37,6 +38,7 @@ def draw(kind: str, tmp_path: Path, *arguments: str) -> bytes:
         ("svg", ["fft", KNOCK, "--spectrogram", "--lines", "50", "--channel", "Mic 1"]),
         ("pdf", ["frf", NOISE, "--channel", "Mic 1", "--estimator", "H3c", "--lines", "200"]),
         ("svg", ["rms", KNOCK]),
+        ("png", ["tones", SINE]),
         ("png", ["calibrate", *TONES, "-o", "calibration.toml"]),
         ("svg", ["export", KNOCK, "-o", "knock.wav"]),
     ],

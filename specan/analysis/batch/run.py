@@ -60,7 +60,7 @@ class BatchReport(Result):
     resumed : int
         Number of results that an earlier batch had left.
     calibration : tuple of str
-        Which calibrations were applied, as the headers of the tables say it.
+        Which calibrations were applied; ``no file`` where there is none.
     inputs : tuple of Input
         Files that are no calibrator recordings.
     """
@@ -210,7 +210,7 @@ def run_batch(
         tables=tuple(out / name for name in written),
         rows=tuple(written.values()),
         resumed=resumed,
-        calibration=assigned.said,
+        calibration=tuple("no file" if line == "none" else line for line in assigned.said),
         inputs=tuple(_published(entry, store.place, out) for entry in assigned.inputs),
     )
 
