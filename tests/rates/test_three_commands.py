@@ -95,5 +95,6 @@ def test_named_and_error_falls_elsewhere(tmp_path, term):
     size = last["parameters"][f"{term}.size"]
     truth = {"cubic-spring": 3e6, "dry-friction": 2.0}[term]
     assert size["value"] == pytest.approx(truth, rel=0.05)
-    (on_the_page,) = agreement_of(Study(study))  # the samples over time
+    known = Study(study)
+    (on_the_page,) = agreement_of(known, lambda: known)  # the samples over time
     assert on_the_page.abscissa.options == [("time", "Time / s")]
