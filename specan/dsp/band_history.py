@@ -528,17 +528,16 @@ _PIECE = 1 << 15
 
 # A peak may lie beside samples that are this part of the largest so far, and beside no more of them in a piece.
 _NEAR, _MOST = 0.5, 64
-# So many values to a sample are computed from so many samples on either side, under a Kaiser window.
-_BETWEEN, _AROUND, _KAISER = 8, 64, 5.0
-# Values nearer to an end are those of the samples: the cut is worth 1 / (2 pi 32) of what is cut, or 0.04 dB, there.
-_ENDS = 32
+# So many values to a sample are computed from so many samples on either side, under a Kaiser window; nearer to an end
+# from half as many, and so on: from no sample that a record does not have.
+_BETWEEN, _AROUND, _KAISER = 8, (64, 32, 16, 8), 5.0
 
 
 class Peaks:
     """Peak of |p_C(t)| and the like (IEC 61672-1:2013, 3.11), of signals that come in pieces.
 
-    Between samples is what signals have that end below half the rate: a sum of sin(x) / x. Of the first and the last
-    samples only themselves count.
+    Between samples is what signals have that end below half the rate: a sum of sin(x) / x. Of the first eight samples
+    and of the last ones only themselves count.
 
     Parameters
     ----------
@@ -558,39 +557,50 @@ class Peaks:
         lines = np.ones(GRAIN // 2 + 1, dtype=complex) if factors is None else factors.copy()
         lines[-1] *= 0.5
         fine = _BETWEEN * np.fft.irfft(lines, _BETWEEN * GRAIN)
-        # From one sample before the largest to two after it.
-        at = np.arange(-_BETWEEN, 2 * _BETWEEN + 1) - _BETWEEN * np.arange(-_AROUND, _AROUND + 1)[:, None]
-        window = np.kaiser(2 * np.max(np.abs(at)) + 1, _KAISER)
-        parts = fine[at] * window[at + window.size // 2]
-        self._parts = parts / np.add.reduce(parts)
-        self._largest, self._last = np.zeros(channels), [np.zeros(_AROUND - _ENDS)] * channels
+        self._parts = {around: _parts(fine, around) for around in _AROUND}
+        none = np.empty(0)
+        self._largest, self._first, self._last = np.zeros(channels), [none] * channels, [none] * channels
 
     def look(self, rows: slice, samples: NDArray[np.float64]) -> None:
         """Take the next samples of some channels."""
         for row, new in enumerate(samples, rows.start):
-            if self._last[row].size < 2 * _AROUND:
-                self._count(row, new[:_ENDS])
             y = np.concatenate([self._last[row], new])
-            self._last[row] = y[-2 * _AROUND :]
-            sizes = np.abs(y[_AROUND - 1 : 1 - _AROUND])
-            top = sizes.max(initial=0.0)
-            at = np.flatnonzero(sizes[1:-1] >= _NEAR * max(top, self._largest[row]))
-            at = at[(sizes[at + 1] >= sizes[at]) & (sizes[at + 1] >= sizes[at + 2])]
-            if at.size > _MOST:
-                at = at[np.argpartition(sizes[at + 1], -_MOST)[-_MOST:]]
-            around = y[at[:, None] + np.arange(2 * _AROUND + 1)]
-            self._count(row, np.einsum("ij,jk->ik", around, self._parts))
-            self._count(row, 0.0 * np.array([top]))  # NaN of a channel that has it
+            if self._first[row].size < 2 * _AROUND[0]:
+                self._first[row] = y[: 2 * _AROUND[0]]
+            self._last[row] = y[-2 * _AROUND[0] :]
+            self._between(row, y, _AROUND[0])
+
+    def _between(self, row: int, y: NDArray[np.float64], around: int) -> None:
+        """Count what lies beside the largest samples that have so many on either side."""
+        sizes = np.abs(y[around - 1 : 1 - around])
+        top = sizes.max(initial=0.0)
+        at = np.flatnonzero(sizes[1:-1] >= _NEAR * max(top, self._largest[row]))
+        at = at[(sizes[at + 1] >= sizes[at]) & (sizes[at + 1] >= sizes[at + 2])]
+        if at.size > _MOST:
+            at = at[np.argpartition(sizes[at + 1], -_MOST)[-_MOST:]]
+        self._count(row, y[at[:, None] + np.arange(2 * around + 1)] @ self._parts[around])
+        self._count(row, 0.0 * np.array([top]))  # NaN of a channel that has it
 
     def _count(self, row: int, values: NDArray[np.float64]) -> None:
         self._largest[row] = np.maximum(self._largest[row], np.abs(values).max(initial=0.0))
 
     def largest(self) -> NDArray[np.float64]:
         """Of each channel, after its last samples."""
-        for row, last in enumerate(self._last):
-            self._count(row, last[-_ENDS:])
-        self.look(slice(0, len(self._last)), np.zeros((len(self._last), _AROUND - _ENDS)))
+        for row, ends in enumerate(zip(self._first, self._last, strict=True)):
+            for end, towards in zip(ends, (1, -1), strict=True):
+                inwards = end[::towards]
+                self._count(row, inwards[: _AROUND[-1]])
+                for around in _AROUND[1:]:
+                    self._between(row, inwards[: 3 * around][::towards], around)
         return self._largest
+
+
+def _parts(fine: NDArray[np.float64], around: int) -> NDArray[np.float64]:
+    """Factors of the samples beside the largest for values from one before it to two after it, columns."""
+    at = np.arange(-_BETWEEN, 2 * _BETWEEN + 1) - _BETWEEN * np.arange(-around, around + 1)[:, None]
+    window = np.kaiser(2 * np.max(np.abs(at)) + 1, _KAISER)
+    parts = fine[at] * window[at + window.size // 2]
+    return np.asarray(parts / np.add.reduce(parts))
 
 
 @dataclass(frozen=True)
@@ -763,7 +773,7 @@ class BandHistoryAccumulator:
         """What sees the output of a filter, and that of a weighting before its decays are taken off a beginning."""
         early, later, early_with_cut = self._peaks
         window = 0 if way.start is None or begins is None else way.start.window
-        beginning = slice(window + 2 * _AROUND if window else 0)
+        beginning = slice(window + 2 * _AROUND[0] if window else 0)
 
         def watch(rows: slice, output: NDArray[Any]) -> None:
             if k == self._peak_of:

@@ -49,14 +49,14 @@ def test_bursts_read_as_the_standard_says(cycles, frequency, difference, toleran
     assert 20 * np.log10(found / np.abs(y).max()) == pytest.approx(0, abs=0.05 if frequency < 1000 else 0.4)
 
 
-@pytest.mark.parametrize("place", [100, 20000, 32767, 40000, 51160])
+@pytest.mark.parametrize("place", [100, 20000, 32767, 40000, 51190])
 def test_a_peak_counts_wherever_blocks_end(place: int) -> None:
     samples = np.zeros(51200)
     samples[place] = 1.0
     alone = np.zeros(51200)
     alone[5000] = 1.0
-    # The first sample of the response; its later ones are smaller.
-    assert of(samples) == pytest.approx(of(alone), rel=5e-3)
+    # The first sample of the response; its later ones are smaller. Near an end fewer samples tell what is between.
+    assert of(samples) == pytest.approx(of(alone), rel=6e-3)
 
 
 @pytest.mark.parametrize("rate", [8000.0, 12800.0, 25600.0, 48000.0])
