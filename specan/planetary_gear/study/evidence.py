@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
 from specan.arrays import Complex
@@ -50,6 +51,7 @@ APART = 0.05
 STEP = 1e-3  # of the largest size that is known, for the model's lines
 # Places of a shape parameter that is an angle, of another one, and finer ones in each step about the likeliest angle.
 AROUND, ALONG, FINER = 24, 3, 4
+EXACT = 1e-2  # of the finest step, for the likeliest place
 SEEN = 1e-2  # chi-square that the largest size must make in a line
 
 
@@ -60,13 +62,15 @@ class Pattern:
     Attributes
     ----------
     lines : complex array (amplitudes, rows, lines)
-        At the largest size that is known.
+        At the largest size that is known, or all together at their values.
     use : Use, optional
         None of anything.
     values : mapping
         Shape parameters, SI.
     amplitudes : tuple of (str, float)
         Names of the amplitudes, and their values at that size, SI.
+    parted : bool
+        Teeth part at these values, so that lines are those of no other size.
     but : frozenset of int
         Numbers of recordings whose lines may be anything; it has none there.
     """
@@ -75,6 +79,7 @@ class Pattern:
     use: Use | None = None
     values: dict[str, float] = field(default_factory=dict)
     amplitudes: tuple[tuple[str, float], ...] = ()
+    parted: bool = False
     but: frozenset[int] = frozenset()
 
 
@@ -140,27 +145,27 @@ class LineEvidence:
 
         Those about one of them lie closer to each other.
         """
-        own = {name: candidate.parameter(name).si for name in candidate.own}
-        shapes = {
-            name: _places(own[name], about.values[name] if about else None) for name in candidate.shapes
-        }
-        found = []
-        for place in product(*shapes.values()):
-            values = dict(zip(shapes, place, strict=True))
-            lines, sizes = [], []
-            for name in candidate.amplitudes:
-                size = max(abs(own[name].min), abs(own[name].max))
-                at = {n: candidate.neutral(n) for n in candidate.amplitudes} | values
-                at[name] += STEP * size
-                changed = self.seen.model_lines(
-                    candidate.extended.assembly, self.values | {str(n): v for n, v in at.items()}
-                )
-                lines.append((changed - self.plain) / STEP * self._gain[0] * self.used)
-                sizes.append((name, size))
-            pattern = Pattern(np.stack(lines), candidate.use, values, tuple(sizes))
-            if np.any(np.sum(np.abs(pattern.lines) ** 2, axis=0) > SEEN * self.variance):
-                found.append(pattern)
-        return found
+        places = [
+            _places(candidate.parameter(name).si, about.values[name] if about else None)
+            for name in candidate.shapes
+        ]
+        found = [
+            self._pattern(candidate, dict(zip(candidate.shapes, one, strict=True))) for one in product(*places)
+        ]
+        return [p for p in found if np.any(np.sum(np.abs(p.lines) ** 2, axis=0) > SEEN * self.variance)]
+
+    def _pattern(self, candidate: Candidate, values: dict[str, float]) -> Pattern:
+        """Lines of an effect at these shape parameters."""
+        lines, sizes = [], []
+        for name in candidate.amplitudes:
+            known = candidate.parameter(name).si
+            size = max(abs(known.min), abs(known.max))
+            at = {n: candidate.neutral(n) for n in candidate.amplitudes} | values
+            at[name] += STEP * size
+            changed = self.seen.model_lines(candidate.extended.assembly, self.values | at)
+            lines.append((changed - self.plain) / STEP * self._gain[0] * self.used)
+            sizes.append((name, size))
+        return Pattern(np.stack(lines), candidate.use, values, tuple(sizes))
 
     def anything(self) -> list[Pattern]:
         """Each line for itself: of all families, or of one of them."""
@@ -198,7 +203,28 @@ class LineEvidence:
             if best[2] <= max(found[2], self.nothing + self.of_another_origin(best[0].but)):
                 break
             found = best
+        for name in candidate.shapes:
+            found = self._between_places(candidate, found, name)
         return found
+
+    def _between_places(
+        self, candidate: Candidate, found: tuple[Pattern, float, float], name: str
+    ) -> tuple[Pattern, float, float]:
+        """The likeliest place between those of a shape parameter that were looked at, where it is an angle."""
+        best, most, mean = found
+        places = _places(candidate.parameter(name).si, best.values[name])
+        if places.size == 1 or best.parted:
+            return found
+
+        def at(place: float) -> Pattern:
+            return self._without(self._pattern(candidate, best.values | {name: place}), best.but)
+
+        step = places[1] - places[0]
+        near = (best.values[name] - step, best.values[name] + step)
+        likeliest = minimize_scalar(
+            lambda place: -self.ln_evidence([at(place)]), bounds=near, options={"xatol": EXACT * step}
+        )
+        return (at(likeliest.x), -likeliest.fun, mean) if -likeliest.fun > most else found
 
     def _likeliest_place(
         self, candidate: Candidate, patterns: Sequence[Pattern]
@@ -209,7 +235,34 @@ class LineEvidence:
             patterns = [self._without(p, best.but) for p in finer]
             gains, count = [self.ln_evidence([one]) for one in patterns], FINER * count
             best = patterns[int(np.argmax(gains))]
-        return best, max(gains), float(logsumexp(gains) - np.log(count))
+        most, mean = max(gains), float(logsumexp(gains) - np.log(count))
+        each = [(most, best), *self._parted(candidate, best)]
+        sized, best = max(each, key=lambda one: one[0])
+        return best, sized, mean - most + float(ln_mean([gain for gain, _ in each]))
+
+    def _parted(self, candidate: Candidate, pattern: Pattern) -> list[tuple[float, Pattern]]:
+        """Lines at sizes at which they are not in proportion to an error, as it is likeliest made up, with their evidence.
+
+        Where an error is larger than the deflection of the teeth, these part.
+        """
+        likeliest, found = self.start([pattern]), []
+        parts = np.array([likeliest[name] / size for name, size in pattern.amplitudes])
+        parts /= np.abs(parts).max()
+        linear = np.tensordot(parts, pattern.lines, axes=1)
+
+        def at(size: float) -> Pattern:
+            values = {n: size * p * most for p, (n, most) in zip(parts, pattern.amplitudes, strict=True)}
+            lines = self.seen.model_lines(candidate.extended.assembly, self.values | pattern.values | values)
+            lines = (lines - self.plain) / size * self._gain[0] * self.used
+            one = replace(pattern, lines=lines[None], amplitudes=tuple(values.items()), parted=True)
+            return self._without(one, pattern.but)
+
+        for size in SIZES[SIZES <= 1][::-1]:
+            one = at(size)
+            if np.linalg.norm(one.lines - linear) <= self.seen.known.near * np.linalg.norm(linear):
+                break
+            found.append((self.ln_evidence([one]), one))
+        return found
 
     def _without(self, pattern: Pattern, but: frozenset[int]) -> Pattern:
         """A pattern without its lines in some recordings, whose lines may be anything."""
@@ -411,9 +464,12 @@ class LineEvidence:
         found, k = {}, 0
         for size, pattern in zip(many[best], patterns, strict=True):
             found.update(pattern.values)
-            for name, largest in pattern.amplitudes:
-                found[name] = float(size * amplitudes[best, k] * largest)
-                k += 1
+            own = amplitudes[best, k : k + len(pattern.lines)]
+            for part, (name, largest) in zip(
+                np.ones(len(pattern.amplitudes)) if pattern.parted else size * own, pattern.amplitudes, strict=True
+            ):
+                found[name] = float(part * largest)
+            k += own.size
         return found
 
 
