@@ -288,9 +288,12 @@ class Diagnosis(Result):
             if p.kind in ("effects", "nothing") and p.probability > 1 - SURE
         ] or [set()]
         competing = any(not first or not first < other for other in others)
+        faulty = [p for p in self.probabilities if p.kind == "fault"]
         why = "no measurement within the rig's limits would distinguish the explanations"
         if self.verdict in ("faulty-data", "cannot-tell"):
             why = self.reason
+        elif sum(p.probability for p in faulty) > 1 - SURE:
+            why = f"measure the same rows again: what is in them may be a fault of the data ({faulty[0].explanation})"
         elif self.verdict in ("effect", "nothing-missing") and not competing:
             why = "no further measurement is needed: no two explanations compete for these data"
         return NextMeasurements(self.next_measurement, self.verdict, why)

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from specan import Study
 from specan.models.catalogue import example_model
 from specan.planetary_gear.study.evidence import LineEvidence, Pattern
 from specan.planetary_gear.study.explanations import near_the_data
 from specan.planetary_gear.study.order_lines import OrderLinesObservation
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
-from specan.study.selection.candidates import base_problem
+from specan.study.selection.candidates import base_problem, candidates
+from truth.planetary_gear import draw, write_case
 
 MODEL = example_model("planetary-gear")
 KNOWN = MODEL.for_kinds["orders"]
@@ -162,3 +164,25 @@ def test_a_recording_is_shown_as_strong_as_others_answer():
             expected = -2 * size.sum() / (size.sum() + size @ unsure)
             ratio = shown[2:, frame] / heard[2:, frame]
             assert ratio == pytest.approx(np.full(ratio.shape, expected), rel=0.02)
+
+
+@pytest.mark.long
+def test_a_crack_lies_between_the_places_that_are_looked_at():
+    """A tenth of what lies between two of them, whatever the machine answers."""
+    place = 29.5 / 96
+    seen = drawn("tooth-crack", {"tooth-crack.softer": 0.1, "tooth-crack.place": place}, 7)
+    problem = base_problem(MODEL, [seen])
+    lines = LineEvidence(problem, {})
+    (crack,) = (c for c in candidates(problem)[0] if c.use.name == "tooth-crack")
+    found, _, _ = lines.likeliest(crack, lines.patterns(crack))
+    assert found.values["tooth-crack.place"] == pytest.approx(place, abs=1e-3)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [90110, 90111])
+def test_a_runout_that_parts_the_teeth_is_among_what_is_named(tmp_path, seed):
+    """Teeth that let go and meet again, by Runge-Kutta's method."""
+    gear = draw(seed, "sun-runout", strength=4.0, drawn_set=True)
+    files, _, rig = write_case(replace(gear, runs=gear.runs[1:2]), tmp_path)
+    found = Study.new(tmp_path / "study", "planetary-gear", files, rig=rig).diagnose()
+    assert ("sun-runout",) in found.alternatives

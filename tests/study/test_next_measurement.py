@@ -188,6 +188,18 @@ def test_one_explanation_alone_has_nothing_to_decide(toy):
     assert propose([only]) == ()
 
 
+def test_what_may_be_a_fault_of_the_data_is_read_again(toy):
+    """Neither is decided, whatever the effect expects elsewhere: the same rows without the fault would tell."""
+    both = [
+        Probability(n, k, (), {}, p) for n, k, p in (("square", "effects", 0.7), ("first rows", "fault", 0.3))
+    ]
+    found = diagnose(toy.problem(lambda x, z: 0 * x, ["square"], seed=6))
+    for verdict in ("effect", "nothing-missing"):
+        doubted = replace(found, verdict=verdict, probabilities=tuple(both), next_measurement=()).next()
+        assert doubted.otherwise.startswith("measure the same rows again")
+        assert "first rows" in doubted.otherwise
+
+
 def test_without_limits_nothing_is_proposed(toy):
 
     problem = toy.problem(lambda x, z: 4 * x**2, ["square", "cross"], seed=7)

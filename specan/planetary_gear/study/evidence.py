@@ -51,7 +51,7 @@ APART = 0.05
 STEP = 1e-3  # of the largest size that is known, for the model's lines
 # Places of a shape parameter that is an angle, of another one, and finer ones in each step about the likeliest angle.
 AROUND, ALONG, FINER = 24, 3, 4
-EXACT = 1e-2  # of the finest step, for the likeliest place
+EXACT = 1e-2  # of what lies between places, for the likeliest one
 SEEN = 1e-2  # chi-square that the largest size must make in a line
 
 
@@ -150,7 +150,8 @@ class LineEvidence:
             for name in candidate.shapes
         ]
         found = [
-            self._pattern(candidate, dict(zip(candidate.shapes, one, strict=True))) for one in product(*places)
+            self._pattern(candidate, dict(zip(candidate.shapes, one, strict=True)))
+            for one in product(*places)
         ]
         return [p for p in found if np.any(np.sum(np.abs(p.lines) ** 2, axis=0) > SEEN * self.variance)]
 
@@ -203,28 +204,24 @@ class LineEvidence:
             if best[2] <= max(found[2], self.nothing + self.of_another_origin(best[0].but)):
                 break
             found = best
-        for name in candidate.shapes:
-            found = self._between_places(candidate, found, name)
-        return found
+        return self._between_places(candidate, *found)
 
     def _between_places(
-        self, candidate: Candidate, found: tuple[Pattern, float, float], name: str
+        self, candidate: Candidate, best: Pattern, most: float, mean: float
     ) -> tuple[Pattern, float, float]:
-        """The likeliest place between those of a shape parameter that were looked at, where it is an angle."""
-        best, most, mean = found
-        places = _places(candidate.parameter(name).si, best.values[name])
-        if places.size == 1 or best.parted:
-            return found
+        """The likeliest angle between those that were looked at."""
+        name = next(iter(candidate.shapes), "")
+        places = _places(candidate.parameter(name).si, best.values[name]) if name else np.empty(0)
+        if places.size < FINER:
+            return best, most, mean
 
         def at(place: float) -> Pattern:
             return self._without(self._pattern(candidate, best.values | {name: place}), best.but)
 
-        step = places[1] - places[0]
-        near = (best.values[name] - step, best.values[name] + step)
-        likeliest = minimize_scalar(
-            lambda place: -self.ln_evidence([at(place)]), bounds=near, options={"xatol": EXACT * step}
-        )
-        return (at(likeliest.x), -likeliest.fun, mean) if -likeliest.fun > most else found
+        near = places[FINER - 1], places[FINER + 1]
+        exact = {"xatol": EXACT * (near[1] - near[0])}
+        found = minimize_scalar(lambda place: -self.ln_evidence([at(place)]), bounds=near, options=exact)
+        return (at(found.x), -found.fun, mean) if -found.fun > most else (best, most, mean)
 
     def _likeliest_place(
         self, candidate: Candidate, patterns: Sequence[Pattern]
@@ -236,33 +233,35 @@ class LineEvidence:
             gains, count = [self.ln_evidence([one]) for one in patterns], FINER * count
             best = patterns[int(np.argmax(gains))]
         most, mean = max(gains), float(logsumexp(gains) - np.log(count))
-        each = [(most, best), *self._parted(candidate, best)]
+        each = [(most, best), *(self._parted(candidate, best) if most > self.nothing else ())]
         sized, best = max(each, key=lambda one: one[0])
         return best, sized, mean - most + float(ln_mean([gain for gain, _ in each]))
 
     def _parted(self, candidate: Candidate, pattern: Pattern) -> list[tuple[float, Pattern]]:
-        """Lines at sizes at which they are not in proportion to an error, as it is likeliest made up, with their evidence.
+        """Lines at sizes at which teeth part, an error being larger than their deflection, behind ln of their evidence.
 
-        Where an error is larger than the deflection of the teeth, these part.
+        Lines are in no proportion to the error then. Its parts are as in a small one that is the likeliest.
         """
-        likeliest, found = self.start([pattern]), []
-        parts = np.array([likeliest[name] / size for name, size in pattern.amplitudes])
-        parts /= np.abs(parts).max()
+        small, found = self.start([pattern]), []
+        parts = np.array([small[name] / size for name, size in pattern.amplitudes])
+        parts /= np.abs(parts).max() or 1.0
         linear = np.tensordot(parts, pattern.lines, axes=1)
-
-        def at(size: float) -> Pattern:
-            values = {n: size * p * most for p, (n, most) in zip(parts, pattern.amplitudes, strict=True)}
-            lines = self.seen.model_lines(candidate.extended.assembly, self.values | pattern.values | values)
-            lines = (lines - self.plain) / size * self._gain[0] * self.used
-            one = replace(pattern, lines=lines[None], amplitudes=tuple(values.items()), parted=True)
-            return self._without(one, pattern.but)
-
         for size in SIZES[SIZES <= 1][::-1]:
-            one = at(size)
-            if np.linalg.norm(one.lines - linear) <= self.seen.known.near * np.linalg.norm(linear):
+            values = {n: size * p * most for p, (n, most) in zip(parts, pattern.amplitudes, strict=True)}
+            one = self._together(candidate, pattern, values)
+            apart = np.linalg.norm(one.lines - size * linear)
+            if apart <= self.seen.known.near * size * np.linalg.norm(linear):
                 break
             found.append((self.ln_evidence([one]), one))
         return found
+
+    def _together(self, candidate: Candidate, pattern: Pattern, values: dict[str, float]) -> Pattern:
+        """A pattern with its amplitudes at these values."""
+        at = self.values | pattern.values | values
+        changed = self.seen.model_lines(candidate.extended.assembly, at) - self.plain
+        lines = (changed * self._gain[0] * self.used)[None]
+        one = replace(pattern, lines=lines, amplitudes=tuple(values.items()), parted=True)
+        return self._without(one, pattern.but)
 
     def _without(self, pattern: Pattern, but: frozenset[int]) -> Pattern:
         """A pattern without its lines in some recordings, whose lines may be anything."""
@@ -464,11 +463,9 @@ class LineEvidence:
         found, k = {}, 0
         for size, pattern in zip(many[best], patterns, strict=True):
             found.update(pattern.values)
-            own = amplitudes[best, k : k + len(pattern.lines)]
-            for part, (name, largest) in zip(
-                np.ones(len(pattern.amplitudes)) if pattern.parted else size * own, pattern.amplitudes, strict=True
-            ):
-                found[name] = float(part * largest)
+            own = size * amplitudes[best, k : k + len(pattern.lines)]
+            parts = np.ones(len(pattern.amplitudes)) if pattern.parted else own
+            found.update({n: float(p * v) for p, (n, v) in zip(parts, pattern.amplitudes, strict=True)})
             k += own.size
         return found
 

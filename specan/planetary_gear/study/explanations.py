@@ -111,7 +111,7 @@ class OfOrderLines(Explanations):
                     kind = "effects" if other else "unknown"
                     self._keep_lines(kind, [likeliest[use], second], 0.0 if other else chance, gain)
         if first:
-            self._coarsen(first, of_form)
+            self._coarsen(first, of_form, likeliest[first].parted)
         near = [e.uses for e in self.found if e.uses and e.ln_joint > self.best + np.log(OF_THE_BEST)]
         fits = {uses: self._told(sorted(uses), likeliest) for uses in dict.fromkeys(near)}
         self.found = [
@@ -135,17 +135,18 @@ class OfOrderLines(Explanations):
             said.append(f"{' and '.join(where)} stands alone: a tone of the background, perhaps")
             self.found.append(replace(one, ln_evidence=ln_evidence + more, tones="; ".join(said)))
 
-    def _coarsen(self, first: Use, of_form: Mapping[Use, float]) -> None:
+    def _coarsen(self, first: Use, of_form: Mapping[Use, float], parted: bool) -> None:
         """Tell what is known to look like the best effect from it in units of what an error of its form leaves.
 
+        Where teeth part, each error makes lines of the others.
         A coarsened posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113.
         """
-        alike = {frozenset([use]) for use in confounded_with(self.problem.assembly.model, first)}
+        alike = set(of_form if parted else confounded_with(self.problem.assembly.model, first))
         best = max(e.ln_evidence for e in self.found if e.uses == {first} and e.kind == "effects")
         for k, one in enumerate(self.found):
-            if one.kind == "effects" and one.uses in alike and one.ln_evidence < best:
-                less = (best - one.ln_evidence) / (1 + of_form[min(one.uses)])
-                self.found[k] = replace(one, ln_evidence=best - less)
+            if one.kind == "effects" and one.ln_evidence < best and len(one.uses) == 1 and one.uses <= alike:
+                unit = 1 + (self._form_error if parted else of_form[min(one.uses)])
+                self.found[k] = replace(one, ln_evidence=best - (best - one.ln_evidence) / unit)
 
     def _told(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
         """The model with some effects, as large as their lines tell."""
