@@ -233,27 +233,28 @@ class LineEvidence:
             gains, count = [self.ln_evidence([one]) for one in patterns], FINER * count
             best = patterns[int(np.argmax(gains))]
         most, mean = max(gains), float(logsumexp(gains) - np.log(count))
-        each = [(most, best), *(self._parted(candidate, best) if most > self.nothing else ())]
+        each = [(most, best), *(self._parted(candidate, best, most) if most > self.nothing else ())]
         sized, best = max(each, key=lambda one: one[0])
         return best, sized, mean - most + float(ln_mean([gain for gain, _ in each]))
 
-    def _parted(self, candidate: Candidate, pattern: Pattern) -> list[tuple[float, Pattern]]:
+    def _parted(self, candidate: Candidate, pattern: Pattern, gain: float) -> list[tuple[float, Pattern]]:
         """Lines at sizes at which teeth part, an error being larger than their deflection, behind ln of their evidence.
 
-        Lines are in no proportion to the error then. Its parts are as in a small one that is the likeliest.
+        Lines are in no proportion to the error then. Its parts are as in a small one that is the likeliest. They are
+        worth more than what an error of its form leaves.
         """
-        small, found = self.start([pattern]), []
+        small, found, near = self.start([pattern]), [], self.seen.known.near
+        enough = gain + near**2 * (gain - self.nothing)
         parts = np.array([small[name] / size for name, size in pattern.amplitudes])
         parts /= np.abs(parts).max() or 1.0
         linear = np.tensordot(parts, pattern.lines, axes=1)
         for size in SIZES[SIZES <= 1][::-1]:
             values = {n: size * p * most for p, (n, most) in zip(parts, pattern.amplitudes, strict=True)}
             one = self._together(candidate, pattern, values)
-            apart = np.linalg.norm(one.lines - size * linear)
-            if apart <= self.seen.known.near * size * np.linalg.norm(linear):
+            if np.linalg.norm(one.lines - size * linear) <= near * size * np.linalg.norm(linear):
                 break
             found.append((self.ln_evidence([one]), one))
-        return found
+        return [one for one in found if one[0] > enough]
 
     def _together(self, candidate: Candidate, pattern: Pattern, values: dict[str, float]) -> Pattern:
         """A pattern with its amplitudes at these values."""
