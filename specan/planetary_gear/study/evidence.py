@@ -188,17 +188,20 @@ class LineEvidence:
 
     # --- evidence ---------------------------------------------------------------------------------
 
-    def likeliest(self, candidate: Candidate, patterns: Sequence[Pattern]) -> tuple[Pattern, float, float]:
+    def likeliest(
+        self, candidate: Candidate, patterns: Sequence[Pattern], parted: bool = False
+    ) -> tuple[Pattern, float, float]:
         """Likeliest pattern of an effect, ln of its evidence and of the mean over all places of shape parameters.
 
         Recordings whose lines are rather anything are left to that, one after the other, while the effect gains
-        something in the others.
+        something in the others. Sizes at which teeth part are looked at where that is asked for.
         """
-        found = self._likeliest_place(candidate, patterns)
+        found = self._likeliest_place(candidate, patterns, parted)
         while len(left := set(range(len(self.seen.recordings))) - found[0].but) > 1:
             but = [found[0].but | {k} for k in left]
             each = [
-                self._likeliest_place(candidate, [self._without(p, some) for p in patterns]) for some in but
+                self._likeliest_place(candidate, [self._without(p, some) for p in patterns], parted)
+                for some in but
             ]
             best = max(each, key=lambda one: one[2])
             if best[2] <= max(found[2], self.nothing + self.of_another_origin(best[0].but)):
@@ -224,7 +227,7 @@ class LineEvidence:
         return (at(found.x), -found.fun, mean) if -found.fun > most else (best, most, mean)
 
     def _likeliest_place(
-        self, candidate: Candidate, patterns: Sequence[Pattern]
+        self, candidate: Candidate, patterns: Sequence[Pattern], parted: bool
     ) -> tuple[Pattern, float, float]:
         gains, count = [self.ln_evidence([one]) for one in patterns], len(patterns)
         best = patterns[int(np.argmax(gains))]
@@ -233,7 +236,10 @@ class LineEvidence:
             gains, count = [self.ln_evidence([one]) for one in patterns], FINER * count
             best = patterns[int(np.argmax(gains))]
         most, mean = max(gains), float(logsumexp(gains) - np.log(count))
-        each = [(most, best), *(self._parted(candidate, best, most) if most > self.nothing else ())]
+        each = [
+            (most, best),
+            *(self._parted(candidate, best, most) if parted and most > self.nothing else ()),
+        ]
         sized, best = max(each, key=lambda one: one[0])
         return best, sized, mean - most + float(ln_mean([gain for gain, _ in each]))
 

@@ -77,11 +77,21 @@ class OfOrderLines(Explanations):
         likeliest: dict[Use, Pattern] = {}
         alone: dict[Use, float] = {}
         places: dict[Use, float] = {}  # what the likeliest place has more than the mean over all
-        for number, candidate in enumerate(c for c in self._candidates if self.patterns[c.use]):
-            use = candidate.use
-            self.progress(f"lines of {use}", 0.7 * number / len(self.patterns))
-            likeliest[use], most, alone[use] = self.lines.likeliest(candidate, self.patterns[use])
-            places[use] = most - alone[use]
+        anything = self.lines.anything()
+        each = [self.lines.ln_evidence([one]) for one in anything]
+        unknown = float(ln_mean([float(ln_mean(each)), self.lines.ln_in_some()]))
+        tried = [c for c in self._candidates if self.patterns[c.use]]
+        # Teeth part, perhaps, where no error in proportion to its lines explains those of all recordings.
+        for parted in (False, True):
+            first = max(alone, key=alone.__getitem__, default=None)
+            if first and alone[first] > unknown and not likeliest[first].but:
+                break
+            for number, candidate in enumerate(tried):
+                use = candidate.use
+                self.progress(f"lines of {use}", 0.35 * parted + 0.35 * number / len(tried))
+                found = self.lines.likeliest(candidate, self.patterns[use], parted)
+                likeliest[use], alone[use] = found[0], found[2]
+                places[use] = found[1] - found[2]
         # An error of a share s in the form of an effect leaves s^2 of the chi-square that it takes away: what else is
         # to explain that has to add more, and what is known to look alike is told apart in units of that.
         share, best = self.lines.seen.known.near**2, max([nothing, *alone.values()])
@@ -95,11 +105,7 @@ class OfOrderLines(Explanations):
         for use, gain in alone.items():
             self._keep_lines("effects", [likeliest[use]], 0.0, gain)
         chance = float(np.log(UNKNOWN / NOTHING))
-        anything = self.lines.anything()
-        each = [self.lines.ln_evidence([one]) for one in anything]
-        likely = [anything[int(np.argmax(each))]]
-        some = self.lines.ln_in_some()
-        self._keep_lines("unknown", likely, chance, float(ln_mean([float(ln_mean(each)), some])))
+        self._keep_lines("unknown", [anything[int(np.argmax(each))]], chance, unknown)
         order = sorted((use for use in alone if alone[use] > nothing), key=lambda use: -alone[use])
         for k, use in enumerate(order[: PAIRED[0]]):
             self.progress(f"lines of {use} with others", 0.7 + 0.05 * k)
@@ -189,4 +195,4 @@ def near_the_data(problem: Problem) -> dict[str, float]:
         base = without(base, use)
     lines = LineEvidence(base, base.values_at(base.start()))
     each = ((c, lines.patterns(c)) for c in candidates(base)[0] if c.use in own)
-    return lines.start([lines.likeliest(c, found)[0] for c, found in each if found])
+    return lines.start([lines.likeliest(c, found, parted=True)[0] for c, found in each if found])
