@@ -175,8 +175,8 @@ def test_results_are_short_on_the_screen_and_can_be_drawn():
         assert len(found._repr_html_()) < 10_000
         if name in FIGURES:
             assert found.plot().axes
-    with pytest.raises(RequestError, match="no figure of a ToneTable"):
-        specan.tones(recording()).plot()
+    with pytest.raises(RequestError, match="no figure of a dict"):
+        specan.plot({})
 
 
 @pytest.mark.parametrize(

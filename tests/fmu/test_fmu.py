@@ -172,7 +172,7 @@ def test_what_is_wrong_in_the_files_is_told(drive, tmp_path):
     with pytest.raises(RequestError, match=r"has no file drive.toml beside it"):
         load_model(copy, {})
     faults = {
-        "[parameters.mu]": ("[parameters.mo]", r"has no variable 'mo'; known are mu, on"),
+        "[parameters.mu]": ("[parameters.mo]", r"has no variable 'mo'; known are speed, mu, rise, on"),
         "low = 5": ("lowest = 5", r"drive.toml: .*conditions.speed"),
         'unit = "1/min"': ('unit = "bananas"', "bananas"),
         'switch = "on"': ('switch = "off"', "has no variable 'off'"),

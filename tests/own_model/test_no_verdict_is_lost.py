@@ -129,8 +129,8 @@ def test_what_fails_beside_a_verdict_is_a_remark(tmp_path, monkeypatch) -> None:
     def fails(*given, **more):
         raise ValueError("need at least one array to concatenate")
 
-    for name in ("pulls", "localise", "error_fall"):
-        monkeypatch.setattr(telling, name, fails)
+    for module, name in ((telling, "pulls"), (telling, "localise"), (telling.verdict, "error_fall")):
+        monkeypatch.setattr(module, name, fails)
     x = np.repeat(np.linspace(1, 10, 10), 3)
     found = diagnose(problem(tmp_path, model(offset), x, 2 * x + 1.5))
     assert found.effects == ("offset",)
