@@ -476,11 +476,8 @@ def _channel(on: _Shelf, late: float) -> None:
         """A filter of first order, as of a slow sensor or amplifier."""
         cubics, slow = _between_samples(time, value), max(float(size), 1e-12)
         step, parts = cubics.x[1] - cubics.x[0], cubics.c[::-1]
-        for power in (
-            2,
-            1,
-            0,
-        ):  # what follows a cubic without a start of its own: y + slow dy/dt is the cubic
+        # what follows a cubic without a start of its own: y + slow dy/dt is the cubic
+        for power in (2, 1, 0):
             parts[power] -= (power + 1) * slow * parts[power + 1]
         kept = np.exp(-step / slow)
         grown = step ** np.arange(4) @ parts - kept * parts[0]
