@@ -438,8 +438,6 @@ def actuator(of: Named, *, late: float = 1e-3, prefix: str = "") -> Effects:
 
 def _between_samples(time: Any, value: Any) -> PPoly:
     """Cubics through the samples of a channel, which may be infinite."""
-    if np.size(time) < 2:
-        time, value = np.array([0.0, 1.0]) + time, np.repeat(value, 2)
     slopes, change, step = as_cubics(value)[1], np.diff(value), time[1] - time[0]
     here, there = slopes[:-1], slopes[1:]
     parts = here + there - 2 * change, 3 * change - 2 * here - there, here, value[:-1]
@@ -469,11 +467,15 @@ def _channel(on: _Shelf, late: float) -> None:
     @on("delay", OPPENHEIM)
     def delay(value, time, *, size=of_time.part("delay", 1, 0.05, 20, 0, 1e3)):
         """The channel is late."""
+        if np.size(time) < 2:  # nothing came before
+            return value - value
         return _between_samples(time, value)(np.maximum(time - size, np.min(time))) - value
 
     @on("lag", OPPENHEIM)
     def lag(value, time, *, size=of_time.part("time constant", 1, 0.05, 20, 0, 1e3)):
         """A filter of first order, as of a slow sensor or amplifier."""
+        if np.size(time) < 2:
+            return value - value
         cubics, slow = _between_samples(time, value), max(float(size), 1e-12)
         step, parts = cubics.x[1] - cubics.x[0], cubics.c[::-1]
         # what follows a cubic without a start of its own: y + slow dy/dt is the cubic
