@@ -240,12 +240,12 @@ def _followed(marginal: Marginal, gain: float, coefficients: Array, fault: Fault
     if fault.moves is None:
         return gain, coefficients, fault
     found = [_after_steps(marginal, gain, coefficients, fault)]
-    if (
-        marginal.columns.size
-    ):  # of the likeliest size without the fault; beside it they may be as small as nothing
+    # Errors of form are of the likeliest size without the fault; beside it they may be as small as nothing.
+    if marginal.columns.size:
         exact = Marginal(tangent)
         gains, each = exact.beside(white, sizes)
-        gain, *rest = _after_steps(exact, float(ln_mean(gains)), each[int(np.argmax(gains))], fault)
+        gain = fault.ln_known + float(ln_mean(gains))
+        gain, *rest = _after_steps(exact, gain, each[int(np.argmax(gains))], fault)
         found.append((gain + exact.ln_evidence - marginal.ln_evidence - np.log(len(FORMS)), *rest))
     return max(found, key=lambda one: one[0])
 
