@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-from scipy.signal import welch
 from scipy.stats import linregress
 
 from specan.arrays import Flags, Real
@@ -108,29 +107,31 @@ def off_the_mains(frequency_hz: Real, heard: Iterable[int], line_hz: float) -> F
 
 
 def _hum(samples: Real, excitation: Real, rate: float) -> list[int]:
-    """Mains frequencies at multiples of which stand lines that the excitation does not have."""
+    """Mains frequencies at multiples of which a tone goes on that does not follow from the excitation.
+
+    What the response to the excitation (H1) leaves of a line differs at random from block to block; of a tone it turns
+    at a constant rate, so that one line of its spectrum over the blocks holds nearly all of it. A share g or more has
+    white noise on one of m lines of n blocks with probability m (1 - g)^(n - 1) at most (Fisher 1929, Proceedings of
+    the Royal Society A 125:54).
+    """
     block = round(rate)  # one second: multiples of 50 and 60 Hz are lines
-    if samples.size < 4 * block:
+    count = samples.size // block
+    if count < 4:
         return []
-    spectra = [welch(x, rate, nperseg=block)[1] for x in (samples, excitation)]
+    cut = (x[: count * block].reshape(count, block) * np.hanning(block) for x in (samples, excitation))
+    response, cause = (np.fft.rfft(x) for x in cut)
+    h1 = np.sum(response * cause.conj(), axis=0) / np.maximum(np.sum(np.abs(cause) ** 2, axis=0), 1e-300)
+    left = response - h1 * cause
+    turning = np.abs(np.fft.fft(left, 4 * count, axis=0)) ** 2  # four lines for one, or a tone falls between two
+    share = turning.max(axis=0) / np.maximum(count * np.sum(np.abs(left) ** 2, axis=0), 1e-300)
+    steady = 4 * count * (1 - share) ** (count - 1) < 1e-3
     heard = []
     for mains in (50, 60):
-        places = [k * mains for k in range(1, 9) if k * mains < 0.4 * rate]
-        stands = [
-            place  # ten times the power of its neighbours; of four averages chance gives three
-            for place in places
-            if _above(spectra[0], place) > 10.0 > _above(spectra[1], place)
-        ]
-        # A mode may lie on one of the multiples: hum has the first or the second beside others.
-        if len(stands) >= 2 and stands[0] in places[:2]:
+        places = np.arange(mains, min(8 * mains + 1, int(0.4 * rate)), mains)
+        # hum has the first or the second beside others
+        if np.sum(steady[places]) >= 2 and np.any(steady[places[:2]]):
             heard.append(mains)
     return heard
-
-
-def _above(spectrum: Real, place: int) -> float:
-    """Power of a line over the median of its neighbours."""
-    beside = np.r_[spectrum[place - 12 : place - 3], spectrum[place + 4 : place + 13]]
-    return float(spectrum[place] / max(np.median(beside), 1e-300))
 
 
 def _drift(samples: Real, excitation: Real) -> list[str]:
