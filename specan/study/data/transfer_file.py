@@ -204,7 +204,7 @@ def _as_specan_says(path: Path, found: list[MeasuredFrf]) -> list[MeasuredFrf]:
     )
     units = {name: unit for unit, name in re.findall(r"(\S+) \((.*?)\)(?:, |$)", said)}
     over = next((m[1] for text in comments if (m := re.search(r": \S+ over (.*) \(.*\)$", text))), "")
-    window = any("'window': 'hann'" in text for text in comments)
+    window = any(re.search("[\"']window[\"']: [\"']hann[\"']", text) for text in comments)
     return [
         replace(one, unit=units.get(one.response, ""), reference=over, windowed=window) for one in found
     ]  # fmt: skip
