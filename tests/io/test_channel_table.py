@@ -187,3 +187,9 @@ def test_a_table_that_is_missing(path, tmp_path):
     for name in ("no.toml", "no.csv"):
         with pytest.raises(RequestError, match="does not exist"):
             open_recording(path, channel_table=tmp_path / name)
+
+
+def test_a_cell_that_no_name_is_as_long_as(path, tmp_path):
+    (tmp_path / "channels.csv").write_text("channel;role\n" + "a" * 200_000 + ";microphone\n")
+    with pytest.raises(InputError, match="channels.csv holds a cell that cannot be read"):
+        open_recording(rig(path))

@@ -145,7 +145,7 @@ def _text_cells(path: Path, raw: bytes) -> tuple[Cells, bool, list[str]]:
             expected="a text file in UTF-8",
             remedy="save it as UTF-8 (spreadsheets call it CSV UTF-8)",
         ) from None
-    return *cells_of(text), []
+    return *cells_of(text, path.name), []
 
 
 def _frame_cells(path: Path, raw: bytes, sheet: str) -> tuple[Cells, bool, list[str]]:
