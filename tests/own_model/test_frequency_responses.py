@@ -145,9 +145,22 @@ def test_what_frf_writes_is_read(place):
     """A recording analysed by `specan frf -o`, and its table given to a study."""
     (place / "run.csv").write_text(as_text(simulate(ThreeMasses(), seed=6)), encoding="utf-8")
     run("frf", "run.csv", "--reference", "force", "--channel", "x*", "-o", "frf.txt")
-    assert all(one.windowed for one in read_transfer_file(place / "frf.txt"))  # lines beside each other are alike
+    assert all(
+        one.windowed for one in read_transfer_file(place / "frf.txt")
+    )  # lines beside each other are alike
     assert verdict_on(place / "frf.txt").effects[0] == "sprung-mass-on-2"
-    run("frf", "run.csv", "--reference", "force", "--channel", "x*", "--window", "rectangular", "-o", "box.txt")
+    run(
+        "frf",
+        "run.csv",
+        "--reference",
+        "force",
+        "--channel",
+        "x*",
+        "--window",
+        "rectangular",
+        "-o",
+        "box.txt",
+    )
     assert not any(one.windowed for one in read_transfer_file(place / "box.txt"))
 
 

@@ -122,7 +122,9 @@ def _hum(samples: Real, excitation: Real, rate: float) -> list[int]:
     response, cause = (np.fft.rfft(x) for x in cut)
     h1 = np.sum(response * cause.conj(), axis=0) / np.maximum(np.sum(np.abs(cause) ** 2, axis=0), 1e-300)
     left = response - h1 * cause
-    turning = np.abs(np.fft.fft(left, 4 * count, axis=0)) ** 2  # four lines for one, or a tone falls between two
+    turning = (
+        np.abs(np.fft.fft(left, 4 * count, axis=0)) ** 2
+    )  # four lines for one, or a tone falls between two
     share = turning.max(axis=0) / np.maximum(count * np.sum(np.abs(left) ** 2, axis=0), 1e-300)
     steady = 4 * count * (1 - share) ** (count - 1) < 1e-3
     heard = []
