@@ -32,6 +32,7 @@ def command(rate: float, deliver: Delivery) -> int:
     specan conformance --sampling-rate 48000
     """
     from specan.analysis.conformance import checks
+    from specan.result import cell
 
     found = list(checks(rate))
     if deliver.output is not None:
@@ -50,7 +51,7 @@ def command(rate: float, deliver: Delivery) -> int:
     def show() -> None:
         for standard in dict.fromkeys(check.standard for check in found):
             header = ["clause", "requirement", "expected", "found", "limits", "", ""]
-            table(standard, header, [_row(c) for c in found if c.standard == standard])
+            table(standard, header, [_row(c, cell(c.found, ".3f")) for c in found if c.standard == standard])
         click.echo(f"{sum(check.passed for check in found)} of {len(found)} requirements are met.")
 
     checked = [{**asdict(c), "passed": c.passed} for c in found]
@@ -58,10 +59,10 @@ def command(rate: float, deliver: Delivery) -> int:
     return 0 if all(check.passed for check in found) else EXCEEDED
 
 
-def _row(check: Check) -> list[str]:
+def _row(check: Check, found: str) -> list[str]:
     limits = f"{check.lower:.4g} to {check.upper:.4g}"
     if check.upper == float("inf"):
         limits = f"from {check.lower:.4g}"
     expected = "" if check.expected != check.expected else f"{check.expected:g}"
     met = "" if check.passed else "NOT MET"
-    return [check.clause, check.what, expected, f"{check.found:.3f}", limits, check.unit, met]
+    return [check.clause, check.what, expected, found, limits, check.unit, met]

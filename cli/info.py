@@ -70,16 +70,13 @@ def command(files: tuple[Path, ...], levels: bool, show_all: bool, deliver: Deli
 
 
 def _print_rows(rows: list[list[Any]]) -> None:
-    """A line for each recording, without columns that hold nothing; one calibration of all stands below them."""
-    header = ["file", "excitation", "tone", "channels", "s", "Hz", "flags", "calibration"]
-    calibrations = [row.pop() for row in rows]
-    same = len(set(calibrations)) == 1
-    if not same:
-        rows = [[*row, text.removesuffix(" sensitivities")] for row, text in zip(rows, calibrations)]
-    kept = [k for k, column in enumerate(zip(*rows)) if any(column)]
-    table("", [header[k] for k in kept], [[row[k] for k in kept] for row in rows])
-    if same:
-        click.echo(f"Calibration: {calibrations[0]}.")
+    """A line for each recording; one calibration of all stands below them."""
+    calibrations = {row[-1] for row in rows}
+    for row in rows:
+        row[-1] = row[-1].removesuffix(" sensitivities") if len(calibrations) > 1 else ""
+    table("", ["file", "excitation", "tone", "channels", "s", "Hz", "flags", "calibration"], rows)
+    if len(calibrations) == 1:
+        click.echo(f"Calibration: {calibrations.pop()}.")
 
 
 def _row(recording: Recording, excitation: Excitation) -> list[Any]:

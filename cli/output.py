@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 _COLLECTED = "specan_cli.collected"
 _WIDTH = 80  # of a file or a pipe
 _MANY = 12  # columns of a table that may be split
-LONGEST_WORD = 48  # letters of a cell that are not broken over two lines
 
 
 @contextmanager
@@ -53,8 +52,8 @@ def emit_json(content: Any) -> None:
 def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
     """Print a table that fits the terminal as far as no word is broken: nothing is cut off at the edge.
 
-    Numbers stand to the right; the header is bold on a terminal. Columns of a wide table that do not fit stand below
-    the others, behind the first column once more.
+    Numbers stand to the right; the header is bold on a terminal. Columns that hold nothing are left out; those of a
+    wide table that do not fit stand below the others, behind the first column once more.
     """
     rows = list(rows)
     if title:
@@ -66,7 +65,7 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
 
         lines = [[with_comma(cell) for cell in line] for line in lines]
     width = shutil.get_terminal_size((_WIDTH, 24)).columns
-    shown = list(range(len(header)))
+    shown = [k for k in range(len(header)) if len(lines) == 1 or any(line[k] for line in lines[1:])]
     while shown:
         fitting = len(shown)
         while fitting > 2 and len(header) > _MANY and _natural(lines, shown[:fitting]) > width:
@@ -128,7 +127,6 @@ def column_widths(rows: Sequence[Sequence[str]], width: int) -> list[int]:
     columns = [[line for cell in column for line in cell.split("\n")] for column in zip(*rows, strict=True)]
     widths = [max(map(_length, column)) for column in columns]
     least = [max((_length(w) for cell in c for w in cell.split()), default=0) for c in columns]
-    least = [min(word, LONGEST_WORD) for word in least]
     while sum(widths) + 2 * (len(widths) - 1) > width:
         shrinkable = [k for k, size in enumerate(widths) if size > least[k]]
         if not shrinkable:

@@ -32,8 +32,9 @@ def sheets(
     for group in dict.fromkeys(c.group for c in recording.channels):
         yield _channels(recording, group, quality, show_all)
     yield Sheet("How it was decided", ["", "channels", "reason"], _decisions(recording))
-    reasons = gathered((reason, name) for name, reason in recording.set_aside.items())
-    rows = [[", ".join(n) if show_all else _names(n, recording), reason] for reason, n in reasons.items()]
+    aside = recording.set_aside.items()
+    reasons = gathered((why.replace(repr(n.rpartition("/")[2]), "the channel"), n) for n, why in aside)
+    rows = [[", ".join(n) if show_all else _names(n), reason] for reason, n in reasons.items()]
     yield Sheet("Ignored", ["channels", "reason"], rows)
     properties = _properties(recording, show_all)
     few = properties if show_all else properties[:_LINES]
@@ -53,7 +54,6 @@ def _channels(
     for key, word in (("rate Hz", "Hz"), ("samples", "samples")):
         if len(set(columns[key])) == 1:
             shared.append(f"{columns.pop(key)[0]} {word}")
-    columns = {key: values for key, values in columns.items() if key == "channel" or any(values)}
     rows = [list(row) for row in zip(*columns.values(), strict=True)]
     if len(rows) > _MANY and not show_all:
         alike = gathered((tuple(rest), name) for name, *rest in rows)

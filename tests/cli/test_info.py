@@ -154,6 +154,15 @@ def test_what_was_set_aside(tmp_path):
     }
 
 
+def test_what_was_set_aside_for_one_reason_has_one_row(tmp_path):
+    """Two channels are read and two ignored: the ignored are not "all" channels."""
+    none = [(name, np.zeros(70), {}) for name in ("x", "y")]
+    tb.write(tmp_path / "a.tdms", [(n, np.zeros(300), {"wf_increment": 0.001}) for n in "cd"] + none)
+    shown = run(tmp_path / "a.tdms").output.split("Ignored\n")[1].split("\n\n")[0].splitlines()
+    assert len([line for line in shown if not line.startswith(" ")]) == 2
+    assert shown[1].split("  ")[0] == "g/x, g/y"
+
+
 def test_time_stamps_of_properties_are_text(tmp_path):
     path = tmp_path / "a.tdms"
     when = np.datetime64("2012-03-14T09:30:00")
