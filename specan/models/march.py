@@ -406,6 +406,8 @@ class Solver:
         most = max((steps for _, steps in self.steps.values()), default=1)
         name = "the implicit method of Rosenbrock (the model is stiff)" if True in ways else "Runge-Kutta"
         lacking = ", which are too few: the samples lie far apart" if most >= MOST_STEPS // 2 else ""
+        if _numba() is None:
+            lacking += ', in plain Python; pip install "specan[fast]" makes it a hundred times quicker'
         slowly = (
             f", a hundred times slower than others: numba cannot compile {self.slow} (it knows np.where, np.maximum, "
             "np.minimum, np.clip, np.interp and the functions of mathematics)"

@@ -62,8 +62,10 @@ def _remark(p: Mapping[str, Any]) -> str:
 
 
 def value_text(p: Mapping[str, Any]) -> str:
-    """``9.37 (7.02 to 11.6) W``."""
-    return f"{spoken(p['value'])} ({spoken(p['low'], p['high'])}) {printed_unit(p['unit'])}".rstrip()
+    """``9.37 (7.02 to 11.6) W``; with more digits where the ends of the interval would look alike."""
+    ends = p["low"], p["high"]
+    digits = next((n for n in range(3, 9) if len({spoken(end, digits=n) for end in ends}) == 2), 3)
+    return f"{spoken(p['value'], digits=digits)} ({spoken(*ends, digits=digits)}) {printed_unit(p['unit'])}".rstrip()
 
 
 def amount(error: Mapping[str, Any]) -> str:
@@ -156,16 +158,20 @@ def change(before: Step, after: Step) -> Sheet:
 
 
 def bands(found: FrfErrors, receivers: str) -> Sheet:
-    """Errors of a recording by third octaves: mean and range of levels, phases, CSAC, the worst channel."""
+    """Errors of a recording by third octaves: mean and range of levels, phases, CSAC, the worst channel.
+
+    Of a single channel there is no range, and its CSAC is 1.
+    """
     rows = []
     for b, band in enumerate(found.band_texts):
         level, phase = found.level_dB[:, b], found.phase_deg[:, b]
         used = np.flatnonzero(np.isfinite(level))
         worst = used[np.argmax(np.abs(level[used]) / found.u_level_dB[used, b])]
         rows.append([
-            band, f"{level[used].mean():+.2f}", f"{level[used].min():+.2f}..{level[used].max():+.2f}",
-            f"{np.abs(phase[used]).mean():.1f}", f"{found.csac[b]:.4f}",
-            f"{found.channels[worst]}: {level[worst]:+.2f} +-{2 * found.u_level_dB[worst, b]:.2f}",
+            band, f"{level[used].mean():+z.2f}",
+            (used.size > 1) * f"{level[used].min():+z.2f}..{level[used].max():+z.2f}",
+            f"{np.abs(phase[used]).mean():.1f}", (used.size > 1) * f"{found.csac[b]:.4f}",
+            f"{found.channels[worst]}: {level[worst]:+z.2f} +-{2 * found.u_level_dB[worst, b]:.2f}",
         ])  # fmt: skip
     frac = ", ".join(f"{c} {f:.4f}" for c, f in zip(found.channels, found.frac, strict=True) if f == f)
     partial = "(*: the lines cover only part of this third octave.)\n" if found.third.partial else ""
@@ -179,7 +185,7 @@ def gains(found: Mapping[str, Any], unit: str) -> Sheet:
     """Gains of the path of a recording of order lines."""
     columns = (found[name] for name in ("channel", "harmonic", "gain_dB", "phase_deg"))
     rows = [
-        [channel, n, f"{level:+.2f}", f"{phase:+.1f}"]
+        [channel, n, f"{level:+z.2f}", f"{phase:+z.1f}"]
         for channel, n, level, phase in zip(*columns, strict=True)
     ]
     title = (

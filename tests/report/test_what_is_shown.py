@@ -98,3 +98,14 @@ def test_a_value_that_is_nothing_beside_its_interval_is_shown_as_nothing():
     assert shown(9.6472, 7.653, 11.46) == ["9.647", "7.653", "11.46"]
     assert shown(1.489e6, 1.462e6, 1.516e6) == ["1.489e+06", "1.462e+06", "1.516e+06"]
     assert shown(3.0, 3.0, 3.0) == ["3", "3", "3"]
+
+
+def test_an_interval_is_shown_with_digits_that_tell_its_ends_apart():
+    from specan.report.study_sheets import value_text
+
+    def shown(value, low, high):
+        return value_text({"value": value, "low": low, "high": high, "unit": "Hz"})
+
+    assert shown(33.0081, 32.9871, 33.0312) == "33.01 (32.99 to 33.03) Hz"
+    assert shown(9.6472, 7.653, 11.46) == "9.65 (7.65 to 11.5) Hz"
+    assert shown(3.0, 3.0, 3.0) == "3 (3 to 3) Hz"

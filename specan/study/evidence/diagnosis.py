@@ -103,7 +103,7 @@ def stated(explanations: Explanations) -> tuple[Stated, ...]:
         key = kind, uses, fault.name if fault else ""
         kinds.setdefault(key, []).append((probability, one))
     found = [Stated(*key, sum(p for p, _ in own), own[0][1]) for key, own in kinds.items()]
-    return tuple(sorted(found, key=lambda one: -one.probability))
+    return tuple(sorted(found, key=lambda one: (-one.probability, -one.best.ln_joint)))
 
 
 def judge(explanations: Explanations) -> Judgement:
