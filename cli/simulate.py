@@ -31,14 +31,10 @@ ENTRY_POINTS = (
 @opt("-o --output", OutputFile(), "File to write: a table, a recording (.tdms), a figure.")
 @opt(
     "--effects -e", None,
-    "An effect to switch on, or a parameter of one: seal-drag=0.2, churning.exponent=1.6; repeatable.",
+    "An effect to switch on, with its size, or a parameter of one; repeatable.",
     "NAME[.PARAMETER][=VALUE]", multiple=True,
 )  # fmt: skip
-@opt(
-    "--set settings", None,
-    "Change a value of the rig file: model.mesh=article, oil.viscosity_40C_mm2_s=320.", "TABLE.KEY=VALUE",
-    multiple=True,
-)  # fmt: skip
+@opt("--set settings", None, "Change a value of the rig file; repeatable.", "TABLE.KEY=VALUE", multiple=True)
 @opt(
     "--effect-file effect_files", Path, "A Python file with effects of your own; repeatable.",
     multiple=True,

@@ -44,6 +44,7 @@ class QualityAccumulator:
 
     A channel is *clipped* where two or more consecutive samples are at the converter's full scale, or where it
     rests on its extreme value as `specan.dsp.clipping.is_cut_off` says: an amplifier may overload at less.
+    Pulses of a tacho are no clipping.
 
     Parameters
     ----------
@@ -105,10 +106,10 @@ class QualityAccumulator:
             Quality(
                 minimum=-low.extreme if np.isfinite(low.extreme) else float("nan"),
                 maximum=high.extreme if np.isfinite(high.extreme) else float("nan"),
-                clipped=low.clipped or high.clipped,
+                clipped=(low.clipped or high.clipped) and channel.role != "tacho",
                 not_finite=missing,
             )
-            for missing, (low, high) in zip(self._not_finite, self._rails)
+            for channel, missing, (low, high) in zip(self.channels, self._not_finite, self._rails)
         )
 
 

@@ -337,7 +337,7 @@ class TransferFunctionAccumulator:
         settings, rate = self.settings, self.reference.sampling_rate
         remarks = []
         if self._passes_once and settings.overlap == PASSING_OVERLAP:
-            remarks.append("few blocks drive each line, as with a sweep: blocks overlap by 75 %")
+            remarks.append("few blocks excite each line, as with a sweep: blocks overlap by 75 %")
         if self.asked is None and settings.n_lines != DEFAULT_LINES:
             why = "so that the response dies out within a block"
             if self.sufficient is not None and settings.block < self.sufficient:

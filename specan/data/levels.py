@@ -160,12 +160,16 @@ class SignalLevels(RecordingResult):
             "flags": [" ".join(words) for words in self.flags],
         }
 
+    @property
+    def weighted(self) -> str:
+        """What is said of the weighting, where a channel is a sound pressure."""
+        return f", sound pressure {self.weighting}-weighted" if "Pa" in self.units else ""
+
     def sheets(self) -> list[Sheet]:
         """The signal, its levels, and their percentiles."""
         letter, stop = {"fast": "F", "slow": "S"}[self.averaging], self.start_s + self.duration_s
-        pressure = f", sound pressure {self.weighting}-weighted" if "Pa" in self.units else ""
-        exposure = "LE: exposure level; " if pressure else ""
-        weighted = f"the {self.averaging} level{pressure}"
+        exposure = "LE: exposure level; " if "Pa" in self.units else ""
+        weighted = f"the {self.averaging} level{self.weighted}"
 
         def sheet(title: str, columns: Mapping[str, Iterable[Any]], form: str) -> Sheet:
             """The columns that hold something: weighted levels are of sound pressure only."""
@@ -178,15 +182,17 @@ class SignalLevels(RecordingResult):
             "unit": self.units, "RMS": self.rms, "peak": self.peak,
             "crest": map(cell, self.crest_factor), "mean": [cell(v, ".4g") for v in self.mean],
         }  # fmt: skip
+        re = [r.text for r in self.references]
+        one = f", dB re {re[0]}" if len(set(re)) == 1 else ""
         levels: dict[str, Iterable[Any]] = {
-            "dB re": [r.text for r in self.references], "level": self.level_dB, "Leq A": self.equivalent_dB["A"],
+            "dB re": [] if one else re, "level": self.level_dB, "Leq A": self.equivalent_dB["A"],
             "LE A": self.exposure_dB["A"], "C peak": self.c_peak_dB, f"{letter} max": self.max_dB,
             f"{letter} min": self.min_dB,
         }  # fmt: skip
         percentiles = {f"L{n:g}": values for n, values in self.percentile_dB.items()}
         found = [
             sheet(f"{self.label}: {self.start_s:g} s to {stop:g} s, about the mean", signal, ".5g"),
-            sheet(f"Levels; {exposure}{letter} max, min: of {weighted}", levels, ".2f"),
+            sheet(f"Levels{one}; {exposure}{letter} max, min: of {weighted}", levels, ".2f"),
             sheet(f"Percentiles of {weighted}: LN is exceeded during N % of the time", percentiles, ".1f"),
         ]
         return [one for one in found if len(one.header) > 1]
@@ -195,7 +201,7 @@ class SignalLevels(RecordingResult):
         """Lines above the table in a text file."""
         return [
             f"levels of {self.label}, {self.start_s:g} s to {self.start_s + self.duration_s:g} s, about the mean",
-            f"max, min and L of the {self.averaging} level, sound pressure {self.weighting}-weighted",
+            f"max, min and L of the {self.averaging} level{self.weighted}",
             f"settling: {self.settling}",
         ]
 

@@ -35,6 +35,7 @@ from specan.report.figures import figure_of
 from specan.report.html_page import table
 from specan.report.panels import Panel
 from specan.report.waveform import read_overviews
+from specan.result import first_of, gathered
 from specan.units import printed_unit
 
 FIRST_CHANNELS = 4  # on screen when nothing else is said
@@ -119,7 +120,7 @@ class RecordingPage(Page):
     def _left(self) -> Any:
         view, keys = self.view, self.opened.keys
         texts = [
-            (key, plain(self.opened.text(n, f"{c.label}  [{printed_unit(c.unit)}]")))
+            (key, plain(self.opened.text(n, f"{c.label}  [{printed_unit(c.unit)}]".removesuffix("  []"))))
             for key, (n, c) in keys.items()
         ]
         self._channels = MultiSelect(
@@ -283,7 +284,6 @@ class RecordingPage(Page):
 def _notes(found: Found) -> tuple[str, str]:
     results: list[Any] = [r for _, r in found]
     notes = dict.fromkeys(note for r in results for note in getattr(r, "notes", ()))
-    warned = [
-        f"{name}: {', '.join(words)}" for r in results for name, words in zip(r.channels, r.flags) if words
-    ]
+    flags = gathered((", ".join(f), name) for r in results for name, f in zip(r.channels, r.flags) if f)
+    warned = [f"{first_of(names, 4)}: {words}" for words, names in flags.items()]
     return "; ".join([*notes, *warned]), "error" if warned else ""

@@ -364,7 +364,7 @@ class Assembly:
                     f"which has the shape {size}",
                     expected="one value per row",
                 )
-        return RequestError(f"what acts on {name!r} has other shapes than it", expected="one value per row")
+        return RequestError(f"the effects on {name!r} have another shape", expected="one value per row")
 
     def _spread(self, use: Use, effect: Effect, name: str, given: Any) -> Any:
         """Put one element's contribution into an array over the axis; neutral elsewhere."""

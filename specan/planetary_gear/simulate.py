@@ -122,5 +122,5 @@ def _say_resonances(model: Model) -> None:
         harmonic = max(round(frequency / mesh), 1)
         if abs(harmonic * mesh / frequency - 1) < _NEAR and harmonic <= len(model.axes["harmonic"]):
             note(
-                f"harmonic {harmonic} of the mesh, at {harmonic * mesh:.0f} Hz, meets that at {frequency:.0f} Hz"
+                f"harmonic {harmonic} of the mesh, {harmonic * mesh:.0f} Hz, is near the one at {frequency:.0f} Hz"
             )

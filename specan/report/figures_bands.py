@@ -125,7 +125,8 @@ def history_panels(found: BandLevels, weighting: str) -> Drawing:
     levels = np.where(np.isfinite(weighted).any(axis=1, keepdims=True), weighted, history.overall_dB["Z"])
     labels = [level_label(reference.text) for reference in found.references]
     panels = level_panels(labels, found.channels, times, levels, _DYNAMICS_DB)
-    about = f"time weighting {found.averaging}, sound pressure {weighting}-weighted"
+    pressure = f", sound pressure {weighting}-weighted" if "Pa" in found.units else ""
+    about = f"time weighting {found.averaging}{pressure}"
     return Drawing(found.label, (about,), "Time / s", tuple(panels))
 
 
@@ -185,8 +186,7 @@ def figure_levels(found: SignalLevels) -> Figure:
     ]
     heading(
         figure, found.label or "Levels",
-        f"{found.start_s:g} s to {stop:g} s, time weighting {found.averaging}, "
-        f"sound pressure {found.weighting}-weighted",
+        f"{found.start_s:g} s to {stop:g} s, time weighting {found.averaging}{found.weighted}",
         f"Highest equivalent level: {', '.join(loudest)}" if loudest else "",
     )  # fmt: skip
     return figure

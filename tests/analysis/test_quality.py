@@ -50,6 +50,12 @@ def test_the_rounded_top_of_a_slow_quantised_sine_is_not_clipping() -> None:
     assert flags(slow) == ()
 
 
+def test_a_tacho_that_holds_the_level_of_its_pulses_is_not_clipped() -> None:
+    pulses = np.clip(1.4 * SINE, -1, 1)
+    assert flags(pulses) == ("clipped",)
+    assert flags(pulses, role="tacho") == ()
+
+
 def test_a_periodic_signal_that_is_clipped_hard() -> None:
     """Every period has the same few samples between the rails."""
     heavy = 8 * np.sin(2 * np.pi * 125 * np.arange(8000) / 8000)

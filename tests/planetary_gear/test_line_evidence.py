@@ -131,7 +131,7 @@ def test_lines_of_another_origin_in_one_recording_cost_no_name():
     more = np.random.default_rng(6).standard_normal((*of_sun.shape, 2)) @ np.array([1, 1j])
     found = diagnose(base_problem(MODEL, [replace(seen, amplitude=seen.amplitude + of_sun * strong * more)]))
     assert (found.alternatives, dict(found.at)) == ((("planet-runout",),), {"planet-runout": ("P3",)})
-    assert any("lines of a are of another origin" in remark for remark in found.remarks)
+    assert any("lines of a have another origin" in remark for remark in found.remarks)
 
 
 @pytest.mark.long

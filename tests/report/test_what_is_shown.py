@@ -109,3 +109,17 @@ def test_an_interval_is_shown_with_digits_that_tell_its_ends_apart():
     assert shown(33.0081, 32.9871, 33.0312) == "33.01 (32.99 to 33.03) Hz"
     assert shown(9.6472, 7.653, 11.46) == "9.65 (7.65 to 11.5) Hz"
     assert shown(3.0, 3.0, 3.0) == "3 (3 to 3) Hz"
+
+
+def test_a_weighting_is_stated_of_sound_pressure_only():
+    noise, said = np.random.default_rng(1).standard_normal(RATE), []
+    for unit in ("Pa", "m/s^2"):
+        levels = specan.rms(specan.Recording.from_arrays({"x": noise}, RATE, units={"x": unit}))
+        shown = [text.get_text() for text in levels.plot().findobj(plt.Text)]
+        said.append(
+            [
+                "sound pressure A-weighted" in " ".join(t)
+                for t in (shown, levels.about(), [levels.sheets()[1].title])
+            ]
+        )
+    assert said == [[True] * 3, [False] * 3]

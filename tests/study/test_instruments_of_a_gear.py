@@ -147,4 +147,4 @@ def test_a_thermometer_that_stayed_in_the_room_is_told(tmp_path):
     columns["input_torque_Nm"] = torque + NOISE * rng.standard_normal(torque.size)
     found = diagnose(problem(tmp_path, columns, rig()))
     assert found.verdict == "faulty-data"
-    assert "oil temperature is not the one that acts, its sensor may be in another place" in found.reason
+    assert "oil temperature is not the effective one; its sensor may be in another place" in found.reason

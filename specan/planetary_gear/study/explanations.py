@@ -132,13 +132,13 @@ class OfOrderLines(Explanations):
         ln_prior = float(self._ln_prior(form, uses) if uses else np.log(NOTHING)) + float(ln_chance)
         apart = frozenset().union(*(p.but for p in patterns))
         names = " and ".join(name for k, name in enumerate(self.lines.seen.recordings) if k in apart)
-        said = [f"lines of {names} are of another origin: teeth part there, perhaps"] if apart else []
+        said = [f"lines of {names} have another origin: teeth may lose contact there"] if apart else []
         one = OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing")
         self.found.append(replace(one, tones="".join(said)))
         more, where = self.lines.tones(patterns)
         near = kind != "unknown" and ln_evidence > self._best - self._form_error
         if where and (near or ln_evidence + more > self._best + self._form_error):
-            said.append(f"{' and '.join(where)} stands alone: a tone of the background, perhaps")
+            said.append(f"{' and '.join(where)} is isolated: perhaps a tone of the background")
             self.found.append(replace(one, ln_evidence=ln_evidence + more, tones="; ".join(said)))
 
     def _coarsen(self, first: Use, of_form: Mapping[Use, float], parted: bool) -> None:

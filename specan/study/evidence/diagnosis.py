@@ -408,7 +408,7 @@ def larger_noise(problem: Problem) -> str:
     # 2.0: times the noise that a recording is taken to have, from which its user has to know
     found = [
         f"the noise of {name} ({noise.words}) seems {spoken(noise.times, digits=2)} times as large as "
-        + ("declared" if name in o.stated else "its fastest changes give")
+        + ("declared" if name in o.stated else "estimated from its fastest changes")
         for o in problem.observations
         if isinstance(o, TimeObservation)
         for name, noise in o.noise.items()

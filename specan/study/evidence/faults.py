@@ -90,7 +90,7 @@ def _cut_off(o: TimeObservation, name: str) -> Iterator[Spoilt]:
         columns = np.zeros((o.n, len(rests)))
         for k, rest in enumerate(rests):
             columns[rows[rest], k] = 1 - np.linspace(-1, 1, rest.size + 2)[1:-1] ** 2
-        text = f"{name} rests on its {end} value, {sign * top:.4g}, in {on.size} samples"
+        text = f"{name} stays at its {end} value, {sign * top:.4g}, in {on.size} samples"
         yield "clipped samples", f"{text}: it is clipped there", columns, 0.0
 
 
@@ -461,10 +461,10 @@ def _of_condition(tangent: Tangent, o: TableObservation, name: str, slope: Array
     for line, rows in _from_a_row_on(o):
         yield fault("from a row on", f"the {words} differs from {line} on", rows)
     if condition.setting.absolute and np.ptp(x) > 0:
-        text = f"the {words} of the first rows is not the one that acts, as while warming up"
+        text = f"the {words} of the first rows is not the effective one, as while warming up"
         for share in WARM_UP:
             yield fault("of the first rows", text, np.exp(-_elapsed(o) / share))
-        text = f"the {words} is not the one that acts, its sensor may be in another place"
+        text = f"the {words} is not the effective one; its sensor may be in another place"
         # Any course of the difference over the condition would imitate every effect that this condition could carry.
         # Where the sensor says that it stays as it is, no effect goes with it: then it may go anywhere in time.
         course, further = np.column_stack([np.ones(o.n), (x - x.mean()) / x.std()]), [np.zeros((o.n, 0))]
@@ -498,7 +498,7 @@ def _of_machine(tangent: Tangent, o: TableObservation) -> Iterator[Fault]:
     names = [problem.names[k] for k in own]
 
     def fault(line: str, after: Flags, chosen: slice, apart: tuple[Fault, ...] = ()) -> Fault:
-        text = f"the machine is another from {line} on, as after a change of oil or parts"
+        text = f"the machine behaves differently from {line} on, as after a change of oil or parts"
         columns = changes[:, chosen] * after[:, None]
         moves = partial(_of_another_machine, names[chosen], after)
         return Fault("machine from a row on", text, columns, moves=moves, apart=apart)

@@ -196,7 +196,7 @@ def test_parts_that_were_changed_between_two_rows_are_told_with_their_sizes(toy,
     model = replace(model, rig=replace(model.rig, setting={"x": SettingError(relative=0.002)}))
     found = told(base_problem(model, [rows]))
     assert found.verdict == "faulty-data"
-    assert "the machine is another from line 22 on" in found.reason
+    assert "the machine behaves differently from line 22 on" in found.reason
     change = np.where(order >= 20, offset + 1.5 * toy.x, 0.0)
     (size,) = re.findall(r"reading by up to ([\d.]+) W", found.reason)
     assert float(size) == pytest.approx(np.ptp(change), rel=0.15)

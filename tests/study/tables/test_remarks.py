@@ -65,7 +65,7 @@ def test_oil_that_was_changed_is_not_taken_for_another_level_alone(tables, tmp_p
     columns["input_torque_Nm"] = columns["input_torque_Nm"] - 0.3 * (usual - without) * later
     found = verdict(tables, tmp_path, columns)
     assert found.verdict == "faulty-data"
-    assert re.search(r"the machine is another from line 6[0-4] of table.csv on", found.reason)
+    assert re.search(r"the machine behaves differently from line 6[0-4] of table.csv on", found.reason)
 
 
 @pytest.mark.long
