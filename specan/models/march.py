@@ -149,13 +149,12 @@ class Program:
                 _giving("rate_{k}", states),
                 "def moved(s, h, slope):",
                 _giving("s[{k}] + h * slope[{k}]", states),
-                "def stiff(k1, k2, k3, steps):",
-                self._of_any("abs(k3[{k}] - k2[{k}])", "STABLE * abs(k2[{k}] - k1[{k}])"),
+                "def stiff(s, h, k1, k2, k3, steps):",
+                self._of_any("abs(k3[{k}] - k2[{k}])", "abs(k2[{k}] - k1[{k}])"),
                 "def bent(s, h, k1, k2, k3, k4, steps):",
                 self._of_any(
                     "abs(k4[{k}] - k3[{k}] - k2[{k}] + k1[{k}])",
-                    "STABLE * (abs(k2[{k}] - k1[{k}]) + abs(k4[{k}] - k3[{k}]))"
-                    " + CLOSE * abs(s[{k}]) / (h * steps**3)",
+                    "abs(k2[{k}] - k1[{k}]) + abs(k4[{k}] - k3[{k}])",
                 ),
                 "def between(drives, i, part):",
                 "    n, rest = drives.shape[0] // 2, 1 - part",
@@ -169,15 +168,14 @@ class Program:
             ]
         )
 
-    def _of_any(self, change: str, most: str) -> str:
-        """Whether a change of slopes of any state is large, or of any set of values.
+    def _of_any(self, change: str, before: str) -> str:
+        """Whether a change of slopes of any state is large beside another and the state, or of any set of values.
 
         Of the second over that of the first: |h df/ds| is above 2 STABLE then (Hairer and Wanner 1996, IV.2).
         """
-        each = [
-            f"(steps * {change} > {most} + SHARE * (abs(k1[{{k}}]) + abs(k2[{{k}}])))".format(k=k)
-            for k in range(len(self.states))
-        ]
+        most = f"STABLE * ({before}) + SHARE * (abs(k1[{{k}}]) + abs(k2[{{k}}]))"
+        most += " + CLOSE * abs(s[{k}]) / (h * steps**3)"
+        each = [f"(steps * {change} > {most})".format(k=k) for k in range(len(self.states))]
         found = " or ".join(each) if self.switched else f"np.any({' | '.join(each)})"
         return f"    return {found}"
 

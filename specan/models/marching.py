@@ -14,7 +14,7 @@ FINEST = 1 / 32  # of the time between two samples, of steps
 CORNERS = 30  # halvings between two samples, which come closer than that
 STABLE = 0.5  # of Runge-Kutta's 1.4, where it gets unstable
 SHARE = 0.002  # of a slope, below which its changes matter to nothing
-CLOSE = 0.001  # of a state, below which its changes by a corner matter to nothing
+CLOSE = 0.001  # of a state, below which its changes in a step matter to nothing
 
 
 def rates(s, d, p, on):
@@ -29,7 +29,7 @@ def between(drives, i, part):
     """Drives on the cubic between two samples; written out too."""
 
 
-def stiff(k1, k2, k3, steps):
+def stiff(s, h, k1, k2, k3, steps):
     """Whether the second and third slope of a step differ too much for what the first two do; written out too."""
 
 
@@ -56,7 +56,7 @@ def explicit(times, steps, drives, p, on, s, states, path):
             k2 = rates(moved(s, 0.5 * h, k1), d, p, on)
             k3 = rates(moved(s, 0.5 * h, k2), d, p, on)
             k4 = rates(moved(s, h, k3), between(drives, i, part + share), p, on)
-            slow = stiff(k1, k2, k3, 0.5 if again else steps)
+            slow = stiff(s, h, k1, k2, k3, 0.5 if again else steps)
             corner = not (again or slow) and corners < CORNERS and bent(s, h, k1, k2, k3, k4, steps)
             if corner or (slow and share > FINEST):
                 again, level, corners = False, level + 1, corners + corner
@@ -66,7 +66,7 @@ def explicit(times, steps, drives, p, on, s, states, path):
             part += share
             j += 1
             s = moved(moved(moved(moved(s, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
-            if not again and level and int(part / share) % 2 == 0 and not stiff(k1, k2, k3, 2 * steps):
+            if not again and level and int(part / share) % 2 == 0 and not stiff(s, h, k1, k2, k3, 2 * steps):
                 level -= 1
         for k in range(len(s)):
             states[k, i + 1] = s[k]

@@ -141,6 +141,30 @@ def test_a_state_that_gets_stiff_in_a_fit(way):
     assert {steps for _, steps in model.solver.steps.values()} <= {1, 2}
 
 
+def test_steps_are_no_finer_than_a_quick_state_asks_for(monkeypatch):
+    """Bristles that slide: their slope is next to nothing, and its changes in a step come from the speed.
+
+    A step is halved while |h df/ds| is above 1, and 2 samples of 20 have a corner, where the speed turns round.
+    """
+    monkeypatch.setattr(march, "_numba", lambda: None)
+    slip, time, speeds = 6e-5, TIME[:180], []
+
+    def rate(v, bristle):
+        speeds.append(float(v[0]))
+        return v - np.abs(v) * bristle / slip
+
+    @effect("dahl", adds_to="spring", neutral={"size": 0.0}, states={"bristle": State("m", rate=rate)})
+    def dahl(bristle, *, size=Parameter(3.0, "N", min=0.1, max=10, lower=0)):
+        """Friction whose contacts bend."""
+        return size * bristle / slip
+
+    model = oscillator([dahl])
+    response(model, time, push(time), {}, ["dahl"])
+    taken = len(speeds) / 4 / time.size / 3  # marches: two to see that the steps are enough
+    asked = np.mean(2 ** np.ceil(np.log2(np.maximum(np.abs(speeds) * time[1] / slip, 1))))
+    assert taken < asked
+
+
 def test_stiff_system_takes_the_implicit_method(way):
     """An overdamped one whose fast root is far beyond what Runge-Kutta can take: closed form of the slow one."""
     model = oscillator(start=1e-3, damping=1e6)
