@@ -128,7 +128,7 @@ def _led_with(promise: Promise, problem: Problem) -> Iterator[tuple[float, Probl
 def _runs_apart(o: TimeObservation, problem: Problem, values: Mapping[str, Any]) -> str:
     """Why nobody can foretell a recording to its end; empty where one can."""
     apart = 100.0  # times by which a change of a start grows, beyond what constant rates make of it
-    responses = _responses(o, problem.assembly, values)
+    small, smaller = (_responses(o, problem.assembly, values, size) for size in (1e-3, 1e-4))
     error = o.measured - o.predict(problem.assembly, values)
     lost = far(problem, values)
     for chains in o.chains.values():
@@ -137,11 +137,13 @@ def _runs_apart(o: TimeObservation, problem: Problem, values: Mapping[str, Any])
         early, after = (np.mean(part**2) for part in np.split(error[rows], [rows.size // 10]))
         if not lost and after <= 2**2 * early:  # what is predicted to the end is no worse there
             continue
-        for state, response in responses.items():
-            size = np.abs(response[rows])
+        for state, response in small.items():
+            size, straight = np.abs(response[rows]), np.abs(smaller[state][rows]) * 10
             soon = float(np.max(size[: rows.size // 10], initial=0.0))
             late = float(np.max(size))
-            if soon > 0 and late > apart * soon:
+            # what grows until the motion itself is no larger is no straight line of the start any more
+            full = late > apart * 1e-3 * np.std(o.measured[rows]) and np.max(straight) > 2 * late
+            if soon > 0 and (full or late > apart * soon):
                 # over which it grows by e squared
                 seconds = 2 * float(time[np.argmax(size)] - time[0]) / np.log(late / soon)
                 return (
@@ -152,13 +154,17 @@ def _runs_apart(o: TimeObservation, problem: Problem, values: Mapping[str, Any])
     return ""
 
 
-def _responses(o: TimeObservation, assembly: Assembly, values: Mapping[str, Any]) -> dict[str, Array]:
-    """Change of all rows after an impulse in the rate of each state, when a recording begins."""
+def _responses(
+    o: TimeObservation, assembly: Assembly, values: Mapping[str, Any], share: float = 1e-3
+) -> dict[str, Array]:
+    """Change of all rows after an impulse in the rate of each state, when a recording begins.
+
+    By a share of the standard deviation of the state: a thousandth is small enough for a straight line.
+    """
     model, plain, found = assembly.model, o.predict(assembly, values), {}
     for name in model.rates.states:
         start = model.quantities[f"{name}_start"]
-        # 1e-3: standard deviations of a state, small enough for a straight line
-        size = 1e-3 * o.spread(assembly, values, name)
+        size = share * o.spread(assembly, values, name)
         moved = replace(start, function=lambda *given, of=start, by=size, **own: of(*given, **own) + by)
         shifted = replace(model, quantities={**model.quantities, start.name: moved})
         shifted.solver.steps = model.solver.steps
