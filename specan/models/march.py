@@ -36,7 +36,6 @@ Sets = Sequence[Mapping[str, Any]]  # of parameter values
 KEPT = 40  # programs
 MOST_STEPS = 16  # a sample, in fits
 MOST_EXACT = 512, 32  # of a simulation, compiled or not
-UNSETTLED = False, 4  # method and steps at values at which nothing settles
 
 
 class Program:
@@ -396,7 +395,7 @@ class Solver:
             # values that stay finite are slowed by corners, or by chaos, and not stiff
             if np.all(np.isfinite(last)):
                 return implicit, most // 2
-        return UNSETTLED
+        return False, 4  # nothing settles at these values
 
     def method(self) -> str:
         """What marched, in words."""
