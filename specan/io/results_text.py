@@ -175,8 +175,10 @@ def _cells(name: str, values: Any) -> Numbers:
     if isinstance(values, Numbers):
         return values
     first = values[0] if len(values) else ""
-    if isinstance(first, (str, tuple, list)):
-        return Numbers("%s", [text if isinstance(text, str) else " ".join(text) for text in values])
+    if isinstance(first, str):
+        return Numbers("%s", values)
+    if isinstance(first, (tuple, list)):
+        return Numbers("%s", [" ".join(words) for words in values])
     if name in ("frequency_hz", "order"):
         return frequencies(values)
     if name == "phase_deg":
