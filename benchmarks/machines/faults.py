@@ -116,6 +116,17 @@ def later_zero(case: Case, readings: dict[str, Array], rng: np.random.Generator)
     return {**readings, name: readings[name] + rng.choice([-1, 1]) * rng.uniform(0.02, 0.06) * size * after}
 
 
+def lagging(case: Case, readings: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
+    """The pointer of a reading has play: it follows what it shows only after a gap is closed."""
+    name = str(rng.choice(list(readings)))
+    gap = rng.uniform(0.01, 0.03) * np.median(np.abs(case.clean[name]))
+    out, at = readings[name].copy(), case.clean[name][0]
+    for row, true in enumerate(case.clean[name]):
+        at = min(max(at, true - gap), true + gap)
+        out[row] += at - true
+    return {**readings, name: out}
+
+
 def copied(case: Case, readings: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
     """A tenth to a third of the last pass was not measured but copied from the first."""
     rows = next(iter(readings.values())).size // 3
@@ -131,12 +142,12 @@ CONDITIONS: dict[str, Condition] = {
     "level": level, "thermometer": thermometer, "cold-spot": cold_spot, "not-set-anew": not_set_anew,
 }  # fmt: skip
 READINGS: dict[str, Callable[[Case, dict[str, Array], np.random.Generator], dict[str, Array]]] = {
-    "range": switched, "later-zero": later_zero, "copied": copied,
+    "range": switched, "later-zero": later_zero, "copied": copied, "hysteresis": lagging,
 }  # fmt: skip
 SAID = {  # what the name of the explanation has to hold
     "level": ("of a level",), "thermometer": ("temperature",), "cold-spot": ("temperature",),
     "not-set-anew": ("not set anew",), "range": ("of a range",), "later-zero": ("from a row on",),
-    "copied": ("copied",),
+    "copied": ("copied",), "hysteresis": ("hysteresis",),
 }  # fmt: skip
 
 

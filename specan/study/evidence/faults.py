@@ -370,8 +370,10 @@ def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Ite
         yield Fault(name, text, level[:, None] * shape, ln_known=-tried)
     for observable, rows in problem.observable_rows.items():
         unit = printed_unit(problem.assembly.model.observables[observable].unit)
-        ranges = _ranges(observable, unit, rows, np.abs(predicted)) if o.kind == "table" else ()
-        for name, text, shape in (*_courses(o), *ranges):
+        of_size: tuple[tuple[str, str, Array], ...] = ()
+        if o.kind == "table":
+            of_size = (*_ranges(observable, unit, rows, np.abs(predicted)), _hysteresis(o, rows, predicted))
+        for name, text, shape in (*_courses(o), *of_size):
             for kind, size in {"gain": predicted, "zero": level}.items():
                 columns = (size * rows)[:, None] * shape
                 if np.any(columns):
@@ -404,6 +406,20 @@ def _ranges(name: str, unit: str, rows: Flags, size: Array) -> Iterator[tuple[st
         shape = np.zeros((rows.size, 1))
         shape[np.flatnonzero(rows)[above]] = 1.0
         yield "{} of a range", f"{text}, as after a switch of range", shape
+
+
+def _hysteresis(o: TableObservation, rows: Flags, predicted: Array) -> tuple[str, str, Array]:
+    """The same of readings after a rise and after a fall: the reversibility error of an instrument (VDI/VDE 2646)."""
+    shape, before, after = np.zeros((o.n, 1)), np.nan, 0.0
+    own = np.flatnonzero(rows)
+    for row in own[np.argsort(_elapsed(o)[own], kind="stable")]:
+        step = predicted[row] - before
+        # 3: standard deviations of a reading, up to which it is no change
+        if not abs(step) <= 3 * o.sigma[row]:
+            before, after = predicted[row], np.nan_to_num(np.sign(step))
+        shape[row] = after
+    text = "the {} of the readings differs between rising and falling values"
+    return "hysteresis of the {}", f"{text}, as of an instrument that lags behind", shape
 
 
 def _off(o: TableObservation, rows: Flags) -> Iterator[tuple[str, str, Array]]:

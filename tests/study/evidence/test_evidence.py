@@ -171,6 +171,19 @@ def test_readings_that_drift_with_their_order_are_a_fault_of_the_data(toy):
     assert "drift" in headline(found)
 
 
+def test_an_instrument_with_play_is_a_fault_of_the_data(toy):
+    """Its pointer follows what it shows only after a gap is closed (the play operator)."""
+    order = np.random.default_rng(8).permutation(48)
+    problem = toy.problem(lambda x, z: 20.0 * x, ["tilt", "cross"])
+    (rows,) = problem.observations
+    shown, at = rows.measured.copy(), rows.measured[np.argmin(order)]
+    for row in np.argsort(order):
+        at = shown[row] = np.clip(at, rows.measured[row] - 2.0, rows.measured[row] + 2.0)
+    found = told(problem.over([replace(rows, measured=shown, lines=order + 2, recording=np.zeros(48, int))]))
+    assert found.verdict == "faulty-data"
+    assert "hysteresis" in headline(found)
+
+
 def test_an_effect_is_told_beside_a_fault_of_the_data(toy):
     order = np.random.default_rng(8).permutation(48)
     problem = toy.problem(lambda x, z: 8.0 * (order / 47 - 0.5) + 6.0 * x * z, ["tilt", "cross"])
