@@ -95,18 +95,15 @@ def _lines(recording: Recording, size: int, excitation: Excitation) -> list[str]
     from specan.data.recording import properties_called
     from specan.result import counted
 
-    channels = recording.channels
-    longest = max(c.duration_s for c in channels)
-    rate = " and ".join(f"{r:g}" for r in sorted({c.sampling_rate for c in channels}))
-    tone = f" at {excitation.frequency_hz:g} Hz" if excitation.frequency_hz else ""
+    label, kind, tone, channels, seconds, rate, _, calibration = _row(recording, excitation)
     written = dict.fromkeys(
         " ".join(str(text).split()) for _, text in properties_called("Description", recording)
     )
     amount = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.0f} kB"
     return [
-        f"{recording.label}: {counted(len(channels), 'channel')}, {longest:g} s at {rate} Hz, {amount}",
-        f"Excitation: {excitation.kind}{tone} ({excitation.reason})",
-        f"Calibration: {recording.calibration_of([c.name for c in channels])}",
+        f"{label}: {counted(channels, 'channel')}, {seconds} s at {rate} Hz, {amount}",
+        f"Excitation: {kind}{tone and f' at {tone} Hz'} ({excitation.reason})",
+        f"Calibration: {calibration}",
         *(f"Description: {text}" for text in written),
         *(f"Flag: {flag}" for flag in recording.flags),
         *(f"Note: {note}." for note in recording.notes),

@@ -32,21 +32,24 @@ def page(title: str, parts: Iterable[str]) -> str:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A table, without the columns that hold nothing.
+    """A table, without the columns that hold nothing; without rows there is none.
 
     Examples
     --------
     >>> "<b>" in table(["channel"], [["<b>Mic 1</b>"]]), "held out" in table(["step", "held out"], [[0, ""]])
     (False, False)
+    >>> table(["parameter", "value"], [])
+    ''
     """
     columns = [[str(value) for value in column] for column in zip(*rows, strict=True)]
     heads = [*header, *[""] * (len(columns) - len(header))]
-    kept = [(head, column) for head, column in zip(heads, columns, strict=True) if any(column)]
+    kept = [(head, column) for head, column in zip(heads, columns) if any(column)]
     kinds = [' class="n"' * all(map(_NUMBER.fullmatch, filter(None, column))) for _, column in kept]
     head = _line((f"th{kind}" if name else "td", name) for kind, (name, _) in zip(kinds, kept, strict=True))
     lines = zip(*(column for _, column in kept), strict=True)
     body = (_line((f"td{kind}", text) for kind, text in zip(kinds, line, strict=True)) for line in lines)
-    return f"<table><thead>{head * any(header)}</thead><tbody>" + "\n".join(body) + "</tbody></table>"
+    whole = [f"<table><thead>{head * any(header)}</thead><tbody>", *body, "</tbody></table>"]
+    return "\n".join(whole * bool(kept))
 
 
 def shown(sheet: Sheet) -> str:

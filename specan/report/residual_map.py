@@ -185,7 +185,7 @@ def _cell(found: ResidualMap, i: int, j: int, across: str, up: str) -> str:
         return '<td style="border:0"></td>'
     worst = max(cell, key=lambda block: abs(block.z))
     colour = _DIVERGING[int(np.clip(round(5 + 5 * worst.z / found.end), 0, 10))]
-    frame = "2px solid var(--ink)" if found.significant[i, j] else "1px solid var(--line)"
+    frame = "2px solid var(--accent)" if found.significant[i, j] else "1px solid var(--line)"
     place = f"{across} {found.columns[j]}" + (f", {up} {found.rows[i]}" if up else "")
     text = f"{place}: left-out z {worst.z:+.1f}, {worst.text} ({worst.n} values)"
     style = f"background:{colour};border:0;height:18px;print-color-adjust:exact;outline:{frame}"

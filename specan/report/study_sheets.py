@@ -18,7 +18,6 @@ from specan.units import printed_unit, spoken
 if TYPE_CHECKING:
     from specan.study.study import Study
 
-_INTERVAL = ("value", "low", "high")  # of a parameter
 SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell them apart
 
 
@@ -40,17 +39,17 @@ def errors(found: Iterable[ObservableError], title: str = "", data: Sequence[str
 
 def parameters(found: Mapping[str, Mapping[str, Any]]) -> Sheet:
     """Fitted parameters with their 95 % intervals."""
-    rows = [
-        [name, *(spoken(_within(p, key), digits=4) for key in _INTERVAL), printed_unit(p["unit"]), _remark(p)]
-        for name, p in found.items()
-    ]
+    rows = [[name, *_interval(p, 4), printed_unit(p["unit"]), _remark(p)] for name, p in found.items()]
     return Sheet("Parameters (95 %)", ["parameter", "value", "from", "to", "unit", ""], rows)
 
 
-def _within(p: Mapping[str, Any], key: str) -> float:
-    """A value to a thousandth of its interval: what is less is nothing."""
+def _interval(p: Mapping[str, Any], least: int) -> list[str]:
+    """A value and the ends of its interval, to a thousandth of it, with as many digits as tell the ends apart."""
     step = (p["high"] - p["low"]) / 1000
-    return round(p[key], -int(np.floor(np.log10(step)))) + 0.0 if 0 < step < np.inf else p[key]
+    places = -int(np.floor(np.log10(step))) if 0 < step < np.inf else 300
+    values = [round(p[key], places) + 0.0 for key in ("value", "low", "high")]
+    texts = ([spoken(value, digits=digits) for value in values] for digits in range(least, 9))
+    return next((found for found in texts if found[1] != found[2]), [spoken(v, digits=least) for v in values])
 
 
 def _remark(p: Mapping[str, Any]) -> str:
@@ -62,10 +61,9 @@ def _remark(p: Mapping[str, Any]) -> str:
 
 
 def value_text(p: Mapping[str, Any]) -> str:
-    """``9.37 (7.02 to 11.6) W``; with more digits where the ends of the interval would look alike."""
-    ends = p["low"], p["high"]
-    digits = next((n for n in range(3, 9) if len({spoken(end, digits=n) for end in ends}) == 2), 3)
-    return f"{spoken(p['value'], digits=digits)} ({spoken(*ends, digits=digits)}) {printed_unit(p['unit'])}".rstrip()
+    """``9.37 (7.02 to 11.6) W``."""
+    value, low, high = _interval(p, 3)
+    return f"{value} ({low} to {high}) {printed_unit(p['unit'])}".rstrip()
 
 
 def amount(error: Mapping[str, Any]) -> str:

@@ -101,10 +101,12 @@ def test_a_value_that_is_nothing_beside_its_interval_is_shown_as_nothing():
 
 
 def test_an_interval_is_shown_with_digits_that_tell_its_ends_apart():
-    from specan.report.study_sheets import value_text
+    from specan.report.study_sheets import parameters, value_text
 
     def shown(value, low, high):
-        return value_text({"value": value, "low": low, "high": high, "unit": "Hz"})
+        row = {"value": value, "low": low, "high": high, "unit": "Hz", "at_bound": False, "plausible": True}
+        assert (parameters({"x": row}).rows[0][2:4] == ["3", "3"]) == (low == high)
+        return value_text(row)
 
     assert shown(33.0081, 32.9871, 33.0312) == "33.01 (32.99 to 33.03) Hz"
     assert shown(9.6472, 7.653, 11.46) == "9.65 (7.65 to 11.5) Hz"
