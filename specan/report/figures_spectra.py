@@ -15,7 +15,7 @@ from specan.data.orders import OrderSpectrum
 from specan.data.spectrum import ShockResponse, Spectrogram, Spectrum, SpectrumScale
 from specan.data.tone import ToneTable
 from specan.report.figure_style import band_about, level_label, with_gaps
-from specan.report.panels import Curve, Drawing, Panel, Picture, grouped, level_panels, with_bounds
+from specan.report.panels import FEW, Curve, Drawing, Panel, Picture, grouped, level_panels, with_bounds
 from specan.result import counted
 from specan.units import level_reference, printed_unit
 
@@ -154,6 +154,7 @@ def figure_tone(found: ToneTable) -> Drawing:
     facts = (
         f"{found.frequency_hz:.6g} Hz",
         f"THD at most {found.thd_percent[worst]:.3g} %: {found.channels[worst]}",
+        "Grey: the other channels" if len(found.channels) > FEW else "",
     )
     ends = 0.5, number[-1] + 0.5
     return Drawing(found.label or "Tone", facts, "Number of the harmonic", (panel,), x_limits=ends)

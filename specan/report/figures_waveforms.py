@@ -12,10 +12,10 @@ from specan.data.channel import Channel
 from specan.data.decay import ImpulseResponses
 from specan.data.levels import decibels
 from specan.data.recording import Recording
-from specan.report.figure_style import COLOURS, heading, new_figure, remark, styled
+from specan.report.figure_style import COLOURS, heading, level_label, new_figure, remark, styled
 from specan.report.panels import Drawing, level_panels
 from specan.report.waveform import COLUMNS, Waveform, common_reach, read_overviews
-from specan.units import printed_unit
+from specan.units import level_reference, quotient
 
 MOST_CHANNELS = 32
 _DYNAMICS_DB = 80.0  # that the figure of impulse responses shows at most
@@ -85,7 +85,8 @@ def figure_impulse_responses(found: ImpulseResponses) -> Drawing:
     """Levels of impulse responses over time, one pair of axes a unit: the highest sample of each column."""
     size = max(found.time_s.size // COLUMNS, 1)
     highest = np.maximum.reduceat(np.abs(found.samples), np.arange(0, found.time_s.size, size), axis=1)
-    labels = [printed_unit(f"Level / dB re 1 {unit}/{found.reference_unit}") for unit in found.units]
+    over = found.reference_unit
+    labels = [level_label(level_reference(quotient(unit, over)).text) for unit in found.units]
     panels = level_panels(labels, found.channels, found.time_s[::size], decibels(highest), _DYNAMICS_DB)
     facts = (f"{found.method} over {found.reference}",)
     return Drawing(found.label or "Impulse responses", facts, "Time / s", tuple(panels))

@@ -274,8 +274,9 @@ def draw_panels(sheet: Sequence[Axes], panels: Sequence[Panel]) -> None:
         for curve in sorted(panel.curves, key=lambda c: numbers.get(c.name, len(numbers))):
             if curve.name in numbers:
                 _draw(axes, panel, curve, style_of(numbers[curve.name], many))
-            elif many and panel.kind == "thin":
-                axes.plot(curve.x, curve.y, color="0.72", linewidth=0.4, zorder=1.5)
+            elif many and panel.kind in ("thin", "rows"):
+                form = "-" if panel.kind == "thin" else "."
+                axes.plot(curve.x, curve.y, form, color="0.72", linewidth=0.4, markersize=6, zorder=1.5)
         for curve in panel.bounds:
             _draw(axes, replace(panel, kind="steps"), curve, BOUND)
         axes.set_ylabel(panel.label)

@@ -125,3 +125,20 @@ def test_a_weighting_is_stated_of_sound_pressure_only():
             ]
         )
     assert said == [[True] * 3, [False] * 3]
+
+
+def test_harmonics_of_every_channel_are_drawn_and_a_ratio_has_no_unit():
+    """Nine channels, beyond the eight that have a colour each; the response of a signal to itself is a number."""
+    t = np.arange(RATE) / RATE
+    tones = {
+        f"Mic {k}": np.sin(2 * np.pi * 500 * t) + 0.01 * k * np.sin(2 * np.pi * 1000 * t)
+        for k in range(1, 10)
+    }
+    (axes,) = specan.tones(specan.Recording.from_arrays(tones, RATE)).plot().axes
+    second = [line.get_ydata()[1] for line in axes.lines if len(line.get_ydata()) > 1]
+    assert np.allclose(sorted(second), 20 * np.log10(0.01 * np.arange(1, 10)), atol=0.01)
+    noise = np.random.default_rng(1).standard_normal(2 * RATE)
+    found = specan.impulse(
+        specan.Recording.from_arrays({"in": noise, "out": noise}, RATE), reference="in", channels="out"
+    )
+    assert found.plot().axes[0].get_ylabel() == "Level / dB re 1"
