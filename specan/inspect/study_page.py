@@ -221,7 +221,7 @@ class StudyPage(Page):
     def _try(self, uses: Uses) -> None:
         if self.adding or self.now is None:
             return
-        name, study, now = " with ".join(uses), self.study, self.now
+        name, study = " with ".join(uses), self.study
         self.status.begin(f"Fitting with {name}")
         self.accept.disabled = True
 
@@ -235,7 +235,7 @@ class StudyPage(Page):
             )
             self.again.disabled = False
 
-        self.work.ask(lambda tell: try_effects(study, now.fit, uses), show)
+        self.work.ask(lambda tell: try_effects(study, uses), show)
 
     def _as_it_is(self) -> None:
         if self.adding or self.now is None:

@@ -14,14 +14,13 @@ from specan.models import Use
 from specan.report import study_sheets
 from specan.report.residual_map import ResidualMap, residual_map
 from specan.result import Sheet
-from specan.study.estimation.continuation import linearised
-from specan.study.estimation.fit import Fit, fit
+from specan.study.edit import with_effects
+from specan.study.estimation.fit import Fit
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.history import NAME as HISTORY
 from specan.study.selection.candidates import candidates
-from specan.study.selection.starting_values import starting_values
-from specan.study.study import STARTS, Study
+from specan.study.study import Study
 from specan.study.study_file import NAME
 from specan.study.verdict import Diagnosis, parameter_table
 
@@ -61,14 +60,12 @@ def as_it_is(study: Study) -> Trial:
     return _trial((), study.problem, study.shown)
 
 
-def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
-    """Refit with further effects.
+def try_effects(study: Study, uses: Sequence[str]) -> Trial:
+    """Refit with further effects, as when they are accepted.
 
     Parameters
     ----------
     study : Study
-    now : Fit
-        Of the model as it is.
     uses : sequence of str
 
     Raises
@@ -84,13 +81,8 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
         if name not in known:
             why = not_testable.get(Use.parse(name).name, "it is in the model or unknown")
             raise RequestError(f"{name} cannot be tried: {why}")
-    problem = study.problem.with_uses([known[name].use for name in uses])
-    if problem.strategy.linearised_covariance:  # as when the effect is accepted
-        problem = linearised(
-            problem, starting_values(problem, [known[name].use for name in uses], now.values)
-        )
-        return _trial(tuple(uses), problem, fit(problem))
-    return _trial(tuple(uses), problem, fit(problem, start=now.values, starts=STARTS))
+    changed, _ = with_effects(study, study.text(), [known[name].use for name in uses])
+    return _trial(tuple(uses), changed.problem, changed.shown)
 
 
 def _trial(uses: tuple[str, ...], problem: Problem, best: Fit) -> Trial:

@@ -113,15 +113,21 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
         study = _as_it_stands(study)
         _check_addable(study, use)
         before, text = _begun(study)
-        if use in study.problem.nuisances:
-            text.set_role(use, "model")
-        else:
-            text.append("effect", effect_entry(use))
-        changed, held = hold_undetermined(Study(study.directory, draft=text))
+        changed, held = with_effects(study, text, [use])
         after = changed.step("add", str(use), because, study.diagnosed or led_to)
         remarks = _remarks_on_adding(study, changed, before, after, use, held)
         changed.keep(after)
     return Change(before, after, study, changed, held, tuple(remarks))
+
+
+def with_effects(study: Study, text: StudyText, uses: Sequence[Use]) -> tuple[Study, tuple[str, ...]]:
+    """The study with effects added to its text, kept nowhere; and which parameters are held as undetermined."""
+    for use in uses:
+        if use in study.problem.nuisances:
+            text.set_role(use, "model")
+        else:
+            text.append("effect", effect_entry(use))
+    return hold_undetermined(Study(study.directory, draft=text))
 
 
 def drop_effect(study: Study, effect: str, because: str = "") -> Change:
