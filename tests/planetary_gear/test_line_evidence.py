@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal, norm
 
 from specan import Study
 from specan.models.catalogue import example_model
@@ -14,6 +15,7 @@ from specan.planetary_gear.study.order_lines import OrderLinesObservation
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.selection.candidates import base_problem, candidates
+from truth import floating_set
 from truth.planetary_gear import draw, write_case
 
 MODEL = example_model("planetary-gear")
@@ -76,7 +78,7 @@ def test_the_evidence_is_that_of_a_normal_law():
     lines = np.where(chosen, rng.standard_normal((*chosen.shape, 2)) @ np.array([1, 1j]), 0)[None]
     pattern = Pattern(lines, use="any")
     size, answer, own = 0.7, 2.0, 0.5
-    found, _ = evidence._coherent([pattern], np.array([[size]]), 1.0, answer, own)
+    found, _ = evidence._coherent([pattern], np.array([[size]]), answer, own)
     row, line = np.nonzero(chosen)
     y, p, noise = seen.amplitude[chosen], lines[0][chosen], seen.noise[chosen]
     unsure = evidence._gain[1]
@@ -134,6 +136,60 @@ def test_lines_of_another_origin_in_one_recording_cost_no_name():
     assert any("lines of a have another origin" in remark for remark in found.remarks)
 
 
+def test_a_tone_is_on_its_line_in_all_recordings_at_one_speed():
+    """Its evidence is that of a normal law of any size in each recording, times that it falls on this line."""
+    seen = drawn("", None, 3)
+    line = int(np.flatnonzero(KNOWN.family == "66h+-1 (planets unlike)")[2])
+    amplitude = seen.amplitude.copy()
+    amplitude[:, line] = 20 * seen.noise[:, line] * np.exp(1j * np.arange(4))
+    evidence = LineEvidence(base_problem(MODEL, [replace(seen, amplitude=amplitude)]), {})
+    found, where = evidence.tones([])
+    assert where == [f"order {KNOWN.order[line]:.5g} in a and b"]
+    expected = np.log(0.05 / evidence.used.sum())
+    strongest = np.abs(amplitude[:, KNOWN.harmonic == KNOWN.harmonic[line]]).max(axis=1)
+    for rows in ([0, 1], [2, 3]):
+        both = np.array([[y.real, y.imag] for y in amplitude[rows, line]])
+        noise = seen.noise[rows, line][:, None]
+        each = [
+            norm.logpdf(both, scale=np.sqrt(noise**2 + (size * strongest[rows][:, None]) ** 2 / 2)).sum()
+            - norm.logpdf(both, scale=noise).sum()
+            for size in 2.0 ** np.arange(-15, 6)
+        ]
+        expected += logsumexp(each) - np.log(21)
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_gains_of_recordings_on_one_path_are_held_out_by_the_mean_of_their_logarithms():
+    """A sensor hears one recording 9 times, the other 4 times as strong as the model: what is held out 6 times."""
+    lines = [9 * plain_lines(TORQUES[0]), 4 * plain_lines(TORQUES[1])]
+    fitted = recorded(lines, 1e-9, np.random.default_rng(1))
+    held_out = replace(fitted, learned=fitted, amplitude=0 * fitted.amplitude)
+    shown = held_out.lines_of(held_out.plain(MODEL.assemble(), {}))
+    middle = int(np.flatnonzero(KNOWN.order == 66.0)[0])
+    ratio = np.abs(shown[:, middle]) / np.abs(fitted.amplitude[:, middle])
+    assert ratio == pytest.approx([6 / 9, 6 / 9, 6 / 4, 6 / 4], rel=1e-6)
+
+
+def test_effects_change_lines_of_the_ideal_set_as_much_as_their_own_lines_say():
+    """A machine that answers with a quarter of the model's lines, at one torque; another torque is held out."""
+    use, values = "planet-position-error@P2", {"planet-position-error@P2.error": 2e-6}
+    plain, full = ([one(t) for t in TORQUES] for one in (plain_lines, lambda t: lines_of(t, [use], values)))
+    quarter, whole = ([p + part * (f - p) for p, f in zip(plain, full, strict=True)] for part in (0.25, 1.0))
+    seen = recorded([quarter[0]] * 2, 1e-9, np.random.default_rng(1))
+    fitted, held_out = (
+        replace(seen, point={**seen.point, "carrier_torque": np.full(4, torque)}) for torque in TORQUES
+    )
+    assembly = MODEL.assemble([*MODEL.base_effects, use])
+    shown = held_out.lines_of(replace(held_out, learned=fitted).plain(assembly, values))
+    ideal = ~seen.beyond[:2] & (np.abs(plain[0]) > 1e-3 * np.abs(plain[0]).max())
+    told, right, wrong = (
+        (one[:2][ideal] / other[:2][ideal])
+        for one, other in ((shown, seen.amplitude), (quarter[1], quarter[0]), (whole[1], whole[0]))
+    )
+    # The gains, which the whole change is in, tell the quarter to their own change.
+    assert np.abs(told - right).max() < 0.1 * np.abs(wrong - right).max()
+
+
 @pytest.mark.long
 def test_an_effect_that_the_model_has_is_not_found_again():
     values = {"sun-runout.cosine": 1e-6, "sun-runout.sine": 2e-6}
@@ -153,7 +209,10 @@ def test_a_recording_is_shown_as_strong_as_others_answer():
     rng = np.random.default_rng(1)
     seen = recorded([plain_lines(TORQUES[0]) - 2 * change[0], plain_lines(TORQUES[1])], 1e-7, rng)
     assembly = MODEL.assemble([*MODEL.base_effects, "sun-runout"])
-    shown, heard = seen.lines_of(seen.plain(assembly, values)), seen._heard(assembly, values)
+    shown, heard = (
+        seen.lines_of(seen.plain(assembly, values)),
+        seen._heard(seen.model_lines(assembly, values)),
+    )
     strong = seen.beyond & (KNOWN.family == "66h+-3.75 (sun)")
     assert np.abs(shown[:2][strong[:2]]).max() < 1e-3 * np.abs(heard[:2][strong[:2]]).max()
     for h in (1, 2, 3):
@@ -184,5 +243,13 @@ def test_a_runout_that_parts_the_teeth_is_among_what_is_named(tmp_path, seed):
     """Teeth that let go and meet again, by Runge-Kutta's method."""
     gear = draw(seed, "sun-runout", strength=4.0, drawn_set=True)
     files, _, rig = write_case(replace(gear, runs=gear.runs[1:2]), tmp_path)
+    found = Study.new(tmp_path / "study", "planetary-gear", files, rig=rig).diagnose()
+    assert ("sun-runout",) in found.alternatives
+
+
+@pytest.mark.long
+def test_a_runout_is_among_what_is_named_where_teeth_of_a_floating_set_part(tmp_path):
+    """A runout of 7.6 um against deflections of 2 to 5 um, at two torques and two speeds."""
+    files, _, rig = floating_set.write_case(floating_set.draw(51101, "sun-runout", strength=2.15), tmp_path)
     found = Study.new(tmp_path / "study", "planetary-gear", files, rig=rig).diagnose()
     assert ("sun-runout",) in found.alternatives

@@ -43,7 +43,6 @@ from specan.study.selection.candidates import Candidate
 SIZES = np.exp2(np.arange(-15.0, 6.0))
 # How well answers are known: errors over those of the rig file, and what part of them each recording has of its own.
 ANSWERS = (1.0, 0.1), (2.0, 0.5)
-FORMS = 1.0, 3.0  # errors of the form of an effect, over those that the rig file states of single lines
 # Probability that a tone of the background falls on a line, of all lines together, and how many may.
 TONE, TONES = 0.05, 3
 # Probability, assumed, that lines of a recording are anything whatever effect there is, as where teeth part.
@@ -108,6 +107,9 @@ class LineEvidence:
         count = len(self.seen.recordings)
         self.recording = np.repeat(np.arange(count), len(self.seen.of_row) // count)
         self._by_recording = count, -1, self.plain.shape[1]
+        speed = self.seen.speed.reshape(count, -1)[:, 0]
+# A tone is on the same line in recordings at one speed.
+        self._at_speed = np.equal.outer(np.unique(speed), speed).astype(int)
         known = self.seen.known
         # What may answer for itself about each harmonic: every recording, or every kind of motion in it.
         recording = self.recording[:, None]
@@ -313,22 +315,18 @@ class LineEvidence:
         ln_count = len(patterns) * np.log(SIZES.size)
         but = frozenset().union(*(p.but for p in patterns))
         patterns = [self._without(p, but) for p in patterns] if but else patterns
-        found = []
-        for form in FORMS:
-            found += [
-                logsumexp(self._coherent(patterns, grid, form, *answer)[0]) - ln_count for answer in ANSWERS
-            ]
-            for apart in self.free:
-                each = self._each_group(patterns, grid, form, apart)
-                found.append(np.sum(logsumexp(each, axis=1) - ln_count))
+        found = [logsumexp(self._coherent(patterns, grid, *answer)[0]) - ln_count for answer in ANSWERS]
+        for apart in self.free:
+            each = self._each_group(patterns, grid, apart)
+            found.append(np.sum(logsumexp(each, axis=1) - ln_count))
         return float(logsumexp(found) - np.log(len(found))) + self.of_another_origin(but)
 
     def _likely_sizes(self, pattern: Pattern) -> NDArray[np.intp]:
         """Numbers of the sizes that are not unlikely in every form of the answers."""
         if pattern not in self._sizes:
             grid = SIZES[:, None]
-            each = [self._coherent([pattern], grid, FORMS[-1], *answer)[0] for answer in ANSWERS]
-            each += list(self._each_group([pattern], grid, FORMS[-1], self.free[0]))
+            each = [self._coherent([pattern], grid, *answer)[0] for answer in ANSWERS]
+            each += list(self._each_group([pattern], grid, self.free[0]))
             likely = np.any([ln > ln.max() - 3.0 for ln in each], axis=0)
             self._sizes[pattern] = np.flatnonzero(likely)
         return self._sizes[pattern]
@@ -342,14 +340,14 @@ class LineEvidence:
                 yield row, line
 
     def _coherent(
-        self, patterns: Sequence[Pattern], grid: Array, form: float, answer: float, own: float
+        self, patterns: Sequence[Pattern], grid: Array, answer: float, own: float
     ) -> tuple[Array, Array]:
         """ln evidence at each row of sizes with amplitudes that all lines share, and these amplitudes."""
         columns = sum(p.lines.shape[0] for p in patterns if p.use)
         ln, inner = np.zeros(len(grid)), np.zeros((len(grid), columns, columns)) + np.eye(columns)
         cross = np.zeros((len(grid), columns))
         for group in self._groups(patterns, self.seen.speed[:, None]):
-            errors = self._errors(group, form, answer * self.seen.known.unlike[group[1]], own)
+            errors = self._errors(group, answer * self.seen.known.unlike[group[1]], own)
             part, white, left = self._whitened(patterns, grid, group, errors)
             ln += part
             inner += 2 * np.einsum("tnq,tnr->tqr", white.conj(), white).real
@@ -358,9 +356,7 @@ class LineEvidence:
         ln += 0.5 * np.sum(cross * amplitudes, axis=1) - 0.5 * np.linalg.slogdet(inner)[1]
         return np.asarray(ln), np.asarray(amplitudes)
 
-    def _each_group(
-        self, patterns: Sequence[Pattern], grid: Array, form: float, apart: NDArray[np.intp]
-    ) -> Array:
+    def _each_group(self, patterns: Sequence[Pattern], grid: Array, apart: NDArray[np.intp]) -> Array:
         """ln evidence of what answers for itself, by harmonic and what sets lines apart, (groups, sizes)."""
         found = []
         for group in self._groups(patterns, apart):
@@ -368,7 +364,7 @@ class LineEvidence:
             most = self.strongest[group].max()
             own = [np.abs(p.lines[:, *group]).max() for p in patterns]
             scaled = grid * [most / size if size else 1.0 for size in own]
-            errors = self._errors(group, form, np.ones(group[0].size), 1.0)
+            errors = self._errors(group, np.ones(group[0].size), 1.0)
             found.append(self._whitened(patterns, scaled, group, errors)[0])
         return np.reshape(found, (-1, len(grid)))
 
@@ -417,7 +413,7 @@ class LineEvidence:
         left = white[..., 0]
         return np.asarray(ln - np.sum(np.abs(left) ** 2, axis=1)), white[..., 1:], left
 
-    def _errors(self, group: Group, form: float, response: Array, own: float) -> Array:
+    def _errors(self, group: Group, response: Array, own: float) -> Array:
         """Covariance of the relative errors of an effect's lines."""
         known, (row, line) = self.seen.known, group
         harmonic, passages = known.harmonic[line], known.passages[line]
@@ -430,29 +426,28 @@ class LineEvidence:
             np.outer(response, response) * one_answer
             + known.path**2 * side * np.minimum(away[:, None], away)
             + np.outer(unsure, unsure) * same(self.seen.path[row], harmonic)
-            + known.near**2 * (form**2 * same(harmonic, known.frame[line]) + np.eye(row.size))
+            + known.near**2 * (same(harmonic, known.frame[line]) + np.eye(row.size))
         )
 
     @cached_property
-    def _in_one_recording(self) -> Array:
-        """ln of the evidence that a line is anything in one recording only, (recordings, lines)."""
+    def _as_tone(self) -> Array:
+        """ln of the evidence that a line is a tone of the background in recordings at one speed, (speeds, lines)."""
         measured = np.abs(self.seen.amplitude) ** 2
         with_tone = self.variance + (SIZES[:, None, None] * self.strongest) ** 2
         gain = measured / self.variance - measured / with_tone - np.log(with_tone / self.variance)
         both = gain.reshape(SIZES.size, *self._by_recording).sum(axis=2)
-        return np.asarray(logsumexp(both, axis=0) - np.log(SIZES.size))
+        return np.asarray(self._at_speed @ (logsumexp(both, axis=0) - np.log(SIZES.size)))
 
     def tones(self, patterns: Sequence[Pattern]) -> tuple[float, list[str]]:
         """Tones of the background beside some patterns: ln of their prior times evidence, and where they are."""
         but = frozenset().union(*(p.but for p in patterns))
         free = self.used & ~self._shown(*patterns) & ~np.isin(self.recording, list(but))[:, None]
-        of_recording = free.reshape(self._by_recording).all(axis=1)
-        gain = np.where(of_recording, self._in_one_recording + np.log(TONE / self.used.sum()), 0.0)
-        likely = [divmod(int(k), gain.shape[1]) for k in np.argsort(-gain, axis=None)[:TONES]]
-        likely = [at for at in likely if gain[at] > 0]
-        order = self.seen.known.order
-        where = [f"order {order[line]:.5g} in {self.seen.recordings[k]}" for k, line in likely]
-        return float(sum(gain[at] for at in likely)), where
+        taken = self._at_speed @ ~free.reshape(self._by_recording).all(axis=1)
+        gain = np.where(taken, 0.0, self._as_tone + np.log(TONE / self.used.sum()))
+        likely = np.argwhere((gain > 0) & (gain >= np.sort(gain, axis=None)[-TONES]))
+        order, names = self.seen.known.order, np.array(self.seen.recordings)
+        where = [f"order {order[n]:.5g} in {' and '.join(names[self._at_speed[k] > 0])}" for k, n in likely]
+        return float(gain[tuple(likely.T)].sum()), where
 
     def visible(self, pattern: Pattern, needed: float) -> float:
         """Size of the first amplitude, SI, whose lines gain `needed` in four cases of five."""
@@ -465,7 +460,7 @@ class LineEvidence:
     def start(self, patterns: Sequence[Pattern]) -> dict[str, float]:
         """Likeliest values of the parameters of some effects, SI."""
         many = np.array(list(product(*[SIZES] * len(patterns))))
-        ln, amplitudes = self._coherent(patterns, many, FORMS[0], *ANSWERS[0])
+        ln, amplitudes = self._coherent(patterns, many, *ANSWERS[0])
         best = int(np.argmax(ln))
         found, k = {}, 0
         for size, pattern in zip(many[best], patterns, strict=True):

@@ -89,9 +89,8 @@ class OfOrderLines(Explanations):
             for number, candidate in enumerate(tried):
                 use = candidate.use
                 self.progress(f"lines of {use}", 0.35 * parted + 0.35 * number / len(tried))
-                found = self.lines.likeliest(candidate, self.patterns[use], parted)
-                likeliest[use], alone[use] = found[0], found[2]
-                places[use] = found[1] - found[2]
+                likeliest[use], most, alone[use] = self.lines.likeliest(candidate, self.patterns[use], parted)
+                places[use] = most - alone[use]
         # An error of a share s in the form of an effect leaves s^2 of the chi-square that it takes away: what else is
         # to explain that has to add more, and what is known to look alike is told apart in units of that.
         share, best = self.lines.seen.known.near**2, max([nothing, *alone.values()])
@@ -100,12 +99,11 @@ class OfOrderLines(Explanations):
             for use, gain in alone.items()
         }
         first = next((use for use, gain in alone.items() if gain == best), None)
-        self._best, self._form_error = best, of_form[first] if first else 0.0
-        self._keep_lines("nothing", [], 0.0, nothing)
+        self._form_error = of_form[first] if first else 0.0
+        self._keep_lines("nothing", [], nothing)
         for use, gain in alone.items():
-            self._keep_lines("effects", [likeliest[use]], 0.0, gain)
-        chance = float(np.log(UNKNOWN / NOTHING))
-        self._keep_lines("unknown", [anything[int(np.argmax(each))]], chance, unknown)
+            self._keep_lines("effects", [likeliest[use]], gain)
+        self._keep_lines("unknown", [anything[int(np.argmax(each))]], unknown)
         order = sorted((use for use in alone if alone[use] > nothing), key=lambda use: -alone[use])
         for k, use in enumerate(order[: PAIRED[0]]):
             self.progress(f"lines of {use} with others", 0.7 + 0.05 * k)
@@ -114,44 +112,42 @@ class OfOrderLines(Explanations):
                 gain = self.lines.ln_evidence([likeliest[use], second], near=[likeliest[use]])
                 gain -= sum(places[u] for u in (use, other) if u)
                 if gain > best + self._form_error:
-                    kind = "effects" if other else "unknown"
-                    self._keep_lines(kind, [likeliest[use], second], 0.0 if other else chance, gain)
+                    self._keep_lines("effects" if other else "unknown", [likeliest[use], second], gain)
         if first:
-            self._coarsen(first, of_form, likeliest[first].parted)
+            self._coarsen(first, of_form, likeliest)
         near = [e.uses for e in self.found if e.uses and e.ln_joint > self.best + np.log(OF_THE_BEST)]
         fits = {uses: self._told(sorted(uses), likeliest) for uses in dict.fromkeys(near)}
         self.found = [
             replace(e, tangent=fits[e.uses], fitted=True) if e.uses in fits else e for e in self.found
         ]
 
-    def _keep_lines(
-        self, kind: str, patterns: Sequence[Pattern], ln_chance: float, ln_evidence: float
-    ) -> None:
+    def _keep_lines(self, kind: str, patterns: Sequence[Pattern], ln_evidence: float) -> None:
         """Keep an explanation by patterns, and the same with lines that tones of the background make."""
         form, uses = self.forms[0], frozenset(p.use for p in patterns if p.use)
-        ln_prior = float(self._ln_prior(form, uses) if uses else np.log(NOTHING)) + float(ln_chance)
+        chance = UNKNOWN / NOTHING if kind == "unknown" else 1.0
+        ln_prior = float((self._ln_prior(form, uses) if uses else np.log(NOTHING)) + np.log(chance))
         apart = frozenset().union(*(p.but for p in patterns))
         names = " and ".join(name for k, name in enumerate(self.lines.seen.recordings) if k in apart)
         said = [f"lines of {names} have another origin: teeth may lose contact there"] if apart else []
         one = OfLines(kind, form, uses, form.tangent, ln_prior, ln_evidence, fitted=kind == "nothing")
         self.found.append(replace(one, tones="".join(said)))
         more, where = self.lines.tones(patterns)
-        near = kind != "unknown" and ln_evidence > self._best - self._form_error
-        if where and (near or ln_evidence + more > self._best + self._form_error):
+        if where and more > self.lines.seen.known.near**2 * (ln_evidence - self.lines.nothing):
             said.append(f"{' and '.join(where)} is isolated: perhaps a tone of the background")
             self.found.append(replace(one, ln_evidence=ln_evidence + more, tones="; ".join(said)))
 
-    def _coarsen(self, first: Use, of_form: Mapping[Use, float], parted: bool) -> None:
+    def _coarsen(self, first: Use, of_form: Mapping[Use, float], likeliest: Mapping[Use, Pattern]) -> None:
         """Tell what is known to look like the best effect from it in units of what an error of its form leaves.
 
         Where teeth part, each error makes lines of the others.
         A coarsened posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113.
         """
-        alike = set(of_form if parted else confounded_with(self.problem.assembly.model, first))
+        parted = {use for use in of_form if likeliest[first].parted or likeliest[use].parted}
+        alike = parted.union(confounded_with(self.problem.assembly.model, first))
         best = max(e.ln_evidence for e in self.found if e.uses == {first} and e.kind == "effects")
         for k, one in enumerate(self.found):
             if one.kind == "effects" and one.ln_evidence < best and len(one.uses) == 1 and one.uses <= alike:
-                unit = 1 + (self._form_error if parted else of_form[min(one.uses)])
+                unit = 1 + (self._form_error if one.uses <= parted else of_form[min(one.uses)])
                 self.found[k] = replace(one, ln_evidence=best - (best - one.ln_evidence) / unit)
 
     def _told(self, uses: Sequence[Use], likeliest: Mapping[Use, Pattern]) -> Tangent:
