@@ -159,17 +159,6 @@ def test_a_tone_is_on_its_line_in_all_recordings_at_one_speed():
     assert found == pytest.approx(expected, rel=1e-9)
 
 
-def test_gains_of_recordings_on_one_path_are_held_out_by_the_mean_of_their_logarithms():
-    """A sensor hears one recording 9 times, the other 4 times as strong as the model: what is held out 6 times."""
-    lines = [9 * plain_lines(TORQUES[0]), 4 * plain_lines(TORQUES[1])]
-    fitted = recorded(lines, 1e-9, np.random.default_rng(1))
-    held_out = replace(fitted, learned=fitted, amplitude=0 * fitted.amplitude)
-    shown = held_out.lines_of(held_out.plain(MODEL.assemble(), {}))
-    middle = int(np.flatnonzero(KNOWN.order == 66.0)[0])
-    ratio = np.abs(shown[:, middle]) / np.abs(fitted.amplitude[:, middle])
-    assert ratio == pytest.approx([6 / 9, 6 / 9, 6 / 4, 6 / 4], rel=1e-6)
-
-
 def test_effects_change_lines_of_the_ideal_set_as_much_as_their_own_lines_say():
     """A machine that answers with a quarter of the model's lines, at one torque; another torque is held out."""
     use, values = "planet-position-error@P2", {"planet-position-error@P2.error": 2e-6}

@@ -108,7 +108,7 @@ class LineEvidence:
         self.recording = np.repeat(np.arange(count), len(self.seen.of_row) // count)
         self._by_recording = count, -1, self.plain.shape[1]
         speed = self.seen.speed.reshape(count, -1)[:, 0]
-# A tone is on the same line in recordings at one speed.
+        # A tone is on the same line in recordings at one speed.
         self._at_speed = np.equal.outer(np.unique(speed), speed).astype(int)
         known = self.seen.known
         # What may answer for itself about each harmonic: every recording, or every kind of motion in it.

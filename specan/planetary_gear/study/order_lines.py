@@ -119,8 +119,11 @@ class OrderLinesObservation(KeptLines):
     @property
     def of_row_and_harmonic(self) -> NDArray[np.intp]:
         """Number of the gain of each line, (rows, lines)."""
-        row = np.arange(len(self.channels))[:, None]
-        return np.asarray(row * self.known.harmonic.max() + self.known.harmonic - 1)
+        return self._numbered(np.arange(len(self.channels)))
+
+    def _numbered(self, of_row: NDArray[np.intp]) -> NDArray[np.intp]:
+        """A number for each harmonic of what rows belong to, (rows, lines)."""
+        return of_row[:, None] * self.known.harmonic.max() + self.known.harmonic - 1
 
     @property
     def speed(self) -> NDArray[np.intp]:
@@ -184,10 +187,7 @@ class OrderLinesObservation(KeptLines):
         the ideal machine does not have say: nothing is learned from the lines that are shown.
         """
         others = self.learned or self
-        mixed, of_others = (
-            self._lines_by_strength(assembly, values),
-            others._lines_by_strength(assembly, values),
-        )
+        mixed, of_others = (o._lines_by_strength(assembly, values) for o in (self, others))
         predicted = np.zeros(self.kept.shape, complex)
         for name in self.recordings:
             mine = np.array(self.of_row) == name
@@ -205,20 +205,15 @@ class OrderLinesObservation(KeptLines):
         return lambda strength: np.where(self.beyond, lines, ideal + strength * (lines - ideal))
 
     def _heard(self, lines: Complex, fitted: Complex | None = None) -> Complex:
-        """The model's lines (rows, lines) with gains that they tell themselves, or those that were fitted do.
-
-        Of several fitted recordings the mean of the logarithms.
-        """
+        """The model's lines (rows, lines) with gains that they tell themselves, or those that were fitted do."""
         lines = np.where(np.abs(lines) > ROUNDING * strongest(lines, self.known.harmonic), lines, 0.0)
-        gains = self._gains(lines)
+        mine = self.of_row_and_harmonic
+        gains = self._shown_gains(lines, mine)[mine]
         if self.learned is not None and fitted is not None:
-            told = self.learned._gains(fitted)
-            for row, path in enumerate(self.path):
-                if np.any(same_path := self.learned.path == path):
-                    with np.errstate(divide="ignore"):
-                        size = np.exp(np.log(np.abs(told[same_path])).mean(axis=0))
-                    gains[row] = size * np.exp(1j * np.angle(told[same_path].sum(axis=0)))
-        return gains[:, self.known.harmonic - 1] * lines
+            mine, theirs = self._numbered(self.path), self.learned._numbered(self.learned.path)
+            told = self.learned._shown_gains(fitted, theirs, mine.max() + 1)
+            gains = np.where(np.isin(mine, theirs), told[mine], gains)
+        return gains * lines
 
     def _strength(self, heard: Complex, told: NDArray[np.bool_]) -> float:
         """How many times as strong as the model's the lines that tell it are, by least squares; 1 where none do."""
@@ -231,8 +226,7 @@ class OrderLinesObservation(KeptLines):
         A machine has one answer for each harmonic, kind of motion and order in the carrier's frame at one speed. It is
         known as well as the lines that tell it, and otherwise as those of all speeds are on average.
         """
-        known = self.known
-        size = np.where(told, np.abs(heard) ** 2, 0.0)
+        known, size = self.known, np.where(told, np.abs(heard) ** 2, 0.0)
         cross = np.where(told, heard.conj() * self.amplitude, 0.0)
         away = known.path * known.far
         unsure = np.where(told, 2 * self.noise**2 + (known.near**2 + away**2) * np.abs(heard) ** 2, 0.0)
@@ -246,7 +240,7 @@ class OrderLinesObservation(KeptLines):
         """Of each recording: the gains that `plain` learns from its lines, and the RMS error without them."""
         lines = self.model_lines(assembly, values)
         numbers = np.unique(self.of_row_and_harmonic[self.kept])
-        gains = self._gains(lines).ravel()[numbers]
+        gains = self._shown_gains(lines, self.of_row_and_harmonic)[numbers]
         row, harmonic = np.divmod(numbers, self.known.harmonic.max())
         with np.errstate(divide="ignore"):
             level = 20 * np.log10(np.abs(gains))
@@ -274,13 +268,13 @@ class OrderLinesObservation(KeptLines):
         parts = np.split(lines, len(self.recordings), axis=1)
         return np.concatenate(parts)
 
-    def _gains(self, lines: Complex) -> Complex:
-        """Gains by least squares over lines of the ideal machine, (rows, harmonics); 0 where there are none."""
+    def _shown_gains(self, lines: Complex, number: NDArray[np.intp], least: int = 0) -> Complex:
+        """Gain of each number, by least squares over lines of the ideal machine; 0 where there are none."""
         told = self.kept & ~self.beyond
-        number, shape = self.of_row_and_harmonic[told], (len(self.path), self.known.harmonic.max())
-        size = np.bincount(number, np.abs(lines[told]) ** 2, np.prod(shape))
-        cross = _summed(number, lines[told].conj() * self.amplitude[told], np.prod(shape))
-        return (cross / np.where(size > 0, size, 1.0)).reshape(shape)
+        count = max(int(number.max()) + 1, least)
+        size = np.bincount(number[told], np.abs(lines[told]) ** 2, count)
+        cross = _summed(number[told], lines[told].conj() * self.amplitude[told], count)
+        return cross / np.where(size > 0, size, 1.0)
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values."""
