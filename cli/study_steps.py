@@ -23,11 +23,6 @@ if TYPE_CHECKING:
     from specan.study.verdict import Diagnosis
 
 
-def probability(p: float) -> str:
-    """A probability in words."""
-    return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
-
-
 def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
     """What to measure next: a table, one column for each reading; sentences where something else is to be done."""
     from specan.report.study_sheets import readings
@@ -113,12 +108,12 @@ def _print_comparison(study: Study, found: Comparison) -> None:
 
 
 def _print_fit(study: Study, best: Fit) -> None:
-    from specan.report.study_sheets import allowed_for
+    from specan.report.study_sheets import allowed_for, chance
 
     spent = " excluding those of the repeats" if study.problem.pure_error_dof else ""
     chi2 = (
         f"Reduced chi-square {best.reduced_chi2:.2f} ({best.n_effective:.0f} independent values, "
-        f"{best.dof - study.problem.pure_error_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}"
+        f"{best.dof - study.problem.pure_error_dof:.0f} degrees of freedom{spent}), {chance(best.p_value)}"
     )
     click.echo("\n" + "; ".join(filter(None, (chi2, allowed_for(study)))))
 
@@ -229,7 +224,7 @@ def _print_statistics(found: Diagnosis) -> None:
         allowed = f"; model discrepancy {percent:g} % allowed for" if percent else ""
         click.echo(
             f"Current model: reduced chi-square {fit.reduced_chi2:.2f} (1 is expected of a complete model), "
-            f"{probability(fit.p_value)} (of a worse fit by chance), {fit.n_effective:.0f} independent values"
+            f"{study_sheets.chance(fit.p_value)} (of a worse fit by chance), {fit.n_effective:.0f} independent values"
             f"{allowed}."
         )
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from specan import __version__
 from specan.analysis.batch.inputs import Input
@@ -26,7 +27,7 @@ from specan.data.recording import Recording
 from specan.errors import SpecanError, reason_of
 from specan.report.figures import figure_of
 from specan.report.html_page import page, picture, shown, table
-from specan.result import counted, gathered
+from specan.result import counted, first_of, gathered
 
 MOST_PAGES = 100  # of recordings; the others are in the list only
 FEW = 6  # channels whose bands are in a table
@@ -91,8 +92,10 @@ def _day(recording: Recording) -> datetime.date | None:
     for properties in (*(c.properties for c in recording.channels), recording.properties):
         begun = properties.get("wf_start_time", properties.get("DateTime"))
         if begun is not None:
-            stamp = np.datetime64(begun, "D")
-            return stamp.astype(datetime.date) if not np.isnat(stamp) else None
+            stamp = pd.to_datetime(str(begun), format="ISO8601", errors="coerce")
+            return (
+                stamp.date() if stamp.year > 1904 else None
+            )  # the clock of TDMS that was never set begins there
     return None
 
 
@@ -193,9 +196,8 @@ class _Measured:
 
 def _skipped(report: BatchReport) -> list[str]:
     rows = [[r.label, r.reason] for r in report.results if r.kind == "failed"]
-    rows += [
-        [f"{r.label}, {channel}", why] for r in report.results for channel, why in r.set_aside if channel
-    ]
+    ignored = gathered(((r.label, why), name) for r in report.results for name, why in r.set_aside if name)
+    rows += [[f"{label}, {first_of(names, 3)}", why] for (label, why), names in ignored.items()]
     parts = ["<h2>Not analysed</h2>", table(["file", "reason"], rows)] if rows else []
     aside = gathered((result.reason, result.label) for result in report.of_kind("aside"))
     lines = [f"Skipped, {why}: {', '.join(files)}." for why, files in aside.items()]

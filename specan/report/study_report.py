@@ -122,7 +122,7 @@ def _comparison(study: Study, found: Comparison) -> list[str]:
         allowed = f"{text[:1].upper()}{text[1:]}." if (text := allowed_for(study)) else ""
         held = f"; on held-out data {study.held_out.reduced_chi2:.2f}" if study.held_out else ""
         parts.append(
-            f"<p>Reduced chi-square {best.reduced_chi2:.2f} (p = {best.p_value:.2g}, "
+            f"<p>Reduced chi-square {best.reduced_chi2:.2f} ({escape(study_sheets.chance(best.p_value))}, "
             f"{best.n_effective:.0f} independent values){held}. {escape(allowed)}</p>"
         )
         parts.append(bullets(where.sentences()))

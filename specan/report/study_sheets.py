@@ -97,7 +97,7 @@ def candidates(found: Mapping[str, Any], most: int, title: str = "", *, valued: 
             **{f"{n}{_in_unit(u)}": f"{rms:.3g}" for (n, u), rms in zip(others.items(), after)},
             **({"levels, dB": f"{before['level_dB']:.2g} to {row['level_after_dB']:.2g}"} if levels else {}),
             "probable": percent(p) if p >= 0.1 else f"{100 * p:.2g} %" if p >= 1e-4 else "< 0.01 %",
-            "evidence": f"{row['ln_evidence']:+.1f}",
+            "evidence": f"{row['ln_evidence']:+z.1f}",
             "": ", ".join(remark for remark, holds in remarks.items() if holds),
         })  # fmt: skip
         if valued:
@@ -239,6 +239,11 @@ def falls(before: Step, after: Step) -> str:
     texts = [f"{data.replace('-', ' ')}: {fall_text(a, b)}" for data, a, b in error_pairs(before, after)]
     whole = "; ".join(texts)
     return whole[:1].upper() + whole[1:]
+
+
+def chance(p: float) -> str:
+    """How probable a worse fit is by chance alone."""
+    return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
 
 
 def fall_text(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:

@@ -4,6 +4,7 @@ import datetime
 import html
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -92,3 +93,21 @@ def test_the_calibration_of_the_batch_is_that_of_the_report(tmp_path):
     level = specan.rms(recording, channels="Mic 1").equivalent_dB["A"][0]
     assert f'<td class="n">{level:.2f}</td>' in text
     assert "calibration.toml (Mic 1" in text
+
+
+def test_channels_ignored_for_one_reason_have_one_row_and_a_clock_never_set_is_no_date(tmp_path):
+    sys.path.insert(0, str(Path(__file__).parent.parent / "io"))
+    import tdms_bytes as tb
+
+    wave = {"wf_increment": 1 / RATE, "wf_start_time": np.datetime64("1904-01-01T00:00:00")}
+    noise = np.random.default_rng(1).standard_normal(RATE)
+    single = [(f"one {k}", np.zeros(1), {}) for k in range(5)]
+    tb.write(tmp_path / "a.tdms", [("c", noise, wave), *single])
+    result = CliRunner().invoke(
+        command, [str(tmp_path), "-o", str(tmp_path / "out"), "--jobs", "1", "--report"]
+    )
+    assert result.exit_code == 0, result.output
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "1904" not in page
+    assert page.count("it is a single number") == 1
+    assert "g/one 0, g/one 1, g/one 2 and 2 more" in page
