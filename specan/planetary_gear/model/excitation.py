@@ -12,7 +12,8 @@ _NEWTON, _EXACT = 30, 1e-12  # steps at most, and the part of the load that may 
 def angles(sun_error, ring_error, sun_softness, torque_ripple, friction_share, repeat_turns):
     """Number of angles that are followed: those of the fewest turns of the carrier with which everything repeats."""
     whole = sun_error.shape[-1]
-    errors = (sun_error, ring_error, sun_softness, torque_ripple, friction_share)
+    courses = (sun_error, ring_error, sun_softness, torque_ripple, friction_share)
+    errors = [course for course in courses if np.any(course)]
     each = [whole // repeat_turns * turns for turns in range(1, repeat_turns) if repeat_turns % turns == 0]
     return next((n for n in each if all(_repeats(error, n) for error in errors)), whole)
 

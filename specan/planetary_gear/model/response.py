@@ -222,13 +222,18 @@ def _answer(spring, drag, moves, pushed, still, moment):
     Forces and what pushes are (sets, orders, meshes). At order zero the springs' mean forces stay as they are.
     """
     sets, orders, meshes = pushed.shape
-    force = with_dampers(spring, drag)
-    matrix = (moment * moves[:, :, None]) @ moment.T @ -force
-    matrix += np.eye(orders * meshes).reshape(orders, meshes, -1)
-    matrix[still] = force[still] / np.abs(spring).max()
-    size = orders * meshes
+    size, each = orders * meshes, np.arange(orders)
+    answer = (moment * moves[:, :, None]) @ moment.T
+    matrix = -answer @ spring
+    own = matrix.reshape(sets, orders, meshes, orders, meshes)  # by order and mesh of the approach too
+    own[:, each, :, each] -= np.moveaxis(answer * drag[:, :, None], 1, 0)
+    matrix += np.eye(size).reshape(orders, meshes, size)
+    some = still.any(axis=1)
+    matrix[still] = with_dampers(spring, drag[some])[still[some]] / np.abs(spring).max()
     approach = np.linalg.solve(matrix.reshape(sets, size, size), pushed.reshape(sets, size, 1))
-    return (force.reshape(sets, size, size) @ approach).reshape(pushed.shape)
+    return (spring.reshape(size, size) @ approach).reshape(pushed.shape) + drag * approach.reshape(
+        pushed.shape
+    )
 
 
 def _excited(spectra, ripple, period):
