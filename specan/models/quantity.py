@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from specan.arrays import Flags, Real
 from specan.errors import RequestError, nearest, require_known
 from specan.models.effect import Parameter, signature_of
@@ -525,3 +527,20 @@ def rig_statement(
             relative = parts[0] == "_setting_percent"
             setting[of.name] = SettingError(float(value) / 100) if relative else SettingError(absolute=si)
     return RigStatement(limits, setting, reading, discrepancy, percent)
+
+
+def direction(values: Any, time: Any, least: float) -> Any:
+    """+1 where values rose last by more than `least`, -1 where they fell, 0 before the first change.
+
+    Examples
+    --------
+    >>> direction(np.array([1.0, 2.0, 2.01, 1.0]), np.arange(4.0), 0.1).tolist()
+    [0.0, 1.0, 1.0, -1.0]
+    """
+    order = np.argsort(time, kind="stable")
+    found, state, before = np.zeros(order.size), 0.0, values[order[0]]
+    for row in order:
+        if abs(values[row] - before) > least:
+            state, before = float(np.sign(values[row] - before)), values[row]
+        found[row] = state
+    return found

@@ -20,7 +20,7 @@ from specan.arrays import Flags
 from specan.dsp.clipping import SAME, is_cut_off
 from specan.errors import ComputationError
 from specan.models.effect import ParameterName, Use
-from specan.models.quantity import Condition
+from specan.models.quantity import Condition, direction
 from specan.models.rates import TIME as OF_SAMPLES
 from specan.result import first_of, gathered
 from specan.study.data.setpoints import MOST_LEVELS, TIME, grouping_of, operating, round_step, slope_by
@@ -410,14 +410,9 @@ def _ranges(name: str, unit: str, rows: Flags, size: Array) -> Iterator[tuple[st
 
 def _hysteresis(o: TableObservation, rows: Flags, predicted: Array) -> tuple[str, str, Array]:
     """The same of readings after a rise and after a fall: the reversibility error of an instrument (VDI/VDE 2646)."""
-    shape, before, after = np.zeros((o.n, 1)), np.nan, 0.0
-    own = np.flatnonzero(rows)
-    for row in own[np.argsort(_elapsed(o)[own], kind="stable")]:
-        step = predicted[row] - before
-        # 3: standard deviations of a reading, up to which it is no change
-        if not abs(step) <= 3 * o.sigma[row]:
-            before, after = predicted[row], np.nan_to_num(np.sign(step))
-        shape[row] = after
+    shape = np.zeros((o.n, 1))
+    # 3: standard deviations of a reading, up to which it is no change
+    shape[rows, 0] = direction(predicted[rows], _elapsed(o)[rows], 3 * float(np.median(o.sigma[rows])))
     text = "the {} of the readings differs between rising and falling values"
     return "hysteresis of the {}", f"{text}, as of an instrument that lags behind", shape
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from specan.models import Parameter, effect
+from specan.models.quantity import direction
 
 STILL = 0.02  # share of the largest torque that counts as a change
 GAIN = Parameter(
@@ -76,21 +77,10 @@ def torque_hysteresis(
     A reading after the load was raised is too high (or too low) by as much as one after it was lowered is
     too low.
     """
-    return half_width * direction(np.asarray(output_torque, float), elapsed_time)
-
-
-def direction(torque, elapsed_time):
-    """+1 where the torque was raised last, -1 where it was lowered, 0 before the first change or without times."""
+    torque = np.asarray(output_torque, dtype=float)
     if np.ndim(torque) == 0 or np.ndim(elapsed_time) == 0:
-        return np.zeros_like(torque)
-    order = np.argsort(elapsed_time, kind="stable")
-    least = STILL * np.max(np.abs(torque), initial=0.0)
-    out, state, before = np.zeros_like(torque), 0.0, torque[order[0]]
-    for row in order:
-        if abs(torque[row] - before) > least:
-            state, before = float(np.sign(torque[row] - before)), torque[row]
-        out[row] = state
-    return out
+        return 0.0 * torque
+    return half_width * direction(torque, elapsed_time, STILL * np.max(np.abs(torque), initial=0.0))
 
 
 @effect(
