@@ -13,16 +13,20 @@ import numpy as np
 from specan.errors import RequestError, SpecanError, nearest, require_known
 from specan.models import Use
 from specan.models.catalogue import effects_from_file
-from specan.result import Result, counted, picked
+from specan.result import Result, picked
 from specan.study.build_problem import undetermined
 from specan.study.create import effect_entry, hold_undetermined
-from specan.study.estimation.fit import fit
+from specan.study.estimation.fit import Fit, fit
+from specan.study.estimation.problem import Problem
+from specan.study.evidence.explanations import NOTHING, OF_SIZE
+from specan.study.evidence.marginal import Marginal, Tangent
 from specan.study.history import History, Step, changing, commit, error_pairs
 from specan.study.selection.candidates import without
 from specan.study.selection.refits import Refit, pulls, shown
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyText, read_study_file, use_of
 from specan.study.user_effects import rival_laws
+from specan.study.verdict import percent
 from specan.units import spoken
 
 
@@ -242,13 +246,9 @@ def _remarks_on_adding(
 ) -> list[str]:
     remarks = [f"{name} is held: these data do not determine it" for name in held]
     remarks += _on_errors(before, after, expected_to_fall=True)
-    fall = old.best.chi2 - new.best.chi2
-    count = len(new.best.theta) - len(old.best.theta)
-    if new.data.known and fall < count * np.log(new.problem.n_effective):
-        remarks.append(
-            f"chi-square falls by {fall:.1f}, less than the penalty of {counted(count, 'new parameter')} "
-            f"({count * np.log(new.problem.n_effective):.1f}): {use} is not supported by the data"
-        )
+    odds = _ln_odds(new.problem, new.best, old.problem, old.best)
+    if new.data.known and odds < 0:
+        remarks.append(f"{use} is not supported by the data (probability {percent(1 / (1 + np.exp(-odds)))})")
     remarks += [pull.text for pull in shown(pulls(Refit(frozenset(), new.problem, new.best)))]
     free = [n for n in undetermined(new.problem, new.best.theta) if n.whole not in new.problem.priors]
     remarks += [f"{name} is not determined by these data at the values that were found" for name in free]
@@ -273,12 +273,19 @@ def _on_errors(before: Step, after: Step, expected_to_fall: bool) -> list[str]:
 
 
 def _can_go(study: Study, name: str) -> bool:
-    """Whether the fit without an effect is no worse than its parameters' price (BIC)."""
+    """Whether a model without an effect is likelier than the model with it."""
     try:
         lean = without(study.problem, name)
         refitted = fit(lean, start=study.best.values, starts=STARTS)
     except SpecanError:  # without it there is no fit: it is needed
         return False
-    scale = study.best.dispersion
-    spared = len(study.problem.names) - len(lean.names)
-    return (refitted.chi2 - study.best.chi2) / scale < spared * np.log(study.problem.n_effective)
+    return _ln_odds(study.problem, study.best, lean, refitted) < 0
+
+
+def _ln_odds(problem: Problem, found: Fit, lean: Problem, without_it: Fit) -> float:
+    """ln of the odds that an effect is there, of all that could be, over that it is not."""
+    more, fewer = (
+        Marginal(Tangent.at(one, best.theta, best.residual, best.jacobian)).ln_evidence
+        for one, best in ((problem, found), (lean, without_it))
+    )
+    return more - fewer + float(np.log(OF_SIZE[0] / len(problem.assembly.model.effects) / NOTHING))
