@@ -75,22 +75,6 @@ class Band(Settings):
 
 # Of an edge: places in another unit reach as far into the room, one coordinate mistyped does not.
 REACHES = 0.2
-HUM_LINES = 1.5  # lines around a harmonic of the mains that a Hann window lets it reach
-
-
-def left_out(band: Band) -> tuple[tuple[float, float], ...]:
-    """Bands that are not looked at: those that are named, and lines around the mains frequency and its harmonics.
-
-    Examples
-    --------
-    >>> left_out(Band(f_max_hz=120.0, hum_hz=50.0, left_out_hz=[[80.0, 85.0]]))
-    ((80.0, 85.0), (48.5, 51.5), (98.5, 101.5))
-    """
-    if band.hum_hz is None:
-        return band.left_out_hz
-    reach = HUM_LINES / (band.block_s or 1.0)
-    harmonics = np.arange(1, int(band.f_max_hz / band.hum_hz) + 1) * band.hum_hz
-    return (*band.left_out_hz, *((float(f - reach), float(f + reach)) for f in harmonics))
 
 
 class Mics(Settings):

@@ -17,9 +17,9 @@ from specan.dsp.welch import effective_averages, hop_of, power_density
 from specan.errors import InputError, RequestError
 from specan.models import Model
 from specan.room.model.places import FieldReceivers, InRecording, receivers_of
-from specan.room.model.rig import left_out
 from specan.room.study.field_observation import Drift, FieldObservation
 from specan.study.data.estimated_lines import LEAST_BLOCKS, EstimatedLines
+from specan.study.data.recordings import off_the_mains
 
 SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
@@ -76,7 +76,9 @@ def observe_recording(
     noise = _in_rows(own, len(names), found.noise, 1)
     kept = np.zeros(noise.shape, dtype=bool)
     kept[own.rows] = True
-    for low, high in left_out(receivers.rig.band):
+    band = receivers.rig.band
+    kept &= off_the_mains(frequency_hz, [band.hum_hz] if band.hum_hz else [], rate / block)
+    for low, high in band.left_out_hz:
         kept[:, (frequency_hz >= low) & (frequency_hz <= high)] = False
     if not kept.any():
         raise RequestError("all lines of the band are left out", remedy="leave out less, or widen the band")

@@ -93,7 +93,7 @@ def doubts(
     ], sorted(heard)
 
 
-def off_the_mains(frequency_hz: Real, heard: Iterable[int], line_hz: float) -> Flags:
+def off_the_mains(frequency_hz: Real, heard: Iterable[float], line_hz: float) -> Flags:
     """Lines that are no multiple of a mains frequency, nor reached by one through a Hann window.
 
     Examples
