@@ -79,11 +79,8 @@ def following(
         p = float((1 - shared[k]) ** (SEGMENTS - 1) * f.size)
         if not along[k] > 0 or p > 1e-4:
             continue
-        low = high = k
-        while low > 1 and along[low - 1] > 0.05 * along[k]:
-            low -= 1
-        while high < f.size - 1 and along[high + 1] > 0.05 * along[k]:
-            high += 1
+        ends = np.flatnonzero(along <= 0.05 * along[k])
+        low, high = ends[ends < k].max() + 1, ends[ends > k].min(initial=f.size) - 1
         share = float(np.sum(along[low : high + 1]) / np.sum(left[low : high + 1]))
         found.append((float(along[k]), (float(f[low]), float(f[high]), share, name, p)))
     return max(found)[1] if found else None
