@@ -14,7 +14,7 @@ FINEST = 1 / 32  # of the time between two samples, of steps
 CORNERS = 30  # halvings between two samples, which come closer than that
 STABLE = 0.5  # of Runge-Kutta's 1.4, where it gets unstable
 SHARE = 0.002  # of a slope, below which its changes matter to nothing
-CLOSE = 0.001  # of a state, below which its changes in a step matter to nothing
+CLOSE = 1e-5  # of a state, below which its changes in a step matter to nothing
 
 
 def rates(s, d, p, on):
