@@ -103,8 +103,12 @@ class OrderLinesObservation(KeptLines):
 
     @property
     def size_error(self) -> float:  # type: ignore[override]
-        """How strongly the machine answers to any error of its parts."""
-        return self.known.response
+        """How strongly the machine answers to any error of its parts, mostly less than a stiff one.
+
+        3.6 times what is declared of its lines: deviation of ln of true over fitted sizes, where 50 % are declared, on
+        gears whose truth has other equations, floating suns among them (benchmarks/README.md).
+        """
+        return 3.6 * self.known.response
 
     @property
     def n_effective(self) -> float:
