@@ -149,6 +149,7 @@ def _begun(directory: Path, model_name: str, content: dict[str, Any]) -> Begun:
         # covariances about a fit that went astray hold it there
         again = Study(directory, draft=study.text(), near=study.best.values)
         study = min(study, again, key=lambda one: one.best.chi2)
+    study = study.settled()
     step = study.step("new")
     with changing(directory):
         if (directory / NAME).exists():

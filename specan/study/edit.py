@@ -131,7 +131,8 @@ def with_effects(study: Study, text: StudyText, uses: Sequence[Use]) -> tuple[St
             text.set_role(use, "model")
         else:
             text.append("effect", effect_entry(use))
-    return hold_undetermined(Study(study.directory, draft=text))
+    changed, held = hold_undetermined(Study(study.directory, draft=text))
+    return changed.settled(), held
 
 
 def drop_effect(study: Study, effect: str, because: str = "") -> Change:
@@ -148,7 +149,7 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
             text.set_role(use, "nuisance")
         else:
             text.drop("effect", lambda entry: use_of(entry) == use)
-        changed = Study(study.directory, draft=text)
+        changed = Study(study.directory, draft=text).settled()
         after = changed.step("drop", str(use), because, study.diagnosed)
         changed.keep(after)
     remarks = [f"{use} is constrained by its certificate again"] if has_prior else []

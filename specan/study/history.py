@@ -85,6 +85,8 @@ class Step:
         The same for every observable: ``{"fit": [...], "held_out": [...]}``.
     parameters : mapping
         ``{"effect.parameter": {"value", "low", "high", "unit"}}``.
+    about : mapping
+        SI values about which covariances were taken, where they depend on values.
     hashes : mapping
         Of the study's content, the rig, every file.
     diagnosis : mapping or None
@@ -106,6 +108,7 @@ class Step:
     because: str = ""
     held_out_reduced_chi2: float | None = None
     errors: Mapping[str, tuple[_OfObservable, ...]] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict)
     at_bound: tuple[str, ...] = ()
     model_discrepancy_percent: float = 0.0
     version: str = ""

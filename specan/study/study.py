@@ -202,11 +202,18 @@ class Study:
         return linearised(self._assembled, starts, self._near if starts == [{}] else None)
 
     @cached_property
+    def _before(self) -> tuple[Mapping[str, Any], Sequence[str]]:
+        """Values about which covariances are taken and from which fits set out, and the effects that they are of."""
+        last = self.history.last
+        if self._given or last is None:
+            return self._given, self.model_effects
+        return last.about or kept_values(self._assembled, last.parameters), last.model_effects
+
+    @cached_property
     def _starts(self) -> list[Mapping[str, Any]]:
         """Values to fit from: those declared, of the step before, and likely ones of what is new."""
-        last = self.history.last
-        known = kept_values(self._assembled, last.parameters) if last else self._given
-        new = [Use.parse(u) for u in self.model_effects if last and u not in last.model_effects]
+        known, effects = self._before
+        new = [Use.parse(u) for u in self.model_effects if u not in effects]
         return starting_values(self._assembled, new, known)
 
     @cached_property
@@ -227,14 +234,12 @@ class Study:
         calibration = self.content.calibration
         # Fits of the others do not look at earlier steps.
         looks_back = self._assembled.strategy.linearised_covariance or self.model.rates
-        last = self.history.last if looks_back else None
+        known, effects = self._before if looks_back else ({}, ())
         state = {
             **self.hashes,
             "model": self.content.model_sha256 or "",
             "calibration": study_file.file_hash(self.directory / calibration) if calibration else "",
-            "last": [last.parameters, last.model_effects]
-            if last
-            else {name: np.asarray(value).tolist() for name, value in self._given.items()},
+            "before": [{name: np.asarray(value).tolist() for name, value in known.items()}, [*effects]],
         }
         return history.KeptResults(self.directory, state)
 
@@ -398,6 +403,12 @@ class Study:
                 remedy=f"repeat some conditions, setting them anew{also}",
             )
 
+    def settled(self) -> Study:
+        """The study with covariances about its own fit, as it is read after a step."""
+        if not self._assembled.strategy.linearised_covariance:
+            return self
+        return Study(self.directory, draft=self.text(), near=kept_values(self._assembled, self.parameters))
+
     def step(
         self, action: str, effect: str = "", because: str = "", diagnosis: Mapping[str, Any] | None = None
     ) -> history.Step:
@@ -419,6 +430,7 @@ class Study:
             p_value=self.shown.p_value if known else None,
             held_out_reduced_chi2=held.reduced_chi2 if held and known else None,
             parameters=self.parameters,
+            about={n: np.asarray(v).tolist() for n, v in self._given.items()},
             at_bound=self.shown.at_bound,
             model_discrepancy_percent=self.data.discrepancy_percent,
             hashes=self.hashes,
@@ -443,7 +455,7 @@ class Study:
         """What a person changed by hand since the last step, as a step that is not kept yet."""
         if not self.edited:
             return None
-        return self.step("data" if self.accepted else "edit", because=", ".join(self.accepted))
+        return self.settled().step("data" if self.accepted else "edit", because=", ".join(self.accepted))
 
 
 def _far_from_calibration(problem: Problem, best: Fit) -> bool:
