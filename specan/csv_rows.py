@@ -26,9 +26,7 @@ def cells_of(text: str, name: str) -> tuple[dict[int, list[str]], bool]:
     try:
         return {n: [cell.strip() for cell in row] for n, row in zip(lines, rows, strict=False)}, mark != ","
     except csv.Error as fault:
-        raise InputError(
-            f"{name} holds a cell that cannot be read ({fault})", expected="numbers and names"
-        ) from None
+        raise InputError(f"{name} holds an unreadable cell ({fault})", expected="numbers, names") from None
 
 
 def csv_rows(path: Path, fault: type[SpecanError]) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:

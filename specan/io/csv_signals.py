@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import re
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from specan.arrays import Real
+from specan.csv_rows import cells_of
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError
 from specan.io.sampling_rate import Rate, is_time, rate_of_axis
@@ -56,10 +56,9 @@ def open_recording(path: Path, opening: Opening) -> Recording:
     """
     lines = lines_of(path.read_bytes())
     delimiter = _delimiter(lines[0])
-    titles = [cell.strip() for cell in next(csv.reader([lines[0]], delimiter=delimiter))]
+    titles, below = cells_of("\n".join(lines[:2]), path.name)[0].values()
     units = [""] * len(titles)
     first = 1
-    below = [cell.strip() for cell in next(csv.reader([lines[1]], delimiter=delimiter))]
     if number(below[0]) is None and all(_UNIT.match(cell) for cell in below):
         units = [cell.strip("[]() ") for cell in below] + [""] * (len(titles) - len(below))
         first = 2

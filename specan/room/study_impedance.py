@@ -25,8 +25,7 @@ def command(study: Study, deliver: Delivery, wall: str | None, accuracy: float) 
     """Surface impedance and absorption of the walls of a room.
 
     All walls are estimated together in every third octave, with the errors of the instruments. The walls of the
-    study's model are not used. Where the microphones do not determine a value, specan says so and proposes positions,
-    or a wall to cover.
+    study's model are not used. Where the microphones do not determine a value, specan says so and proposes positions.
 
     \b
     specan study impedance my_room --plot walls.png

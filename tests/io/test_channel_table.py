@@ -191,5 +191,5 @@ def test_a_table_that_is_missing(path, tmp_path):
 
 def test_a_cell_that_no_name_is_as_long_as(path, tmp_path):
     (tmp_path / "channels.csv").write_text("channel;role\n" + "a" * 200_000 + ";microphone\n")
-    with pytest.raises(InputError, match=r"channels\.csv holds a cell that cannot be read"):
+    with pytest.raises(InputError, match=r"channels\.csv holds an unreadable cell"):
         open_recording(rig(path))

@@ -158,14 +158,10 @@ def test_what_is_not_determined_is_said_with_what_would(soft):
     assert open_
     assert all(r["text"] == "not determined by these positions" for r in open_)
     assert any(r["third_octave_hz"] < 100 for r in open_)
-    positions, covered = said["advice"]
-    assert positions["kind"] == "positions"
+    (positions,) = said["advice"]
     assert len(positions["places_m"]) == 4
-    assert covered["kind"] == "cover-wall"
-    assert covered["wall"] in WALLS
-    assert covered["open"] == sum(r["wall"] != "all" for r in open_)
-    # a covered wall shows what it took, also where the pressure is the same everywhere
-    assert {"wall": covered["wall"], "third_octave_hz": 63.0} in covered["determines"]
+    assert positions["open"] == sum(r["wall"] != "all" for r in open_)
+    assert all(one["wall"] in WALLS for one in positions["determines"])
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""What would determine the walls that a measurement left open: further microphones, or a covered wall.
+"""What would determine the walls that a measurement left open: further microphones.
 
 Nothing is simulated: the information matrix of what is measured plus that of what could be, at the admittances
 that were found, gives the uncertainty that would be left.
@@ -16,27 +16,23 @@ from specan.room.model.places import free_places, receivers_of, with_microphones
 from specan.room.study import receiver_places
 from specan.room.study.field_observation import field_observations
 from specan.room.wall_impedance.surface_impedance import ALL, Impedance
-from specan.room.wall_impedance.wall_admittance import WallFit, WallProblem
+from specan.room.wall_impedance.wall_admittance import WallProblem
 from specan.study.observation import Array
 
 MICROPHONES = 4  # that are proposed together
 
 
 def advise(found: Impedance) -> list[dict[str, Any]]:
-    """Which further microphones, and which covered wall, would determine what is open; nothing if nothing is.
+    """Further microphones that would determine more of the walls; empty where nothing is open, or no place is free.
 
-    Of each: its kind (``positions`` or ``cover-wall``), the places of further microphones, the wall that would be
-    covered, what would be determined and is not, how many wall-bands are not, and all that in words.
+    With their places, what would be determined and is not, how many wall-bands are not, and all that in words.
     """
     goal = _Goal.of(found)
-    if not goal.names:
+    if not goal.names or receivers_of(found.fit.problem.assembly.model).box is None:
         return []
     problem, theta = found.fit.problem, found.fit.at(found.fit.beta)
     jacobian = problem.jacobian(theta)
-    known = jacobian.T @ jacobian
-    box = receivers_of(problem.assembly.model).box
-    further = [] if box is None else [_further_microphones(problem, theta, known, goal)]
-    return [*further, _covered_wall(found.fit, known, goal)]
+    return [_further_microphones(problem, theta, jacobian.T @ jacobian, goal)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,16 +57,6 @@ class _Goal:
         errors = np.sqrt(np.diag(np.linalg.inv(information))[self.places])
         return np.maximum(np.log(errors / self.needed), 0.0)
 
-    def advice(self, kind: str, information: Array, what: str, **more: Any) -> dict[str, Any]:
-        """What some measurement would determine."""
-        reached = [name for name, lack in zip(self.names, self.short(information), strict=True) if lack <= 0]
-        told = f"{what} would determine {len(reached)} of the {len(self.names)} undetermined wall-bands"
-        each = gathered(reached).items()
-        listed = "; ".join(f"{wall}: {', '.join(f'{f:g}' for f in bands)} Hz" for wall, bands in each)
-        determines = [{"wall": wall, "third_octave_hz": f} for wall, f in reached]
-        about = {"places_m": [], "wall": "", **more, "determines": determines, "open": len(self.names)}
-        return {"kind": kind, **about, "text": told + (f" ({listed})" if listed else "")}
-
 
 def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal: _Goal) -> dict[str, Any]:
     """One place after the other, each the best beside those that are taken."""
@@ -78,7 +64,9 @@ def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal:
     model, names = with_microphones(problem.assembly.model, places)
     wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
     further = receiver_places.planned(field_observations(problem.observations)[0], names)
-    each = [part.T @ part for part in receiver_places.by_receiver(*_seen(wider, further, theta))]
+    seen = wider.uncertain(further, theta)  # with its errors in the field of theta
+    slopes = seen.whiten(wider.over([seen]).sensitivities(theta)[0])
+    each = [part.T @ part for part in receiver_places.by_receiver(seen, slopes)]
     chosen: list[int] = []
     for _ in range(min(MICROPHONES, len(places))):
         left = [k for k in range(len(places)) if k not in chosen]
@@ -86,29 +74,13 @@ def _further_microphones(problem: WallProblem, theta: Array, known: Array, goal:
         chosen.append(best)
         known = known + each[best]
     taken = places[chosen].tolist()
-    what = f"{len(taken)} further microphones at {', '.join(map(receiver_places.spoken_place, taken))}"
-    return goal.advice("positions", known, what, places_m=taken)
-
-
-def _seen(problem: WallProblem, observation: Any, theta: Array) -> tuple[Any, Array]:
-    """What would be measured, with its errors in the field of theta, and its whitened derivatives."""
-    seen = problem.uncertain(observation, theta)
-    return seen, seen.whiten(problem.over([seen]).sensitivities(theta)[0])
-
-
-def _covered_wall(fit: WallFit, known: Array, goal: _Goal) -> dict[str, Any]:
-    """A wall behind a rigid board takes nothing: what changes was its own."""
-    tried = []
-    bands = len(fit.mid_hz)
-    few = receiver_places.few_lines(field_observations(fit.problem.observations)[0])
-    for number, wall in enumerate(fit.walls):
-        beta = fit.beta.copy()
-        beta[number] = 0.0
-        _, slopes = _seen(fit.problem, few, fit.at(beta))
-        for part in (0, 1):
-            first = len(fit.theta) + part * beta.size + number * bands
-            slopes[:, first : first + bands] = 0.0
-        tried.append((wall, known + slopes.T @ slopes))
-    wall, best = min(tried, key=lambda one: float(goal.short(one[1]).sum()))
-    what = f"covering wall {wall} with a rigid board and recording once more"
-    return goal.advice("cover-wall", best, what, wall=wall)
+    reached = [name for name, lack in zip(goal.names, goal.short(known), strict=True) if lack <= 0]
+    where = ", ".join(map(receiver_places.spoken_place, taken))
+    by_wall = gathered(reached).items()
+    listed = "; ".join(f"{wall}: {', '.join(f'{f:g}' for f in bands)} Hz" for wall, bands in by_wall)
+    text = (
+        f"{len(taken)} further microphones at {where} would determine {len(reached)} of the {len(goal.names)} "
+        f"undetermined wall-bands" + (f" ({listed})" if listed else "")
+    )
+    determines = [{"wall": wall, "third_octave_hz": f} for wall, f in reached]
+    return {"places_m": taken, "determines": determines, "open": len(goal.names), "text": text}

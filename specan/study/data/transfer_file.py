@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from specan.csv_rows import cells_of
 from specan.errors import InputError, RequestError
 from specan.io.uff import COHERENCE, TRANSFER_FUNCTION, read_uff, recognises
 from specan.schema import regular
@@ -86,9 +87,8 @@ def is_transfer_file(path: Path) -> bool:
         return True
     if b"\0" in start or start.startswith((b"RIFF", b"TDSm", b"PK")):
         return False
-    lines = start.decode("utf-8", "replace").splitlines()
-    header = next((line for line in lines if line.strip() and line[0] != "#"), "")
-    titles = [name_and_unit(cell.strip().strip('"'))[0] for cell in re.split(r"[\t;,]", header)]
+    cells, _ = cells_of(start.decode("utf-8", "replace"), path.name)
+    titles = [name_and_unit(cell)[0] for cell in next(iter(cells.values()), [])]
     return any(_FREQUENCY.match(title) for title in titles) and any(_part(t)[1] for t in titles)
 
 

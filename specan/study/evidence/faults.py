@@ -370,10 +370,9 @@ def _of_readings(problem: Problem, o: TableObservation, predicted: Array) -> Ite
         yield Fault(name, text, level[:, None] * shape, ln_known=-tried)
     for observable, rows in problem.observable_rows.items():
         unit = printed_unit(problem.assembly.model.observables[observable].unit)
-        of_size: tuple[tuple[str, str, Array], ...] = ()
-        if o.kind == "table":
-            of_size = (*_ranges(observable, unit, rows, np.abs(predicted)), _hysteresis(o, rows, predicted))
-        for name, text, shape in (*_courses(o), *of_size):
+        ranges = _ranges(observable, unit, rows, np.abs(predicted)) if o.kind == "table" else ()
+        lags = [_hysteresis(o, rows, predicted)] if o.kind == "table" else []
+        for name, text, shape in (*_courses(o), *ranges, *lags):
             for kind, size in {"gain": predicted, "zero": level}.items():
                 columns = (size * rows)[:, None] * shape
                 if np.any(columns):
