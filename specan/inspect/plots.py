@@ -357,7 +357,7 @@ class HeatMap(Spectral):
         sheet = figure(
             sizing_mode="stretch_both", tools="pan,box_zoom,wheel_zoom,reset,save", x_range=x_range, min_height=120,
             y_range=Range1d(20, 20000), y_axis_type="log" if hertz else "linear", min_border_left=88,
-            min_border_right=12, styles=share(4), toolbar_inner=True,
+            min_border_right=12, styles=share(4) | {"min-height": "220px"}, toolbar_inner=True,
         )  # fmt: skip
         super().__init__(sheet, *(("width", "#ffffff") if hertz else ()))
         sheet.toolbar.update(logo=None, autohide=True)

@@ -155,7 +155,7 @@ def _blocks_of(
 def failing_map(found: ResidualMap | None, known: bool) -> str:
     """Left-out z of every pair of levels as coloured cells; framed where it is significant."""
     if found is None:
-        return "<p>No map: no operating variable varies, or the model fails nowhere.</p>"
+        return "<p>No map: it needs an operating variable that varies and a place where the model fails.</p>"
     title = f"violet: low, orange: high, full colour at {found.end:g}; "
     title += "framed: significant" if known else "relative to 1 %"
     if known and not found.significant.any():
