@@ -13,4 +13,4 @@ def test_columns_of_sound_pressure_stand_only_where_there_is_one():
     alone = specan.rms(recording, channels="Shaker").sheets()
     assert alone[1].header == ["channel", "level", "F max", "F min"]  # one reference stands in the title
     assert not any("A-weighted" in sheet.title for sheet in alone)
-    assert "dB re 1 µm/s²" in alone[1].title
+    assert "dB re 1 um/s^2" in alone[1].title
