@@ -102,8 +102,7 @@ def test_the_soft_wall_is_found_by_its_impedance(recorded):
     soft = [row for row in found.of("z1").itertuples() if row.standard_error < 0.05]
     assert len(soft) >= 2
     assert all(row.admittance.real > BETA + 2 * row.standard_error for row in soft)
-    (cover,) = advise(found)  # places for further microphones are not looked for in a mesh
-    assert cover["kind"] == "cover-wall"
+    assert advise(found) == []  # places for further microphones are not looked for in a mesh
     whole = found.of("all").itertuples()
     sizes = np.array([areas[wall] for wall in found.fit.walls])
     mean = sizes @ truth[:, 0] / sizes.sum()
