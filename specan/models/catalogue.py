@@ -231,10 +231,11 @@ def _module_from(path: Path, what: str, content: bytes | None = None) -> Any:
     """Run a user's file as a module of its own; `what` it holds is for messages."""
     try:
         code = compile(source_of(path, what) if content is None else content, str(path), "exec")
-    except (SyntaxError, ValueError) as fault:
-        line = getattr(fault, "lineno", None)
+    except (SyntaxError, ValueError, MemoryError, RecursionError) as fault:
+        line = f", line {fault.lineno}" if isinstance(fault, SyntaxError) else ""
+        why = next(iter(fault.args), "it is nested too deeply")
         raise RequestError(
-            f"the {what} file {path} is not valid Python ({fault.args[0]}, line {line})",
+            f"the {what} file {path} is not valid Python ({why}{line})",
             remedy="correct that line",
         ) from None
     spec = importlib.util.spec_from_loader(f"specan_user_{what}_{path.stem}", loader=None, origin=str(path))

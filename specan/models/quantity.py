@@ -496,6 +496,9 @@ def rig_statement(
     for key, ends in dict(rig.get("limits", {})).items():
         require_known(key, settable, f"[limits] names {key!r}, which is not a condition")
         node = settable[key]
+        numbers = [e for e in ends if isinstance(e, int | float)] if isinstance(ends, list | tuple) else []
+        if len(numbers) != 2 or len(ends) != 2:
+            raise RequestError(f"[limits] gives {key} = {ends}", expected="two numbers, [lowest, highest]")
         low, high = (float(convert(float(end), node.column_unit, node.unit)) for end in ends)
         limits[node.name] = (low, high)
     setting: dict[str, SettingError] = {}

@@ -285,8 +285,6 @@ def _can_go(study: Study, name: str) -> bool:
 
 def _ln_odds(problem: Problem, found: Fit, lean: Problem, without_it: Fit) -> float:
     """ln of the odds that an effect is there, of all that could be, over that it is not."""
-    more, fewer = (
-        Marginal(Tangent.at(one, best.theta, best.residual, best.jacobian)).ln_evidence
-        for one, best in ((problem, found), (lean, without_it))
-    )
+    each = ((problem, found), (lean, without_it))
+    more, fewer = (Marginal(Tangent.at(p, b.theta, b.residual, b.jacobian)).ln_evidence for p, b in each)
     return more - fewer + float(np.log(OF_SIZE[0] / len(problem.assembly.model.effects) / NOTHING))

@@ -18,6 +18,7 @@ from specan.models import (
     quantity,
 )
 from specan.models.catalogue import effects_from_file
+from specan.models.quantity import rig_statement
 
 
 @quantity(unit="Pa*s")
@@ -266,3 +267,9 @@ def test_an_effect_vanishes_where_its_first_parameter_is_zero():
     assert effect("drag", adds_to="loss")(drag).neutral == {"size": 0.0}
     with pytest.raises(RequestError, match="neutral at power = 0"):
         effect("drag", adds_to="loss", neutral={"power": 0.0})(drag)
+
+
+@pytest.mark.parametrize("ends", [[10], [1, 2, 3], 5, ["low", 3], [[1, 2], 3]])
+def test_limits_that_are_not_two_numbers_are_refused(ends):
+    with pytest.raises(RequestError, match=r"\[limits\] gives load.*expected two numbers"):
+        rig_statement({"limits": {"load": ends}}, [Condition("load", "N", "Load.", "load", "N")], [])

@@ -50,6 +50,7 @@ CASES = {
     "no model": (GOOD.replace("model =", "made = lambda:"), r"m\.py holds no model.*specan model new"),
     "two models": (GOOD + MODEL.replace("model", "other"), r"m\.py holds 2 models"),
     "no Python": ("def f(:\n", r"m\.py is not valid Python \(.*line 1\)"),
+    "deep nesting": ("x = " + 5000 * "-" + "1\n", r"m\.py is not valid Python"),
     "fails when loaded": ("x = 1\ny = x / 0\n", r"m\.py, line 2 fails when it is loaded \(ZeroDivisionError"),
     "a circle": (
         HEAD + "def f(x, a, g):\n    return a * x + g\ndef g(y):\n    return y\n" + MODEL.replace("(f,", "(f, g,"),

@@ -127,13 +127,9 @@ def _hum(samples: Real, excitation: Real, rate: float) -> list[int]:
     )  # four lines for one, or a tone falls between two
     share = turning.max(axis=0) / np.maximum(count * np.sum(np.abs(left) ** 2, axis=0), 1e-300)
     steady = 4 * count * (1 - share) ** (count - 1) < 1e-3
-    heard = []
-    for mains in (50, 60):
-        places = np.arange(mains, min(8 * mains + 1, int(0.4 * rate)), mains)
-        # hum has the first or the second beside others
-        if np.sum(steady[places]) >= 2 and np.any(steady[places[:2]]):
-            heard.append(mains)
-    return heard
+    places = {m: np.arange(m, min(8 * m + 1, int(0.4 * rate)), m) for m in (50, 60)}
+    # hum has the first or the second beside others
+    return [m for m, at in places.items() if np.sum(steady[at]) >= 2 and np.any(steady[at[:2]])]
 
 
 def _drift(samples: Real, excitation: Real) -> list[str]:
