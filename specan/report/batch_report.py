@@ -93,9 +93,8 @@ def _day(recording: Recording) -> datetime.date | None:
         begun = properties.get("wf_start_time", properties.get("DateTime"))
         if begun is not None:
             stamp = pd.to_datetime(str(begun), format="ISO8601", errors="coerce")
-            return (
-                stamp.date() if stamp.year > 1904 else None
-            )  # the clock of TDMS that was never set begins there
+            # the clock of TDMS that was never set begins there
+            return stamp.date() if stamp.year > 1904 else None
     return None
 
 
